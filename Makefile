@@ -1,0 +1,43 @@
+# Two commands do all set-up: `make demo` and `make test`. Everything is installed into .venv.
+PYTHON ?= python3
+VENV   ?= .venv
+BIN     = $(VENV)/bin
+
+.PHONY: demo test lint regenerate bench docs notebooks clean
+
+demo: $(VENV)/.installed
+	$(BIN)/ident demo
+
+test: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n 2 --dist worksteal
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
+
+regenerate: $(VENV)/.installed
+	$(BIN)/regenerate-model kuka_lwr4p
+
+bench: $(VENV)/.installed-test
+	$(BIN)/python benchmarks/regressor_speed.py
+
+docs: $(VENV)/.installed-dev
+	$(BIN)/python -W error -m pdoc --math -o build/docs modelgen generated ident
+
+notebooks: $(VENV)/.installed-test
+	$(BIN)/python -m pytest tests/test_notebooks.py
+
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e .
+	touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[test]'
+	touch $@
+
+$(VENV)/.installed-dev: $(VENV)/.installed-test
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+clean:
+	rm -rf $(VENV) build *.egg-info

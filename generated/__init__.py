@@ -1,0 +1,1 @@
+"""The product of `modelgen`: compiled regressors, fast to import and to evaluate."""

@@ -1,0 +1,1 @@
+"""Identification on top of the compiled regressor: fit, simulate, diagnose, report."""

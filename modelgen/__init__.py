@@ -1,0 +1,1 @@
+"""From a robot's geometry to symbolic base parameters, regressors and C code."""
