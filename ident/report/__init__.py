@@ -1,0 +1,1 @@
+"""HTML reports of a fit and of a diagnosis: one self-contained file each, readable offline."""
