@@ -1,0 +1,325 @@
+"""One physical effect as a value: what it adds to a torque, with which parameters, and who described it.
+
+The generator, the simulator and the diagnosis all read this one definition. A term is a SymPy expression over
+the signals of a joint (:class:`Signals`) and the effect's nonlinear parameters; the torque it adds is
+
+    sum over linear parameters p of  p * term_p(signals; nonlinear parameters)      [N m, or N of a prismatic joint]
+
+Expressions use only + - * / exp sin cos tanh sign abs sqrt pow, so that CasADi can turn them into C.
+`sign_dq` is a signal of its own: whoever evaluates a column passes the same (smoothed) sign as to the model.
+
+Kinds of effect, and what their terms mean:
+    column       the term is added to a torque
+    motion       the term is the change of the link's position, q_link = q + sum p term_p  [rad]
+    measurement  the term is added to what is recorded; `tau` is the undisturbed channel, `dtau` its time derivative
+    load         the term is a dimensionless gate or component; :mod:`modelgen.effects.loads` turns it into torques
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Literal
+
+import numpy as np
+import sympy as sp
+
+from modelgen.errors import ModelgenError
+
+Array = np.ndarray
+Kind = Literal["column", "motion", "measurement", "load"]
+Channel = Literal["motor", "link", "sensor", "any"]
+SignRule = Literal["positive", "any"]
+
+
+class EffectError(ModelgenError):
+    """An effect was asked for, or evaluated, with something it does not have."""
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Symbols that a term may use. All of joint j, joint side, SI units, unless a name says `source`."""
+
+    t: sp.Symbol = sp.Symbol("t", real=True)  # s since the first sample of the recording
+    q: sp.Symbol = sp.Symbol("q", real=True)
+    dq: sp.Symbol = sp.Symbol("dq", real=True)
+    ddq: sp.Symbol = sp.Symbol("ddq", real=True)
+    sign_dq: sp.Symbol = sp.Symbol("sign_dq", real=True)  # sign(dq), or its smoothed form
+    tau_link: sp.Symbol = sp.Symbol("tau_link", real=True)  # torque the gear passes to the link
+    tau: sp.Symbol = sp.Symbol("tau", real=True)  # the channel the effect disturbs, undisturbed
+    dtau: sp.Symbol = sp.Symbol("dtau", real=True)  # its time derivative
+    dq_source: sp.Symbol = sp.Symbol("dq_source", real=True)  # of the other joint of a pair
+    ddq_source: sp.Symbol = sp.Symbol("ddq_source", real=True)
+    sign_sum: sp.Symbol = sp.Symbol("sign_sum", real=True)  # sign(dq + dq_source)
+    tau_source: sp.Symbol = sp.Symbol("tau_source", real=True)
+    gate: sp.Symbol = sp.Symbol("gate", real=True)  # 1 inside the window of a load, 0 outside
+    z: sp.Symbol = sp.Symbol("z", real=True)  # the effect's own state
+    step: sp.Symbol = sp.Symbol(
+        "step", real=True
+    )  # change of q since the previous sample (state updates only)
+
+
+SIGNALS = Signals()
+
+
+@dataclass(frozen=True)
+class LinearParameter:
+    """A parameter that multiplies a term. `low`, `high`: plausible size; `sign`: what physics allows."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    sign: SignRule = "any"
+    optional: bool = False  # a candidate may leave this term out
+
+    @property
+    def symbol(self) -> sp.Symbol:
+        return sp.Symbol(self.name, real=True)
+
+
+@dataclass(frozen=True)
+class NonlinearParameter:
+    """A parameter inside a term, searched on `grid` and refined inside [low, high]."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    grid: tuple[float, ...]
+
+    @property
+    def symbol(self) -> sp.Symbol:
+        return sp.Symbol(self.name, real=True)
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number the user is told: an expression in the linear, nonlinear and context parameters."""
+
+    name: str
+    unit: str
+    expression: sp.Expr
+
+
+@dataclass(frozen=True)
+class State:
+    """A state that remembers the motion: z[k+1] = update(z[k], step, nonlinear parameters).
+
+    `update` is the definition (and what becomes C); `integrate(q, theta, initial) -> z (N,)` is the same
+    evaluated over a whole record, without a loop over the samples.
+    """
+
+    update: sp.Expr
+    integrate: Callable[[Array, Mapping[str, float], float], Array]
+    low: float
+    high: float
+    initial: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Effect:
+    """One physical effect. See the module's docstring for the meaning of `terms` by kind."""
+
+    name: str
+    summary: str  # what it is, in one sentence
+    signature: str  # what it looks like in a residual
+    source: str  # who described it
+    terms: Mapping[str, sp.Expr]  # linear parameter -> expression
+    linear: tuple[LinearParameter, ...]
+    nonlinear: tuple[NonlinearParameter, ...] = ()
+    reported: tuple[Quantity, ...] = ()  # empty: linear and nonlinear parameters as they are
+    inverse: Mapping[str, sp.Expr] = field(default_factory=dict)  # linear/nonlinear from the reported names
+    context: tuple[str, ...] = ()  # parameters of the joint's own model that `reported` needs ("Fv")
+    kind: Kind = "column"
+    channel: Channel = "motor"
+    joints: Literal["joint", "pair", "robot"] = "joint"
+    windowed: bool = False  # acts from (and to) a moment of one recording
+    state: State | None = None
+    size: str = ""  # the reported parameter that grows with the effect; "" is the first reported
+    typical: Mapping[str, float] = field(default_factory=dict)  # reported values of a usual robot
+    common: bool = True  # False: rarer than its rivals, to be preferred only when it fits clearly better
+
+    @property
+    def linear_names(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.linear)
+
+    @property
+    def nonlinear_names(self) -> tuple[str, ...]:
+        return tuple(p.name for p in self.nonlinear)
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]:
+        """What is reported; by default every parameter under its own name."""
+        if self.reported:
+            return self.reported
+        return tuple(Quantity(p.name, p.unit, p.symbol) for p in (*self.linear, *self.nonlinear))
+
+    @property
+    def needs(self) -> frozenset[str]:
+        """Names of the signals that the terms use."""
+        parameters = set(self.nonlinear_names)
+        symbols: set[str] = set()
+        for term in self.terms.values():
+            symbols |= {s.name for s in term.free_symbols}
+        return frozenset(symbols - parameters)
+
+    def term(
+        self, signals: Mapping[str, sp.Expr] | None = None, theta: Mapping[str, sp.Expr] | None = None
+    ) -> dict[str, sp.Expr]:
+        """The terms with signals and nonlinear parameters replaced, for the generator: {linear: expression}."""
+        chosen = {sp.Symbol(k, real=True): v for k, v in {**(signals or {}), **(theta or {})}.items()}
+        return {name: expression.subs(chosen, simultaneous=True) for name, expression in self.terms.items()}
+
+    def numpy_columns(self, signals: Mapping[str, Array], theta: Mapping[str, float] | None = None) -> Array:
+        """(N, n_linear) columns; `theta` holds the nonlinear parameters, absent ones at mid-grid.
+
+        Derived signals that are absent are computed: sign_dq, sign_sum and the state z (from q, at rest before
+        the first sample). Raises EffectError when a needed signal is absent.
+        """
+        theta = self.complete(theta)
+        values, rows = self._signal_values(signals, theta)
+        columns = _compiled(self)(values, theta)
+        return np.stack([np.broadcast_to(column, rows) for column in columns], axis=1)
+
+    def numpy_derivatives(
+        self, signals: Mapping[str, Array], theta: Mapping[str, float] | None = None
+    ) -> Array:
+        """(n_nonlinear, N, n_linear) derivatives of the columns, for variable projection.
+
+        Symbolic, but central differences where a state depends on the parameter.
+        """
+        theta = self.complete(theta)
+        values, rows = self._signal_values(signals, theta)
+        if self.state is not None:
+            return np.stack([self._difference(signals, theta, p) for p in self.nonlinear])
+        parts = [np.broadcast_to(d, rows) for d in _compiled_derivatives(self)(values, theta)]
+        shape = (len(self.nonlinear), len(self.linear), rows)
+        return np.asarray(parts, dtype=float).reshape(shape).transpose(0, 2, 1)
+
+    def _difference(
+        self, signals: Mapping[str, Array], theta: Mapping[str, float], p: NonlinearParameter
+    ) -> Array:
+        given = {k: v for k, v in signals.items() if k != "z"}
+        h = 1e-4 * max(abs(theta[p.name]), 1e-3 * (p.high - p.low))
+        up = self.numpy_columns(given, {**theta, p.name: theta[p.name] + h})
+        down = self.numpy_columns(given, {**theta, p.name: theta[p.name] - h})
+        return (up - down) / (2 * h)
+
+    def complete(self, theta: Mapping[str, float] | None) -> dict[str, float]:
+        """All nonlinear parameters: the given ones, the middle of the grid for the others."""
+        theta = dict(theta or {})
+        unknown = set(theta) - set(self.nonlinear_names)
+        if unknown:
+            raise EffectError(
+                f"{self.name} has no parameter {', '.join(sorted(unknown))} inside its term; "
+                f"it has {', '.join(self.nonlinear_names) or 'none'}."
+            )
+        for p in self.nonlinear:
+            theta.setdefault(p.name, p.grid[len(p.grid) // 2])
+        return theta
+
+    def _signal_values(
+        self, signals: Mapping[str, Array], theta: Mapping[str, float]
+    ) -> tuple[dict[str, Array], int]:
+        values = {name: np.asarray(value, dtype=float) for name, value in signals.items()}
+        needs = self.needs
+        if "sign_dq" in needs and "sign_dq" not in values and "dq" in values:
+            values["sign_dq"] = np.sign(values["dq"])
+        if "sign_sum" in needs and "sign_sum" not in values and {"dq", "dq_source"} <= set(values):
+            values["sign_sum"] = np.sign(values["dq"] + values["dq_source"])
+        if self.state is not None and "z" in needs and "z" not in values and "q" in values:
+            values["z"] = self.state.integrate(values["q"], theta, self.state.initial)
+        missing = sorted(needs - set(values))
+        if missing:
+            raise EffectError(f"{self.name} needs the signal {', '.join(missing)}, which was not given.")
+        rows = max((v.shape[0] for v in values.values() if v.ndim), default=1)
+        return values, rows
+
+    def values_from_reported(
+        self, reported: Mapping[str, float], context: Mapping[str, float] | None = None
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """(linear, nonlinear) parameters that belong to reported values, e.g. A, phi -> As, Ac."""
+        known = {q.name for q in self.quantities}
+        unknown = sorted(set(reported) - known)
+        if unknown:
+            raise EffectError(
+                f"{self.name} has no parameter {', '.join(unknown)}; it has {', '.join(sorted(known))}."
+            )
+        given = {sp.Symbol(k, real=True): v for k, v in {**reported, **(context or {})}.items()}
+
+        def value(name: str) -> float:
+            expression = self.inverse.get(name, sp.Symbol(name, real=True)).subs(given)
+            if expression.free_symbols:
+                absent = ", ".join(sorted(s.name for s in expression.free_symbols))
+                raise EffectError(f"{self.name} needs a value for {absent}.")
+            return float(expression)
+
+        return {n: value(n) for n in self.linear_names}, {n: value(n) for n in self.nonlinear_names}
+
+    def report(
+        self,
+        linear: Mapping[str, float],
+        nonlinear: Mapping[str, float] | None = None,
+        covariance: Array | None = None,
+        context: Mapping[str, float] | None = None,
+    ) -> dict[str, dict[str, float | str]]:
+        """{name: {value, std, unit}} by the delta method: var f = f' C f'^T.
+
+        `covariance` is of (linear, nonlinear) in the order of the definition; of the linear ones alone when the
+        nonlinear ones were held fixed; None gives std 0. Optional linear parameters that are absent count as 0.
+        """
+        nonlinear = dict(nonlinear or {})
+        names = (*self.linear_names, *self.nonlinear_names)
+        values = np.array([linear.get(n, nonlinear.get(n, 0.0)) for n in names], dtype=float)
+        full = np.zeros((len(names), len(names)))
+        if covariance is not None:
+            k = np.shape(covariance)[0]
+            full[:k, :k] = covariance
+        missing = sorted(set(self.context) - set(context or {}))
+        if missing:
+            raise EffectError(
+                f"{self.name} is reported relative to {', '.join(missing)} of the joint's model."
+            )
+        known = [float((context or {})[name]) for name in self.context]
+        function, jacobian = _compiled_report(self)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            numbers = np.asarray(function(*values, *known), dtype=float).ravel()
+            J = np.asarray(jacobian(*values, *known), dtype=float).reshape(len(numbers), len(names))
+            std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", J, full, J), 0.0))
+        return {
+            quantity.name: {"value": float(v), "std": float(s), "unit": quantity.unit}
+            for quantity, v, s in zip(self.quantities, numbers, std)
+        }
+
+
+def _lambdify(effect: Effect, expressions: list[sp.Expr]) -> Callable:
+    names = sorted(effect.needs) + list(effect.nonlinear_names)
+    function = sp.lambdify([sp.Symbol(n, real=True) for n in names], expressions, modules="numpy", cse=True)
+
+    def evaluate(values: Mapping[str, Array], theta: Mapping[str, float]) -> list[Array]:
+        return function(*(values[n] if n in values else theta[n] for n in names))
+
+    return evaluate
+
+
+@cache
+def _compiled(effect: Effect) -> Callable:
+    return _lambdify(effect, [effect.terms[name] for name in effect.linear_names])
+
+
+@cache
+def _compiled_derivatives(effect: Effect) -> Callable:
+    return _lambdify(
+        effect, [effect.terms[name].diff(p.symbol) for p in effect.nonlinear for name in effect.linear_names]
+    )
+
+
+@cache
+def _compiled_report(effect: Effect) -> tuple[Callable, Callable]:
+    parameters = [sp.Symbol(n, real=True) for n in (*effect.linear_names, *effect.nonlinear_names)]
+    inputs = parameters + [sp.Symbol(n, real=True) for n in effect.context]
+    quantities = sp.Matrix([q.expression for q in effect.quantities])
+    return (
+        sp.lambdify(inputs, quantities, modules="numpy"),
+        sp.lambdify(inputs, quantities.jacobian(parameters), modules="numpy"),
+    )
