@@ -15,20 +15,17 @@ def envelope(
     """
     if len(t) <= 2 * stretches:
         return t, y
-    edges = np.linspace(0, len(t), stretches + 1).astype(int)
-    keep: list[int] = []
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
-        part = y[start:stop]
-        finite = np.flatnonzero(np.isfinite(part))
-        if not len(finite):
-            keep.append(int(start))
-            continue
-        low, high = finite[np.argmin(part[finite])], finite[np.argmax(part[finite])]
-        keep += sorted({int(start + low), int(start + high)})
-        gap = np.flatnonzero(~np.isfinite(part))
-        if len(gap):
-            keep.append(int(start + gap[0]))
-    order = np.unique(keep)
+    length = -(-len(t) // stretches)
+    rows = -(-len(t) // length)
+    padded = np.full(rows * length, np.nan)
+    padded[: len(y)] = y
+    table = padded.reshape(rows, length)
+    missing = ~np.isfinite(table)
+    first = np.arange(rows) * length
+    low = first + np.argmin(np.where(missing, np.inf, table), axis=1)
+    high = first + np.argmax(np.where(missing, -np.inf, table), axis=1)
+    gaps = first[missing.any(axis=1)] + np.argmax(missing[missing.any(axis=1)], axis=1)
+    order = np.unique(np.concatenate([low, high, gaps[gaps < len(t)]]))
     return t[order], y[order]
 
 
