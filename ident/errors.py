@@ -1,0 +1,31 @@
+"""What every error of this package tells: one sentence, the offender and the remedy."""
+
+from __future__ import annotations
+
+
+class IdentError(Exception):
+    """Bad input to the identification; the message is one sentence for the user (exit status 2)."""
+
+
+class StudyError(IdentError):
+    """A study file that cannot be used: the key, the file and what to write instead."""
+
+    def __init__(self, file: str, key: str, problem: str) -> None:
+        self.file, self.key = file, key
+        super().__init__(f"{file}: {key}: {problem}" if key else f"{file}: {problem}")
+
+
+class RecordingError(IdentError):
+    """A recording that cannot be read or believed: the file, where in it, and the remedy."""
+
+    def __init__(self, file: str, problem: str) -> None:
+        self.file = file
+        super().__init__(f"{file}: {problem}")
+
+
+class NotEnoughDataError(IdentError):
+    """Fewer decimated rows than parameters, or no motion at all."""
+
+
+class FitFailedError(IdentError):
+    """The input was understood and yet no parameters came out (exit status 1)."""

@@ -1,0 +1,276 @@
+"""A study: which robot, which model, which recordings, how they are filtered (contract 3).
+
+    robot: kuka_lwr4p
+    model: A
+    recordings:
+      - {file: run1.parquet, use: identify}
+      - {file: run2.parquet, use: validate}
+
+`load_study` reads the YAML file and refuses what it does not know, with the key, the file and the remedy.
+Paths are relative to the study file. `${NAME:-default}` in a path is the environment variable NAME, or the
+default, so that a committed study finds recordings which are not committed.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import os
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+
+from ident.errors import StudyError
+
+Role = Literal["identify", "validate", "test"]
+ROLES: tuple[Role, ...] = ("identify", "validate", "test")
+MODELS = ("A", "B", "C", "D")
+WITHOUT = ("coulomb_friction", "viscous_friction", "offset", "rotor_inertia")
+
+
+def _finite(value: float) -> float:
+    if isinstance(value, bool) or not math.isfinite(float(value)):
+        raise ValueError("must be a finite number")
+    return float(value)
+
+
+Number = Annotated[float, BeforeValidator(_finite)]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class ColumnMap(_Strict):
+    """Where a signal stands in somebody's file: value = sign * scale * raw + offset (SI after that)."""
+
+    column: str | int
+    scale: Number = 1.0
+    offset: Number = 0.0
+    sign: Literal[1, -1] = 1
+
+
+class RecordingEntry(_Strict):
+    """One table and its use; `from`, `to` [s of its own time] cut a window, `payload` labels what is carried."""
+
+    file: str
+    use: Role = "identify"
+    payload: str | None = None
+    name: str | None = None
+    from_s: Number | None = Field(default=None, alias="from")
+    to_s: Number | None = Field(default=None, alias="to")
+    rate_hz: Annotated[Number, Field(gt=0)] | None = None   # only for tables without a time column
+    decimal: Literal[".", ","] = "."                         # only for CSV
+    columns: dict[str, ColumnMap] = Field(default_factory=dict)
+
+    @field_validator("payload")
+    @classmethod
+    def _label(cls, label: str | None) -> str | None:
+        if label is not None and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", label):
+            raise ValueError("a payload label is letters, digits and _ and begins with a letter, such as L")
+        return label
+
+    @field_validator("columns", mode="before")
+    @classmethod
+    def _short_columns(cls, columns: Any) -> Any:
+        return _expand_columns(columns)
+
+    @model_validator(mode="after")
+    def _window(self) -> RecordingEntry:
+        if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
+            raise ValueError("to must come after from")
+        return self
+
+    @property
+    def label(self) -> str:
+        return self.name or Path(self.file).stem
+
+
+class FilterSettings(_Strict):
+    """Cut-off frequencies [Hz] and orders of the two zero-phase Butterworth filters (paper 3.3).
+
+    `position_cutoff_hz` smooths positions before they are differentiated, `decimation_cutoff_hz` is the
+    parallel decimation of Y and of every column of W; `auto` chooses it by the Durbin-Watson rule.
+    `sign_cutoff_hz` (default 4 x position) smooths the velocity whose sign Coulomb friction takes.
+    `resample_hz` is the uniform rate of jittered recordings (default: their own mean rate).
+    """
+
+    position_cutoff_hz: Annotated[Number, Field(gt=0)] = 10.0
+    decimation_cutoff_hz: Annotated[Number, Field(gt=0)] | Literal["auto"] = "auto"
+    sign_cutoff_hz: Annotated[Number, Field(gt=0)] | None = None
+    order: Annotated[int, Field(ge=1, le=8)] = 4
+    resample_hz: Annotated[Number, Field(gt=0)] | None = None
+
+
+class Study(_Strict):
+    """What is identified from which runs; see the README for one line on every key."""
+
+    robot: str
+    model: Literal["A", "B", "C", "D"] = "A"
+    recordings: tuple[RecordingEntry, ...]
+    filter: FilterSettings = FilterSettings()
+    drive_gains: tuple[Number, ...] | Literal["identify"] | None = None
+    columns: dict[str, ColumnMap] = Field(default_factory=dict)
+    without: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()
+    coupled_drives: tuple[tuple[int, int], ...] = ()
+    positions: Literal["motor", "joint"] = "motor"
+    stiffness: tuple[Number, ...] | None = None
+    payload_mass: dict[str, Annotated[Number, Field(gt=0)]] = Field(default_factory=dict)
+    bounds: Literal["physical"] | None = None
+    robust: Literal["huber"] | None = None
+    reduction: bool = True
+    alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.05
+    effective_rows: bool = False
+    trim_rest: bool = True
+    drop_rest: bool = False
+    folder: str | None = None
+    file: Path = Field(default=Path("study.yaml"), exclude=True)   # where it was read; not a key of the file
+
+    @field_validator("columns", mode="before")
+    @classmethod
+    def _short_columns(cls, columns: Any) -> Any:
+        return _expand_columns(columns)
+
+    @field_validator("without")
+    @classmethod
+    def _known_terms(cls, terms: tuple[str, ...]) -> tuple[str, ...]:
+        for term in terms:
+            name, _, joint = term.partition(":")
+            if name not in WITHOUT or (joint and not joint.isdigit()):
+                raise ValueError(f"{term!r} is not a term that can be left out{_did_you_mean(name, WITHOUT)}; "
+                                 f"the terms are {', '.join(WITHOUT)}, each also for one joint as {WITHOUT[0]}:2")
+        return terms
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Study:
+        if not self.recordings:
+            raise ValueError("recordings: the list is empty; name at least one recording with use: identify")
+        if not any(entry.use == "identify" for entry in self.recordings):
+            raise ValueError("recordings: none has use: identify, so there is nothing to fit; mark one")
+        labels = [entry.label for entry in self.recordings]
+        for label in labels:
+            if labels.count(label) > 1:
+                raise ValueError(f"recordings: two of them are called {label}; give one of them a name: key")
+        if self.positions == "joint" and self.stiffness is None:
+            raise ValueError("stiffness: positions: joint needs it, one value per joint in N m/rad")
+        if self.stiffness is not None and min(self.stiffness) <= 0:
+            raise ValueError("stiffness: every value must be positive (N m/rad)")
+        for label in self.payload_mass:
+            if label not in {entry.payload for entry in self.recordings}:
+                raise ValueError(f"payload_mass: no recording carries the payload {label}")
+        return self
+
+    @property
+    def path(self) -> Path:
+        """The folder that the study's relative paths start from."""
+        return self.file.parent
+
+    def recording_path(self, entry: RecordingEntry) -> Path:
+        folder = self.path / expand(self.folder) if self.folder else self.path
+        return folder / expand(entry.file)
+
+    @property
+    def robot_source(self) -> str:
+        """What `generated.load` takes: the path of a robot file beside the study, or a built-in name."""
+        beside = self.path / expand(self.robot)
+        return str(beside) if beside.is_file() else self.robot
+
+    @property
+    def payloads(self) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(entry.payload for entry in self.recordings if entry.payload))
+
+    def with_(self, **changes: Any) -> Study:
+        """The same study with some keys changed (checked again)."""
+        data = {name: getattr(self, name) for name in type(self).model_fields} | changes
+        return Study(**data)
+
+
+def load_study(path: str | Path) -> Study:
+    """Read a study file. Raises StudyError: one sentence with the file, the key and the remedy."""
+    file = Path(path)
+    if file.is_dir():
+        raise StudyError(str(file), "", "is a folder; name the study's YAML file inside it")
+    try:
+        text = file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise StudyError(str(file), "", "there is no such file; give the path of a study (YAML)") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise StudyError(str(file), "", f"cannot be read as text ({type(error).__name__})") from None
+    if len(text) > 1_000_000:
+        raise StudyError(str(file), "", "is larger than 1 MB and so no study; name the YAML file, not a recording")
+    try:
+        if re.search(r"(^|[\s\[{,:-])[&*][A-Za-z0-9_]+", text):
+            raise StudyError(str(file), "", "YAML anchors and aliases are not accepted; write the values out")
+        data = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        where = f" near line {mark.line + 1}" if mark else ""
+        raise StudyError(str(file), "", f"is not valid YAML{where}; check indentation, brackets, colons") from None
+    return study_from(data, file)
+
+
+def study_from(data: Any, file: Path) -> Study:
+    """A study from plain values as YAML gives them; `file` is what messages name and paths start from."""
+    if not isinstance(data, dict):
+        raise StudyError(str(file), "", "is not a table of keys; a study begins with robot:, model:, recordings:")
+    if "file" in data:
+        raise StudyError(str(file), "file", "unknown key; did you mean recordings?")
+    try:
+        return Study(**{str(key): value for key, value in data.items()}, file=file)
+    except ValidationError as error:
+        raise _as_study_error(error, file) from None
+
+
+def expand(text: str) -> str:
+    """Replace ${NAME:-default} and ~ as a shell would."""
+    text = re.sub(r"\$\{(\w+)(?::-([^}]*))?\}", lambda m: os.environ.get(m[1]) or (m[2] or ""), text)
+    return os.path.expanduser(text)
+
+
+def _expand_columns(columns: Any) -> Any:
+    """Allow `q1: position_1` and `q1: 3` for `q1: {column: ...}`."""
+    if isinstance(columns, dict):
+        return {str(key): {"column": value} if isinstance(value, (str, int)) else value
+                for key, value in columns.items()}
+    return columns
+
+
+def _did_you_mean(name: str, known: tuple[str, ...] | list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
+    return f", did you mean {close[0]}?" if close else ""
+
+
+def _known_keys(model: type[BaseModel]) -> list[str]:
+    return [field.alias or name for name, field in model.model_fields.items() if name != "file" or model is not Study]
+
+
+def _as_study_error(error: ValidationError, file: Path) -> StudyError:
+    """The first complaint of pydantic as one sentence: key, problem, remedy."""
+    first = error.errors()[0]
+    where = [part for part in first["loc"] if not (isinstance(part, str) and ("[" in part or part in _TAGS))]
+    key = ""
+    for part in where:
+        key += f"[{part + 1}]" if isinstance(part, int) else (f".{part}" if key else str(part))
+    kind, given = first["type"], first.get("input")
+    if kind == "extra_forbidden":
+        owner: type[BaseModel] = {"recordings": RecordingEntry, "filter": FilterSettings,
+                                  "columns": ColumnMap}.get(str(where[0]) if len(where) > 1 else "", Study)  # fmt: skip
+        keys = _known_keys(owner)
+        hint = _did_you_mean(str(where[-1]), keys) or f"; the keys are {', '.join(keys)}"
+        problem = f"unknown key{hint}"
+    elif kind == "missing":
+        problem = "this key is missing; add it"
+    elif kind == "literal_error":
+        problem = f"{given!r} is not one of {first['ctx']['expected'].replace(' or ', ', ')}"
+    elif kind == "value_error":
+        problem = str(first["ctx"]["error"])
+    else:
+        problem = f"{given!r} does not fit: {first['msg'][0].lower()}{first['msg'][1:]}"
+    return StudyError(str(file), key, problem)
+
+
+_TAGS = {"float", "int", "str", "tuple", "list", "function-before"}
