@@ -54,7 +54,10 @@ def _model_names(incomplete: str) -> list[tuple[str, str]]:
 
 
 Study = Annotated[
-    Path, typer.Argument(help="Study file (YAML): which robot, model and recordings.", show_default=False)
+    Path,
+    typer.Argument(
+        metavar="STUDY", help="Study file (YAML): which robot, model and recordings.", show_default=False
+    ),
 ]
 Output = Annotated[
     Path,
@@ -90,8 +93,9 @@ def fit(
 ) -> None:
     """Identify the base parameters: fit.json, tables, plots and report.html.
 
-    The study says which robot, which model (A motor torque, B joint torque sensor, C both, D their difference)
-    and which recordings are fitted (identify), decide what is kept (validate) or are only reported (test).
+    The study says which robot, which model (A motor torque, B joint torque sensor, C both, D their
+    difference) and which recordings are fitted (identify), decide what is kept (validate) or are only
+    reported (test).
     """
     from ident import commands
 
@@ -102,8 +106,9 @@ def fit(
 def diagnose(study: Study, output: Output, verbose: Verbose = False) -> None:
     """Fit, find structure in the residual, trace it to effects the model lacks, add them, fit again.
 
-    Writes diagnosis.json, plots and report.html. An effect is kept only if it lowers the error on recordings, or
-    blocks of recordings, that it was not fitted on; what no known effect explains is reported as unexplained.
+    Writes diagnosis.json, plots and report.html. An effect is kept only if it lowers the error on recordings,
+    or blocks of recordings, that it was not fitted on; what no known effect explains is reported as
+    unexplained.
     """
     from ident import commands
 
@@ -111,14 +116,17 @@ def diagnose(study: Study, output: Output, verbose: Verbose = False) -> None:
 
 
 @app.command(
-    epilog="Example: [bold]ident simulate kuka_lwr4p --effect stribeck_friction:4:Fs=6,vs=0.1 -o twin[/bold]   "
-    "then [bold]ident diagnose twin/study.yaml -o out[/bold]"
+    epilog="Example: [bold]ident simulate kuka_lwr4p --effect stribeck_friction:4 -o twin[/bold]\n\n"
+    "Then: [bold]ident diagnose twin/study.yaml -o out[/bold]"
 )
 def simulate(
     robot: Annotated[
         str,
         typer.Argument(
-            help="Built-in name or robot file (YAML).", autocompletion=_robot_names, show_default=False
+            metavar="ROBOT",
+            help="Built-in name or robot file (YAML).",
+            autocompletion=_robot_names,
+            show_default=False,
         ),
     ],
     output: Output,
@@ -139,7 +147,7 @@ def simulate(
     ] = None,
     payload: Annotated[
         float | None,
-        typer.Option("--payload", help="Mass [kg] carried in a further run.", show_default=False),
+        typer.Option("--payload", help="Mass in kg carried in a further run.", show_default=False),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same files, bit for bit.")] = 0,
     verbose: Verbose = False,
@@ -182,7 +190,8 @@ def run(arguments: list[str] | None = None) -> int:
         sys.stdout = None  # whoever read our output has left, as `head` does
         return 0
     except Exception as error:
-        return _say(f"ident: {sentence(error)}", exit_status(error))
+        status, text = exit_status(error), sentence(error)
+        return _say(f"ident: {text}", status) if text else status
 
 
 BASE_ERRORS = (
@@ -193,7 +202,7 @@ BASE_ERRORS = (
 
 
 def exit_status(error: Exception) -> int:
-    """1 for a fit that failed with a reason, 2 for wrong usage or input; anything else is our mistake and raised.
+    """1 for a fit that failed with a reason, 2 for wrong usage or input; all else is our mistake: raised.
 
     A module that was never imported cannot have raised, so none is imported here.
     """
@@ -210,6 +219,8 @@ def exit_status(error: Exception) -> int:
 def sentence(error: Any) -> str:
     """What went wrong in one line; for wrong usage with the help that shows the right one."""
     if hasattr(error, "format_message"):
+        if not error.format_message():
+            return ""  # the help was shown instead
         context = getattr(error, "ctx", None)
         command = context.command_path if context is not None else "ident"
         return f"{error.format_message().rstrip('.')}; see {command} --help"

@@ -16,10 +16,10 @@ class OutputFolderError(IdentError):
 
 @contextlib.contextmanager
 def staged(folder: Path) -> Iterator[Path]:
-    """A folder beside `folder`'s files to write into; its files replace those of `folder` when the block ends.
+    """A folder to write into, whose files replace those of `folder` when the block ends.
 
     If the block is left by an exception (Ctrl-C is one), `folder` stays as it was. Each file is moved by
-    `os.replace`, so a reader sees the old one or the new one. Files of `folder` that are not written anew stay.
+    `os.replace`, so a reader sees the old one or the new one. Other files of `folder` stay.
     Raises OutputFolderError if `folder` is a file or may not be written.
     """
     existed = folder.is_dir()

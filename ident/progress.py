@@ -4,7 +4,7 @@ from typing import Protocol
 
 
 class Progress(Protocol):
-    """Called now and then with what is being done and, where it is known, the share done of the whole (0..1)."""
+    """Called now and then with what is being done and, where known, the share done of the whole (0..1)."""
 
     def __call__(self, text: str, done: float | None = None) -> None: ...
 

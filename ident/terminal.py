@@ -10,7 +10,7 @@ from ident.progress import Progress
 
 @contextlib.contextmanager
 def progress_bar(verbose: bool) -> Iterator[Progress]:
-    """A bar on stderr if that is a terminal; with `verbose` every step as a line with its time; else silence."""
+    """A bar on stderr if that is a terminal; with `verbose` every step as a timed line; else silence."""
     start = time.perf_counter()
 
     def tell(text: str, done: float | None = None) -> None:
