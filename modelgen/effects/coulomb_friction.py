@@ -9,5 +9,6 @@ EFFECT = Effect(
     source="Coulomb 1785; eq. (4) of Jubien, Gautier and Janot 2014",
     terms={"Fc": SIGNALS.sign_dq},
     linear=(LinearParameter("Fc", "N m", 0.0, 200.0, "positive"),),
+    channel="any",
     typical={"Fc": 5.0},
 )

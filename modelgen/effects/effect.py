@@ -3,7 +3,7 @@
 The generator, the simulator and the diagnosis all read this one definition. A term is a SymPy expression over
 the signals of a joint (:class:`Signals`) and the effect's nonlinear parameters; the torque it adds is
 
-    sum over linear parameters p of  p * term_p(signals; nonlinear parameters)      [N m, or N of a prismatic joint]
+    sum over linear parameters p of  p * term_p(signals; nonlinear parameters)      [N m | N]
 
 Expressions use only + - * / exp sin cos tanh sign abs sqrt pow, so that CasADi can turn them into C.
 `sign_dq` is a signal of its own: whoever evaluates a column passes the same (smoothed) sign as to the model.
@@ -11,8 +11,8 @@ Expressions use only + - * / exp sin cos tanh sign abs sqrt pow, so that CasADi 
 Kinds of effect, and what their terms mean:
     column       the term is added to a torque
     motion       the term is the change of the link's position, q_link = q + sum p term_p  [rad]
-    measurement  the term is added to what is recorded; `tau` is the undisturbed channel, `dtau` its time derivative
-    load         the term is a dimensionless gate or component; :mod:`modelgen.effects.loads` turns it into torques
+    measurement  the term is added to what is recorded; `tau` is the undisturbed channel, `dtau` its rate
+    load         the term is a dimensionless gate; :mod:`modelgen.effects.loads` makes torques of it
 """
 
 from collections.abc import Callable, Mapping
@@ -35,30 +35,27 @@ class EffectError(ModelgenError):
     """An effect was asked for, or evaluated, with something it does not have."""
 
 
-@dataclass(frozen=True)
 class Signals:
     """Symbols that a term may use. All of joint j, joint side, SI units, unless a name says `source`."""
 
-    t: sp.Symbol = sp.Symbol("t", real=True)  # s since the first sample of the recording
-    q: sp.Symbol = sp.Symbol("q", real=True)
-    dq: sp.Symbol = sp.Symbol("dq", real=True)
-    ddq: sp.Symbol = sp.Symbol("ddq", real=True)
-    sign_dq: sp.Symbol = sp.Symbol("sign_dq", real=True)  # sign(dq), or its smoothed form
-    tau_link: sp.Symbol = sp.Symbol("tau_link", real=True)  # torque the gear passes to the link
-    tau: sp.Symbol = sp.Symbol("tau", real=True)  # the channel the effect disturbs, undisturbed
-    dtau: sp.Symbol = sp.Symbol("dtau", real=True)  # its time derivative
-    dq_source: sp.Symbol = sp.Symbol("dq_source", real=True)  # of the other joint of a pair
-    ddq_source: sp.Symbol = sp.Symbol("ddq_source", real=True)
-    sign_sum: sp.Symbol = sp.Symbol("sign_sum", real=True)  # sign(dq + dq_source)
-    tau_source: sp.Symbol = sp.Symbol("tau_source", real=True)
-    gate: sp.Symbol = sp.Symbol("gate", real=True)  # 1 inside the window of a load, 0 outside
-    z: sp.Symbol = sp.Symbol("z", real=True)  # the effect's own state
-    step: sp.Symbol = sp.Symbol(
-        "step", real=True
-    )  # change of q since the previous sample (state updates only)
+    t = sp.Symbol("t", real=True)  # s since the first sample of the recording
+    q = sp.Symbol("q", real=True)
+    dq = sp.Symbol("dq", real=True)
+    ddq = sp.Symbol("ddq", real=True)
+    sign_dq = sp.Symbol("sign_dq", real=True)  # sign(dq), or its smoothed form
+    tau_link = sp.Symbol("tau_link", real=True)  # torque the gear passes to the link
+    tau = sp.Symbol("tau", real=True)  # the channel the effect disturbs, undisturbed
+    dtau = sp.Symbol("dtau", real=True)  # its time derivative
+    dq_source = sp.Symbol("dq_source", real=True)  # of the other joint of a pair
+    ddq_source = sp.Symbol("ddq_source", real=True)
+    sign_sum = sp.Symbol("sign_sum", real=True)  # sign(dq + dq_source)
+    tau_source = sp.Symbol("tau_source", real=True)
+    gate = sp.Symbol("gate", real=True)  # 1 inside the window of a load, 0 outside
+    z = sp.Symbol("z", real=True)  # the effect's own state
+    step = sp.Symbol("step", real=True)  # change of q since the previous sample
 
 
-SIGNALS = Signals()
+SIGNALS = Signals
 
 
 @dataclass(frozen=True)
@@ -129,7 +126,7 @@ class Effect:
     nonlinear: tuple[NonlinearParameter, ...] = ()
     reported: tuple[Quantity, ...] = ()  # empty: linear and nonlinear parameters as they are
     inverse: Mapping[str, sp.Expr] = field(default_factory=dict)  # linear/nonlinear from the reported names
-    context: tuple[str, ...] = ()  # parameters of the joint's own model that `reported` needs ("Fv")
+    context: tuple[str, ...] = ()  # of the joint's own model, "Fv" or "Fc", for `reported`
     kind: Kind = "column"
     channel: Channel = "motor"
     joints: Literal["joint", "pair", "robot"] = "joint"
@@ -137,6 +134,7 @@ class Effect:
     state: State | None = None
     size: str = ""  # the reported parameter that grows with the effect; "" is the first reported
     typical: Mapping[str, float] = field(default_factory=dict)  # reported values of a usual robot
+    shared: bool = False  # all joints may have it with one value (joints [])
     common: bool = True  # False: rarer than its rivals, to be preferred only when it fits clearly better
 
     @property
@@ -152,7 +150,8 @@ class Effect:
         """What is reported; by default every parameter under its own name."""
         if self.reported:
             return self.reported
-        return tuple(Quantity(p.name, p.unit, p.symbol) for p in (*self.linear, *self.nonlinear))
+        parameters: tuple[LinearParameter | NonlinearParameter, ...] = (*self.linear, *self.nonlinear)
+        return tuple(Quantity(p.name, p.unit, p.symbol) for p in parameters)
 
     @property
     def needs(self) -> frozenset[str]:
@@ -166,15 +165,15 @@ class Effect:
     def term(
         self, signals: Mapping[str, sp.Expr] | None = None, theta: Mapping[str, sp.Expr] | None = None
     ) -> dict[str, sp.Expr]:
-        """The terms with signals and nonlinear parameters replaced, for the generator: {linear: expression}."""
+        """The terms with signals and nonlinear parameters replaced: {linear: expression}."""
         chosen = {sp.Symbol(k, real=True): v for k, v in {**(signals or {}), **(theta or {})}.items()}
         return {name: expression.subs(chosen, simultaneous=True) for name, expression in self.terms.items()}
 
     def numpy_columns(self, signals: Mapping[str, Array], theta: Mapping[str, float] | None = None) -> Array:
         """(N, n_linear) columns; `theta` holds the nonlinear parameters, absent ones at mid-grid.
 
-        Derived signals that are absent are computed: sign_dq, sign_sum and the state z (from q, at rest before
-        the first sample). Raises EffectError when a needed signal is absent.
+        Derived signals that are absent are computed: sign_dq, sign_sum and the state z (from q,
+        relaxed at the first sample). Raises EffectError when a needed signal is absent.
         """
         theta = self.complete(theta)
         values, rows = self._signal_values(signals, theta)
@@ -265,21 +264,22 @@ class Effect:
     ) -> dict[str, dict[str, float | str]]:
         """{name: {value, std, unit}} by the delta method: var f = f' C f'^T.
 
-        `covariance` is of (linear, nonlinear) in the order of the definition; of the linear ones alone when the
-        nonlinear ones were held fixed; None gives std 0. Optional linear parameters that are absent count as 0.
+        `covariance` is of (linear, nonlinear) in the order of the definition; of the linear ones alone when
+        the nonlinear ones were held fixed; None gives std 0. Optional parameters that are
+        absent are absent from the covariance too, and what depends on them is not reported.
         """
         nonlinear = dict(nonlinear or {})
         names = (*self.linear_names, *self.nonlinear_names)
         values = np.array([linear.get(n, nonlinear.get(n, 0.0)) for n in names], dtype=float)
+        absent = {p.name for p in self.linear if p.optional and p.name not in linear}
+        estimated = [i for i, name in enumerate(names) if name not in absent]
         full = np.zeros((len(names), len(names)))
         if covariance is not None:
             k = np.shape(covariance)[0]
-            full[:k, :k] = covariance
+            full[np.ix_(estimated[:k], estimated[:k])] = covariance
         missing = sorted(set(self.context) - set(context or {}))
         if missing:
-            raise EffectError(
-                f"{self.name} is reported relative to {', '.join(missing)} of the joint's model."
-            )
+            raise EffectError(f"{self.name} is reported relative to {', '.join(missing)} of its joint.")
         known = [float((context or {})[name]) for name in self.context]
         function, jacobian = _compiled_report(self)
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -289,6 +289,7 @@ class Effect:
         return {
             quantity.name: {"value": float(v), "std": float(s), "unit": quantity.unit}
             for quantity, v, s in zip(self.quantities, numbers, std)
+            if not absent & {symbol.name for symbol in quantity.expression.free_symbols}
         }
 
 
