@@ -32,6 +32,8 @@ def figure(plot: Plot) -> dict[str, Any]:
     for number, (panel, height) in enumerate(zip(plot.panels, heights, strict=True), start=1):
         axis = "" if number == 1 else str(number)
         layout[f"yaxis{axis}"] = _y_axis(panel, top - float(height), top)
+        if plot.same_scale and number > 1:
+            layout[f"yaxis{axis}"]["matches"] = "y"
         top -= float(height) + gap
         for trace in panel.traces:
             data.append(_trace(trace, f"y{axis}", legend=trace.name not in seen))

@@ -41,6 +41,7 @@ class Plot:
     panels: tuple[Panel, ...]
     caption: str = ""
     group: str = ""
+    same_scale: bool = False  # all panels have the y range of the first
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,6 +75,9 @@ class Table:
         assert all(len(row) == len(self.columns) for row in self.rows), self.title
 
 
+Block = Plot | Table
+
+
 @dataclass(frozen=True, slots=True)
 class Fact:
     """A figure worth a large type: "9.4 %" over "error on the validate runs"."""
@@ -88,7 +92,7 @@ class Section:
     """A heading, a sentence or two, then plots and tables in order. A folded one opens by a click."""
 
     title: str
-    blocks: tuple[Plot | Table, ...]
+    blocks: tuple[Block, ...]
     text: str = ""
     folded: bool = False
 

@@ -1,0 +1,243 @@
+"""The report of a diagnosis, from `diagnosis.json` and the residuals behind it. Only texts are made here."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ident.report.page import Block, Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
+from ident.report.wording import joined, number, percent, readable_unit, with_deviation
+
+POINTS = 1500  # drawn of a residual against a variable; the curve of medians is over all of them
+BINS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualView:
+    """A channel's residual against the variable that gave an effect away, before and after it was added.
+
+    Shapes: x, before, after (N,); `after` may be None where nothing was added. `belongs_to` is
+    ("findings" | "unexplained", index in diagnosis.json).
+    """
+
+    belongs_to: tuple[str, int]
+    channel: str
+    variable: str
+    variable_unit: str
+    unit: str
+    x: NDArray[np.float64]
+    before: NDArray[np.float64]
+    after: NDArray[np.float64] | None
+
+
+def effect_name(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def place(joints: Sequence[int]) -> str:
+    """`joint 4`, `joints 2 and 3`, `the whole robot`."""
+    if not joints:
+        return "the whole robot"
+    return f"joint{'s' if len(joints) > 1 else ''} {joined([str(joint) for joint in joints])}"
+
+
+def verdict(document: Mapping[str, Any]) -> str:
+    """The diagnosis in a sentence or two that an engineer can act on."""
+    findings, unexplained = document["findings"], document["unexplained"]
+    named = [f"{effect_name(item['effect'])} on {place(item['joints'])}" for item in findings]
+    sentences = []
+    if findings:
+        sentences.append(f"The model lacks {joined(named)}.")
+    if unexplained:
+        where = joined([f"{place(item['joints'])} ({item['channel']})" for item in unexplained])
+        opening = "Structure is left that" if findings else "There is structure in the residual that"
+        sentences.append(f"{opening} no known effect explains, on {where}.")
+    if not sentences:
+        sentences.append("The model lacks nothing that these recordings show: what is left looks like noise.")
+    return " ".join(sentences)
+
+
+def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
+    """`Joint 4: stribeck friction, Fs = 3.1 ± 0.1 N m, vs = ...; it lowers the error there by 60 %.`"""
+    values = []
+    for name, item in finding["parameters"].items():
+        value = item["value"]
+        if isinstance(value, str):
+            values.append(f"{name} {value}")
+        elif name in ("source_joint",):
+            values.append(f"from joint {int(value)}")
+        else:
+            values.append(f"{name} = {with_deviation(value, item.get('std') or 0.0, item.get('unit') or '')}")
+    text = f"{place(finding['joints']).capitalize()}: {effect_name(finding['effect'])}"
+    if values:
+        text += f", {', '.join(values)}"
+    drop = finding["evidence"].get("error_drop_percent")
+    if drop is not None:
+        text += f"; it lowers the error there by {percent(drop)}"
+    rivals = finding.get("alternatives") or []
+    if rivals:
+        named = [f"{effect_name(rival['effect'])} on {place(rival['joints'])}" for rival in rivals[:3]]
+        text += f". These runs explain it almost as well by {joined(named)}"
+    return text + "."
+
+
+def unexplained_sentence(item: Mapping[str, Any]) -> str:
+    depends = joined(list(item["depends_on"])) or "nothing that was measured"
+    share = percent(item["share_of_residual_percent"])
+    return (
+        f"{place(item['joints']).capitalize()}, {item['channel']}: {share} of the residual depends on "
+        f"{depends}, and no effect of the catalogue has that shape."
+    )
+
+
+def diagnosis_page(
+    document: Mapping[str, Any],
+    title: str,
+    views: Sequence[ResidualView] = (),
+    warnings: Sequence[str] = (),
+    details: Sequence[str] = (),
+    extra: Sequence[Section] = (),
+    footer: str = "",
+) -> ReportPage:
+    """Verdict, error before and after, then each finding with the residual that gave it away."""
+    sentences = [finding_sentence(document, finding) for finding in document["findings"]]
+    sentences += [unexplained_sentence(item) for item in document["unexplained"]]
+    sections = [_error_section(document)]
+    for number_, finding in enumerate(document["findings"]):
+        sections.append(_finding_section(finding, number_, views))
+    for number_, item in enumerate(document["unexplained"]):
+        blocks = tuple(_view_plot(view) for view in views if view.belongs_to == ("unexplained", number_))
+        heading = f"Unexplained: {place(item['joints'])}, {item['channel']}"
+        sections.append(Section(heading, blocks, text=unexplained_sentence(item)))
+    return ReportPage(
+        title=title,
+        kind="Diagnosis",
+        verdict=verdict(document),
+        tone={"effect": "good", "none": "good"}.get(document["verdict"], "bad"),
+        warnings=tuple(warnings),
+        details=(*sentences, *details),
+        facts=tuple(_facts(document)),
+        sections=(*sections, *extra),
+        footer=footer,
+    )
+
+
+def _held_out(document: Mapping[str, Any]) -> str:
+    before = document["error_percent"]["before"]
+    return next((role for role in ("test", "validate") if role in before), "identify")
+
+
+def _facts(document: Mapping[str, Any]) -> list[Fact]:
+    facts = []
+    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    for role in before:
+        first, last = before[role]["total"], after[role]["total"]
+        better = "good" if last < 0.98 * first else "bad" if last > 1.02 * first else ""
+        facts.append(
+            Fact(f"{percent(first)} → {percent(last)}", f"error on {role} runs, all channels", better)
+        )
+    return facts
+
+
+def _error_section(document: Mapping[str, Any]) -> Section:
+    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    floor = document.get("noise_floor_percent", {})
+    columns = [Column("channel")]
+    for role in before:
+        columns += [
+            Column(f"{role}, before", number=True),
+            Column(f"{role}, after", number=True, help="with the effects found, fitted again"),
+        ]
+    columns.append(Column("noise floor", number=True, help="an upper bound, from the band above the motion"))
+    rows = []
+    for channel in next(iter(before.values())):
+        cells = [Cell("all channels" if channel == "total" else channel)]
+        for role in before:
+            first, last = before[role].get(channel), after[role].get(channel)
+            cells.append(Cell(percent(first), first if first is not None else ""))
+            tone = ""
+            if first and last is not None:
+                tone = "good" if last < 0.95 * first else "bad" if last > 1.05 * first else ""
+            cells.append(Cell(percent(last), last if last is not None else "", tone))
+        cells.append(Cell(percent(floor.get(channel)), floor.get(channel, ""), "faint"))
+        rows.append(tuple(cells))
+    text = (
+        "At the full filtered rate, on the same rows before and after. "
+        + {
+            "test": "Test runs were used neither for the fit nor to choose what is kept.",
+            "validate": "Validate runs were not fitted; they decided what is kept.",
+            "identify": "No run was kept apart, so what is kept was decided on blocks left out in turn.",
+        }[_held_out(document)]
+    )
+    return Section("Error before and after", (Table("", tuple(columns), tuple(rows)),), text=text)
+
+
+def _finding_section(finding: Mapping[str, Any], index: int, views: Sequence[ResidualView]) -> Section:
+    rows = []
+    for name, item in finding["parameters"].items():
+        value, std = item["value"], item.get("std")
+        shown = value if isinstance(value, str) else number(value)
+        rows.append(
+            (
+                Cell(name),
+                Cell(shown, value),
+                Cell(number(std, 2), std if std is not None else ""),
+                Cell(readable_unit(item.get("unit") or "")),
+            )
+        )
+    blocks: list[Block] = [_view_plot(view) for view in views if view.belongs_to == ("findings", index)]
+    columns = (Column("parameter"), Column("value", True), Column("σ", True), Column("unit"))
+    blocks.append(Table("Parameters of the effect", columns, tuple(rows)))
+    ranking = [
+        (finding["effect"], finding["joints"], finding["evidence"].get("error_drop_percent"), "chosen")
+    ]
+    for rival in finding.get("alternatives") or []:
+        ranking.append((rival["effect"], rival["joints"], rival.get("error_drop_percent"), ""))
+    rows = [
+        (
+            Cell(effect_name(effect)),
+            Cell(place(joints)),
+            Cell(percent(drop), drop or 0.0),
+            Cell(note, tone="good"),
+        )
+        for effect, joints, drop, note in ranking
+    ]
+    columns = (Column("candidate"), Column("where"), Column("error drop", True), Column(""))
+    blocks.append(Table("Ranking of the candidates", columns, tuple(rows)))
+    title = f"{index + 1}. {effect_name(finding['effect']).capitalize()}, {place(finding['joints'])}"
+    p_value = finding["evidence"].get("p_value")
+    text = f"Channel {finding['channel']}; p = {number(p_value, 2)}." if p_value is not None else ""
+    return Section(title, tuple(blocks), text=text)
+
+
+def _view_plot(view: ResidualView) -> Plot:
+    """Before above after on one scale: some samples as points, the median of every bin as a line."""
+    unit = readable_unit(view.unit)
+    states = [("before", view.before, "before")]
+    if view.after is not None:
+        states.append(("after", view.after, "after"))
+    step = max(len(view.x) // POINTS, 1)
+    panels = []
+    for name, residual, role in states:
+        centres, medians = binned_median(view.x, residual)
+        traces = (
+            Trace(name, view.x[::step], residual[::step], role, kind="points"),
+            Trace("median", centres, medians, "error"),
+        )
+        panels.append(Panel(f"{name} [{unit}]", traces, share=1.1))
+    label = f"{view.variable} [{readable_unit(view.variable_unit)}]"
+    return Plot(f"Residual of {view.channel} against {view.variable}", label, tuple(panels), same_scale=True)
+
+
+def binned_median(
+    x: NDArray[np.float64], y: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Medians of y over `BINS` stretches of x that hold equally many samples. Shapes (N,) -> (<= BINS,)."""
+    order = np.argsort(x, kind="stable")
+    groups = [group for group in np.array_split(order, BINS) if len(group)]
+    return (
+        np.array([np.median(x[group]) for group in groups]),
+        np.array([np.median(y[group]) for group in groups]),
+    )

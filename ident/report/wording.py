@@ -1,0 +1,80 @@
+"""Names, rules, units and numbers as a reader of the report wants them."""
+
+import math
+import re
+
+_MEANINGS = {
+    "Iam": "drive inertia (rotor and gear)",
+    "Fvm": "viscous friction, motor side",
+    "Fcm": "Coulomb friction, motor side",
+    "Offm": "offset of motor torque",
+    "Fvl": "viscous friction, link side",
+    "Fcl": "Coulomb friction, link side",
+    "Offl": "offset of torque sensor",
+    "MX": "first moment along x",
+    "MY": "first moment along y",
+    "MZ": "first moment along z",
+    "M": "mass",
+}
+_MEANINGS |= {name: f"inertia {name}, at the frame's origin" for name in ("XX", "XY", "XZ", "YY", "YZ", "ZZ")}
+_BASE_NAME = re.compile(rf"({'|'.join(sorted(_MEANINGS, key=len, reverse=True))})(\d+|[A-Z]\w*?)(R?)$")
+
+
+def meaning(name: str) -> str:
+    """What a base parameter is: "Fvm3R" -> "viscous friction, motor side, joint 3, with others"."""
+    found = _BASE_NAME.match(name)
+    if not found:
+        return ""
+    kind, owner, regrouped = found.groups()
+    if not owner.isdigit():
+        place = f"payload {owner}"
+    elif kind[-1] in "ml" and kind not in ("M",):
+        place = f"joint {owner}"
+    else:
+        place = f"link {owner}"
+    return f"{_MEANINGS[kind]}, {place}{', with others' if regrouped else ''}"
+
+
+def readable_rule(rule: str) -> str:
+    """A rule as it is written by hand: `rl3**2*(M3 + M4)` -> `rl3² (M3 + M4)`."""
+    rule = re.sub(r"\*\*(\d)(?!\d)", lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], rule)
+    return rule.replace("*", " ")  # a no-break space between factors
+
+
+def readable_unit(unit: str) -> str:
+    """`kg m^2` -> `kg m²`, never broken over two lines."""
+    return unit.replace("^2", "²").replace("^3", "³").replace(" ", " ")
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """Significant digits without an exponent where that stays short; a dash for nothing."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    if 1e-4 <= abs(value) < 1e6:
+        decimals = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+        return f"{value:.{decimals}f}"
+    return f"{value:.{digits - 1}e}"
+
+
+def percent(value: float | None) -> str:
+    """9.04 -> `9.0 %`, 0.382 -> `0.38 %`."""
+    return (
+        "–"
+        if value is None or not math.isfinite(value)
+        else f"{number(value, 2 if abs(value) < 10 else 3)} %"
+    )
+
+
+def with_deviation(value: float, std: float, unit: str = "") -> str:
+    """`3.1 ± 0.1 N m`: the value to the digit at which its standard deviation has two digits."""
+    if not (math.isfinite(std) and std > 0):
+        return f"{number(value)} {readable_unit(unit)}".strip()
+    decimals = max(1 - math.floor(math.log10(std)), 0)
+    return f"{value:.{decimals}f} ± {std:.{decimals}f} {readable_unit(unit)}".strip()
+
+
+def joined(words: list[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
