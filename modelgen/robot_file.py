@@ -239,7 +239,7 @@ def _take_variable(values: dict[str, sp.Expr], joint: str, j: int, refuse: Any) 
             rest = sp.expand(value - variables[0])
             if rest.has(variables[0]):
                 raise refuse(
-                    f"link {j}, {key} must be {variables[0]} plus a constant; an axis is reversed by its alpha"
+                    f"link {j}, {key} must be {variables[0]} plus a constant; alpha reverses an axis"
                 )
             values[key], found = rest, str(variables[0])
     if moving_key and found is None:
@@ -279,7 +279,7 @@ def _check_tree(links: tuple[Link, ...], refuse: Any) -> None:
         if row:
             loop = way[way.index(row) :]
             raise refuse(
-                f"the antecedents of links {', '.join(map(str, sorted(loop)))} form a cycle; lead each to the base, 0"
+                f"the antecedents of links {', '.join(map(str, sorted(loop)))} form a cycle; lead each to 0"
             )
     for j, link in enumerate(links, 1):
         if link.antecedent > j:
