@@ -7,8 +7,8 @@ from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, NonlinearP
 q0, rho = sp.symbols("q0 rho", real=True)
 x = SIGNALS.q - q0
 
-# Attached at a and b from the axis: length^2 = a^2 + b^2 - 2 a b cos x = (a^2 + b^2)(1 - rho cos x).
-# A spring of rate K and free length l0 gives K a b sin x (1 - l0/length); a gas spring, the second part alone.
+# Ends at a and b from the axis: length^2 = a^2 + b^2 - 2 a b cos x ~ 1 - rho cos x.
+# A spring of rate K and free length l0 gives K a b sin x (1 - l0/length); a gas spring the second part.
 EFFECT = Effect(
     name="counterbalance",
     summary="a balancing spring or gas cylinder between two links",

@@ -1,0 +1,109 @@
+"""Torques of the effects that act on the whole arm: contact forces, tilted gravity, bodies picked up.
+
+Each function gives the (N, n) joint torques that one linear parameter adds to the link side, so a tau_m and a
+tau_l both carry it. A payload's ten columns are those of the generated model with a payload, times the gate.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from modelgen.effects.frames import Frames, frames
+from modelgen.robot import Robot
+
+Array = np.ndarray
+
+
+def gate(t: Array, start: float | None = None, stop: float | None = None) -> Array:
+    """(N,) 1 where start <= t < stop, else 0; None is open. t in s since the first sample."""
+    inside = np.ones(len(t), dtype=bool)
+    if start is not None:
+        inside &= t >= start
+    if stop is not None:
+        inside &= t < stop
+    return inside.astype(float)
+
+
+def force_columns(robot: Robot, q: Array, row: int | None = None) -> Array:
+    """(N, n, 6) columns J^T of a wrench (FX FY FZ NX NY NZ), base axes, at the origin of a row's frame.
+
+    The last moving row by default. Unit: N m per N and per N m (revolute), N per N (prismatic).
+    """
+    arm = frames(robot, q)
+    last = max(j for j, k in enumerate(arm.joint) if k >= 0) if row is None else row
+    columns = np.zeros((len(q), arm.n, 6))
+    for j in arm.above(last):
+        if arm.joint[j] < 0:
+            continue
+        z = arm.R[:, j, :, 2]
+        if arm.sigma[j] == 0:
+            columns[:, arm.joint[j], :3] = np.cross(z, arm.p[:, last] - arm.p[:, j])
+            columns[:, arm.joint[j], 3:] = z
+        else:
+            columns[:, arm.joint[j], :3] = z
+    return columns
+
+
+def gravity_torque(robot: Robot, q: Array, standard: Mapping[str, float], gravity: Array) -> Array:
+    """(N, n) torques that hold the arm against `gravity` (3,) [m/s^2, base axes].
+
+    `standard` maps MXj MYj MZj Mj to values, absent ones are 0; a payload fixed to the last row
+    is part of that row. Base parameters may be given under the name of the column they keep, for gravity
+    as in the robot file; under a turned gravity the first moments of link 1, which they leave out, may
+    matter too.
+    """
+    return _gravity_torque(frames(robot, q), standard, np.asarray(gravity, dtype=float))
+
+
+def _gravity_torque(arm: Frames, standard: Mapping[str, float], g: Array) -> Array:
+    tau = np.zeros((len(arm.p), arm.n))
+    for row in range(len(arm.joint)):
+        m = standard.get(f"M{row + 1}", 0.0)
+        first = np.array([standard.get(f"M{axis}{row + 1}", 0.0) for axis in "XYZ"])
+        if m == 0.0 and not first.any():
+            continue
+        moment = arm.R[:, row] @ first  # (N, 3) about the row's origin, base axes
+        for j in arm.above(row):
+            if arm.joint[j] < 0:
+                continue
+            z = arm.R[:, j, :, 2]
+            if arm.sigma[j] == 0:
+                lever = moment + m * (arm.p[:, row] - arm.p[:, j])
+                tau[:, arm.joint[j]] -= np.einsum("ni,ni->n", z, np.cross(lever, g))
+            else:
+                tau[:, arm.joint[j]] -= m * (z @ g)
+    return tau
+
+
+def tilted(gravity: Array, roll: float, pitch: float) -> Array:
+    """(3,) Ry(pitch) Rx(roll) g: gravity as it is when the robot file says g."""
+    cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
+    Rx = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
+    Ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
+    return Ry @ Rx @ np.asarray(gravity, dtype=float)
+
+
+def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: float, pitch: float) -> Array:
+    """(N, n) torques that a tilt adds: holding against the turned gravity less holding against the file's."""
+    g = np.array([float(robot.value(x)) for x in robot.gravity])
+    return _gravity_torque(frames(robot, q), standard, tilted(g, roll, pitch) - g)
+
+
+def tilt_columns(robot: Robot, q: Array, standard: Mapping[str, float]) -> Array:
+    """(N, n, 2) derivatives of the torques with respect to roll and pitch at a level base.
+
+    d/d(roll) of the gravity is e_x x g, d/d(pitch) is e_y x g.
+    """
+    g = np.array([float(robot.value(x)) for x in robot.gravity])
+    arm = frames(robot, q)
+    return np.stack([_gravity_torque(arm, standard, np.cross(axis, g)) for axis in np.eye(3)[:2]], axis=-1)
+
+
+def gravity_columns(robot: Robot, q: Array, gravity: Array, names: tuple[str, ...]) -> Array:
+    """(N, n, len(names)) torques of single first moments or masses ("MX1", "M3") under `gravity`.
+
+    What a tilt brings in beside the known parameters: MX1 and MY1 of an upright first axis.
+    """
+    arm = frames(robot, q)
+    g = np.asarray(gravity, dtype=float)
+    return np.stack([_gravity_torque(arm, {name: 1.0}, g) for name in names], axis=-1)
