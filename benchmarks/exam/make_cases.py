@@ -126,7 +126,7 @@ class Case:
         self.identify = [k for k, use in enumerate(self.uses) if use == "identify"]
         self._effect_free()
 
-    # --- the recording without effects ------------------------------------------------------------------------
+    # --- the recording without effects
     def _effect_free(self) -> None:
         rng = self.rng
         self.free = [physics.simulate(self.plant, run, []) for run in self.runs]
@@ -178,7 +178,7 @@ class Case:
         Y = yardstick.smooth(yardstick.measured_torque(self.layout, tau_m, tau_l), self.rate)
         return Y[yardstick.kept_rows(len(Y), self.rate)]
 
-    # --- effects ------------------------------------------------------------------------------------------------
+    # --- effects
     def _with(self, effects: list[Injected]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         return [physics.simulate(self.plant, run, effects) for run in self.runs]
 
@@ -278,7 +278,7 @@ class Case:
                 setattr(d, f, before[f])
         return []
 
-    # --- the fit that knows ----------------------------------------------------------------------------------
+    # --- the fit that knows
     def oracle(self, effects: list[Injected], signals: list[tuple[np.ndarray, ...]]) -> dict[str, object]:
         """Errors of the rigid model and of the rigid model plus the true terms, identify and validate."""
         full = yardstick.Layout(self.model, ())
@@ -295,7 +295,7 @@ class Case:
             known.append(yardstick.columns(self.plant.model, full, self.rate, q, link))
             each = []
             for e in rest:
-                others = [o for o in effects if o is not e]
+                others = [o for o in effects if o is not e and o.name not in draw.PAPER]
                 off = without(self.plant, run, others)
                 a = yardstick.measured_torque(self.layout, signals[k][1], signals[k][2])
                 b = yardstick.measured_torque(self.layout, off[1], off[2])
@@ -303,13 +303,13 @@ class Case:
                 each.append(delta[yardstick.kept_rows(len(delta), self.rate)])
             terms.append(each)
         out: dict[str, object] = {}
-        stack = lambda parts: np.concatenate([parts[k] for k in self.identify])  # noqa: E731
         extended = []
         for k in range(len(self.runs)):
             extra = [d[:, :, None] for d in terms[k]]
             extended.append(np.concatenate([known[k], *extra], axis=2) if extra else known[k])
         for label, W in (("rigid", rigid), ("true", extended)):
-            WI, YI = stack(W), stack(Y)
+            WI = np.concatenate([W[k] for k in self.identify])
+            YI = np.concatenate([Y[k] for k in self.identify])
             for role in ("identify", "validate"):
                 which = [k for k, use in enumerate(self.uses) if use == role]
                 if not which:
@@ -323,7 +323,7 @@ class Case:
                 out[f"{label}_{role}_total_percent"] = float(100 * np.linalg.norm(rho) / np.linalg.norm(Yr))
         return out
 
-    # --- files ----------------------------------------------------------------------------------------------------
+    # --- files
     def write(self, case: str, out: Path) -> dict[str, object]:
         rng, n = self.rng, self.robot.n
         target = float(np.exp(rng.uniform(np.log(1.8), np.log(14.0))))

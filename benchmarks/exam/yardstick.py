@@ -1,4 +1,4 @@
-"""Plain weighted least squares of the rigid model with Pinocchio's regressor: sizes the effects, gives the oracle.
+"""Weighted least squares of the rigid model with Pinocchio's regressor: sizes the effects, gives the oracle.
 
 Rows are taken at 25 Hz after a 10 Hz zero-phase filter, so that they are nearly independent.
 """
@@ -80,9 +80,7 @@ def columns(
         return kept
 
     rotor = [] if "rotor_inertia" in layout.without else [diagonal(ddq)]
-    drive = (
-        np.concatenate(rotor + friction(dq), axis=2) if rotor + friction(dq) else np.zeros((len(rows), n, 0))
-    )
+    drive = np.concatenate([np.zeros((len(rows), n, 0)), *rotor, *friction(dq)], axis=2)
     link = np.concatenate([inertial, *friction(dql)], axis=2)
     match layout.model:
         case "A":
