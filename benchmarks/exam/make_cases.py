@@ -14,7 +14,9 @@ import os
 import sys
 import time
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
@@ -182,7 +184,7 @@ class Case:
     def _with(self, effects: list[Injected]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         return [physics.simulate(self.plant, run, effects) for run in self.runs]
 
-    def _rigid_error(self, signals: list[tuple[np.ndarray, ...]], moved: bool) -> np.ndarray:
+    def _rigid_error(self, signals: Sequence[tuple[np.ndarray, ...]], moved: bool) -> np.ndarray:
         yard = self.yard
         if moved:
             W = np.concatenate([self._columns(k, signals[k][0])[:, :, self.base] for k in self.identify])
@@ -279,7 +281,7 @@ class Case:
         return []
 
     # --- the fit that knows
-    def oracle(self, effects: list[Injected], signals: list[tuple[np.ndarray, ...]]) -> dict[str, object]:
+    def oracle(self, effects: list[Injected], signals: Sequence[tuple[np.ndarray, ...]]) -> dict[str, object]:
         """Errors of the rigid model and of the rigid model plus the true terms, identify and validate."""
         full = yardstick.Layout(self.model, ())
         elastic = [e for e in effects if e.name == "joint_elasticity"]
@@ -324,7 +326,7 @@ class Case:
         return out
 
     # --- files
-    def write(self, case: str, out: Path) -> dict[str, object]:
+    def write(self, case: str, out: Path) -> dict[str, Any]:
         rng, n = self.rng, self.robot.n
         target = float(np.exp(rng.uniform(np.log(1.8), np.log(14.0))))
         if self.kind == "noisy":
@@ -354,7 +356,7 @@ class Case:
         currents = self.model == "A" and rng.random() < 0.15
         jitter = float(rng.choice([0.0, 0.0, 2e-5, 1e-4])) * min(1.0, 500 / self.rate)
         gains = np.round(rng.uniform(0.5, 20, n), 3)
-        study: dict[str, object] = {
+        study: dict[str, Any] = {
             "robot": self.robot.name if self.robot.builtin else "robot.yaml",
             "model": self.model,
             "recordings": [],
@@ -446,7 +448,7 @@ def make_case(
     seconds: float,
     rate: float | None,
     model: str,
-) -> dict[str, object] | None:
+) -> dict[str, Any] | None:
     """Write one case; a draw in which the effect cannot show is drawn again (up to 5 times)."""
     for turn in range(5):
         try:

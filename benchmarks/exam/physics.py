@@ -2,8 +2,8 @@
 
 Every effect is written here from its mechanics, not from the catalogue under examination: hysteresis walks
 along Dahl's closed form between reversals, elasticity moves the motor by the transmitted torque (the link
-motion is the given one, so the flexible joint is inverted exactly), backlash is a play operator that transmits
-nothing inside the gap, a contact acts through the tip's Jacobian.
+motion is the given one, so the flexible joint is inverted exactly), backlash is a play operator that
+transmits nothing inside the gap, a contact acts through the tip's Jacobian.
 """
 
 from __future__ import annotations
