@@ -206,7 +206,8 @@ def draw(name: str, scene: Scene, joint: int, rng: np.random.Generator) -> Drawn
             where = None if rng.random() < 0.6 else j
             return Drawn(lambda a: Injected(name, where, {"delay": a}, s), 4e-3, 1e-3, 2.5e-2)
         case "backlash":
-            return Drawn(lambda a: one(gap=a), 0.005, 5e-4, 0.04 if revolute else 0.01)
+            drops = float(rng.random() < 0.5)
+            return Drawn(lambda a: one(gap=a, drops=drops), 0.005, 5e-4, 0.05 if revolute else 0.01)
     return _outside(name, scene, j, source, side, sign, rng)
 
 

@@ -261,10 +261,11 @@ def simulate(plant: Plant, run: Run, effects: list[Injected]) -> tuple[np.ndarra
     link = {"q": run.q, "dq": run.dq, "ddq": run.ddq, "load": load}
     through = load.copy()  # what the gear transmits
     for j, e in slack.items():
+        assert j is not None
         out = play(run.q[:, j], e.params["gap"])
-        engaged = np.clip(np.abs(run.q[:, j] - out) / (e.params["gap"] / 2) * 5 - 4, 0, 1)
         through += _slope_in(plant, run, j) * (out - run.q[:, j])[:, None]
-        through[:, j] *= engaged
+        if e.params["drops"]:  # nothing is transmitted while the motor crosses the gap
+            through[:, j] *= np.clip(np.abs(run.q[:, j] - out) / (e.params["gap"] / 2) * 5 - 4, 0, 1)
     if plant.sensors:
         for j in range(n):
             through[:, j] += d.Fvl[j] * run.dq[:, j] + d.offl[j]
