@@ -22,7 +22,6 @@ EFFECT = Effect(
         NonlinearParameter("rho", "-", 0.2, 0.98, (0.4, 0.65, 0.85, 0.95)),
     ),
     channel="link",
-    size="Kl",
     typical={"Kab": 5.0, "Kl": -10.0, "q0": 0.3, "rho": 0.85},
     common=False,
 )

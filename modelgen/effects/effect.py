@@ -132,7 +132,7 @@ class Effect:
     joints: Literal["joint", "pair", "robot"] = "joint"
     windowed: bool = False  # acts from (and to) a moment of one recording
     state: State | None = None
-    size: str = ""  # the reported parameter that grows with the effect; "" is the first reported
+    sizes: tuple[str, ...] = ()  # reported parameters that say how large it is; see `size_names`
     typical: Mapping[str, float] = field(default_factory=dict)  # reported values of a usual robot
     shared: bool = False  # all joints may have it with one value (joints [])
     common: bool = True  # False: rarer than its rivals, to be preferred only when it fits clearly better
@@ -152,6 +152,12 @@ class Effect:
             return self.reported
         parameters: tuple[LinearParameter | NonlinearParameter, ...] = (*self.linear, *self.nonlinear)
         return tuple(Quantity(p.name, p.unit, p.symbol) for p in parameters)
+
+    @property
+    def size_names(self) -> tuple[str, ...]:
+        """Reported parameters that make the effect larger or smaller; the others give it its shape."""
+        names = tuple(quantity.name for quantity in self.quantities)
+        return self.sizes or tuple(name for name in names if name in self.linear_names) or names[:1]
 
     @property
     def needs(self) -> frozenset[str]:

@@ -29,5 +29,6 @@ EFFECT = Effect(
     channel="link",
     joints="robot",
     windowed=True,
+    sizes=("fx", "fy", "fz"),
     typical={"fx": 8.0, "fy": -5.0, "fz": 6.0},
 )

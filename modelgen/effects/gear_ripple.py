@@ -36,5 +36,6 @@ EFFECT = Effect(
         "Ac2": A2 * sp.sin(phi2),
     },
     typical={"A1": 1.5, "A2": 1.2, "wavenumber": 9.0, "phi1": 0.4, "phi2": -0.9},
+    sizes=("A1", "A2"),
     common=False,
 )

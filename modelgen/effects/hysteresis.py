@@ -28,6 +28,6 @@ EFFECT = Effect(
     reported=(Quantity("sigma", "N m/rad", Fc / width), Quantity("Fc", "N m", Fc)),
     inverse={"width": Fc / sigma},
     state=DAHL,
-    size="sigma",
+    sizes=("sigma",),
     typical={"sigma": 150.0, "Fc": 6.0},
 )

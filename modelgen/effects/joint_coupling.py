@@ -14,6 +14,5 @@ EFFECT = Effect(
         LinearParameter("Fc", "N m", 0.0, 50.0, "positive", optional=True),  # of the sum of both rates
     ),
     joints="pair",
-    size="Fv",
     typical={"Fv": 2.0, "Ia": 0.2, "Fc": 0.0},
 )

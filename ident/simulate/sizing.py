@@ -1,0 +1,122 @@
+"""How large a hidden effect is when the user does not say: large enough to be clearly there, not gross.
+
+The part of the effect's torque that the study's own model cannot absorb is made a stated share of the joint's
+torque, on the recording where the effect acts. The share is what the joint's error rises to, noise apart.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+import generated
+from ident.simulate.requests import EffectRequest
+from ident.simulate.sensors import smooth
+from ident.simulate.trajectories import Motion
+from ident.simulate.twin import ActiveEffect, Twin, channels_of, run_twin
+
+Array = np.ndarray
+RATE_HZ = 250.0
+KEEP = 10  # one row in ten: the residual is looked at below 10 Hz
+FILTER_S = 0.015  # Gaussian, about 10 Hz
+
+
+def activate(
+    request: EffectRequest, twin: Twin, model: str, motion: Motion, share: float = 0.05
+) -> ActiveEffect:
+    """Give a request all its numbers. The user's stand; the effect's size is set if he did not fix it."""
+    effect = request.effect
+    values, context = _usual(request, twin)
+    channels_of(request, model)  # refuses what the study could not show
+    active = _active(request, values, context)
+    if set(request.values) & {*effect.size_names, "force"}:
+        return active
+    yardstick = _Yardstick(twin, model, motion)
+    if effect.state is not None:  # not proportional to any parameter: search
+        size = effect.size_names[0]
+        trials = values[size] * np.geomspace(1 / 30, 30, 13)
+        seen = [yardstick(_active(request, {**values, size: float(v)}, context)) for v in trials]
+        best = int(np.argmin(np.abs(np.log(np.maximum(seen, 1e-9) / share))))
+        return _active(request, {**values, size: float(f"{trials[best]:.3g}")}, context)
+    seen_once = yardstick(active)
+    factor = float(f"{share / max(seen_once, 1e-9):.3g}")
+    linear = {name: value * factor for name, value in active.linear.items()}
+    linear = {p.name: float(np.clip(linear[p.name], p.low, p.high)) for p in effect.linear}
+    return _with_linear(active, linear, context)
+
+
+def _usual(request: EffectRequest, twin: Twin) -> tuple[dict[str, float], dict[str, float]]:
+    """Reported values (the user's, else the joint's own, else usual ones) and what they are relative to."""
+    effect = request.effect
+    values = dict(effect.typical)
+    context = {}
+    if request.joint is not None:
+        label = twin.robot.joint_labels[request.joint]
+        own = {
+            name: twin.standard.get(f"{name}m{label}", 0.0) or twin.standard.get(f"{name}l{label}", 0.0)
+            for name in ("Fc", "Fv")
+        }
+        context = {name: own[name] or 1.0 for name in effect.context}
+        if effect.name == "hysteresis" and own["Fc"]:  # it replaces the joint's own dry friction
+            values["sigma"] *= own["Fc"] / values["Fc"]
+            values["Fc"] = own["Fc"]
+    given = dict(request.values)
+    if set(given) & set(effect.size_names):  # components that he left out are not there
+        values |= dict.fromkeys(effect.size_names, 0.0)
+    if "m" in given:  # the usual place, for the given mass
+        values |= {
+            name: effect.typical[name] * given["m"] / effect.typical["m"] for name in ("mx", "my", "mz")
+        }
+    if "force" in given:  # the usual direction
+        usual = np.array([effect.typical[name] for name in ("fx", "fy", "fz")])
+        usual *= given.pop("force") / np.linalg.norm(usual)
+        values |= dict(zip(("fx", "fy", "fz"), usual.tolist()))
+    return {**values, **given}, context
+
+
+def _active(
+    request: EffectRequest, values: Mapping[str, float], context: Mapping[str, float]
+) -> ActiveEffect:
+    linear, nonlinear = request.effect.values_from_reported(values, context)
+    return _with_linear(ActiveEffect(request, linear, nonlinear, {}), linear, context)
+
+
+def _with_linear(
+    active: ActiveEffect, linear: Mapping[str, float], context: Mapping[str, float]
+) -> ActiveEffect:
+    report = active.request.effect.report(linear, active.nonlinear, None, context)
+    reported = {name: float(entry["value"]) for name, entry in report.items()}
+    return replace(active, linear=linear, reported=reported)
+
+
+class _Yardstick:
+    """Share of a joint's torque that an effect adds and the study's model cannot absorb."""
+
+    def __init__(self, twin: Twin, model: str, motion: Motion) -> None:
+        self.twin, self.model = twin, model
+        self.t = np.arange(0.0, motion.duration, 1.0 / RATE_HZ)
+        self.state = motion.at(self.t)
+        self.recorded = {"A": ("tau_m",), "B": ("tau_l",), "C": ("tau_m", "tau_l"), "D": ("tau_m",)}[model]
+        self.clean = self._torque(())
+        self.rms = np.sqrt(np.mean(self.clean**2, axis=0))
+        W = generated.load(twin.source, model).regressor(*(part[::KEEP] for part in self.state))
+        W = W / self.rms[None, : W.shape[1], None]
+        self.basis = np.linalg.qr(W.reshape(-1, W.shape[2]))[0]
+
+    def _torque(self, effects: tuple[ActiveEffect, ...]) -> Array:
+        effects = tuple(replace(e, request=replace(e.request, recording=None)) for e in effects)
+        run = run_twin(self.twin, self.t, self.state, effects, None, self.model)
+        tau = np.concatenate([getattr(run, name) for name in self.recorded], axis=1)
+        if self.model == "D":
+            tau = run.tau_m - run.tau_l
+        return smooth(tau, 1.0 / RATE_HZ, FILTER_S)[::KEEP]
+
+    def __call__(self, effect: ActiveEffect) -> float:
+        added = (self._torque((effect,)) - self.clean) / self.rms
+        flat = added.reshape(-1)
+        left = (flat - self.basis @ (self.basis.T @ flat)).reshape(added.shape)
+        share = np.sqrt(np.mean(left**2, axis=0))
+        joint = effect.request.joint
+        if joint is None:
+            return float(share.max())
+        return float(max(share[k] for k in range(joint, len(share), self.twin.n)))

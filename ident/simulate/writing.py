@@ -1,0 +1,47 @@
+"""Writing a simulated study into a folder: one Parquet file a run, study.yaml, and the truth apart."""
+
+import json
+import shutil
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from ident.output import staged
+from ident.progress import Progress, silent
+from ident.simulate.study import SimulatedStudy, simulate
+
+TRUTH = "truth.json"  # not named in the study; for whoever wants to check an answer
+
+
+def write_simulation(simulated: SimulatedStudy, folder: Path) -> Path:
+    """Write run1.parquet .., study.yaml, truth.json (and the robot file, unless built in); returns the study.
+
+    All or nothing: the files are written aside and moved in. Raises OutputFolderError.
+    """
+    with staged(folder) as stage:
+        for recording in simulated.recordings:
+            pq.write_table(pa.table(dict(recording.columns)), stage / f"{recording.label}.parquet")
+        if simulated.robot_file is not None:
+            shutil.copyfile(simulated.robot_file, stage / simulated.robot_file.name)
+        text = yaml.safe_dump(dict(simulated.study), sort_keys=False, default_flow_style=None, width=100)
+        (stage / "study.yaml").write_text(text, encoding="utf-8")
+        (stage / TRUTH).write_text(json.dumps(simulated.truth, indent=1) + "\n", encoding="utf-8")
+    return folder / "study.yaml"
+
+
+def simulate_command(
+    robot: str | Path,
+    folder: Path,
+    model: str = "A",
+    effects: tuple[str, ...] = (),
+    payload_kg: float | None = None,
+    seed: int = 0,
+    parameters: Path | None = None,
+    progress: Progress = silent,
+) -> SimulatedStudy:
+    """What `ident simulate` does: simulate and write; what was simulated comes back for the summary."""
+    simulated = simulate(robot, model, effects, payload_kg, seed, parameters, progress=progress)
+    write_simulation(simulated, folder)
+    return simulated
