@@ -207,7 +207,7 @@ def draw(name: str, scene: Scene, joint: int, rng: np.random.Generator) -> Drawn
             return Drawn(lambda a: Injected(name, where, {"delay": a}, s), 4e-3, 1e-3, 2.5e-2)
         case "backlash":
             drops = float(rng.random() < 0.5)
-            return Drawn(lambda a: one(gap=a, drops=drops), 0.005, 5e-4, 0.05 if revolute else 0.01)
+            return Drawn(lambda a: one(gap=a, drops=drops), 0.005, 2e-4, 0.045 if revolute else 0.01)
     return _outside(name, scene, j, source, side, sign, rng)
 
 
