@@ -43,10 +43,11 @@ def _short_case(model: str = "A") -> Case:
 def test_catalogue_columns_explain_what_the_exam_puts_in(name: str) -> None:
     """Least squares of the exam's torque on the catalogue's columns at the true nonlinear parameters.
 
-    Tolerance 3 %: interpolation and the first sample; a delay is a Taylor step, of which reversals keep 30 %.
+    Tolerance 3 %: interpolation, the first sample; a delay is a Taylor step, right to 10 %.
     """
     case, effect = _short_case(), catalogue()[name]
     case.plant.drives.presliding[:] = 0.0
+    case.plant.drives.smooth[:] = 0.05  # rad/s; so wide that a delay can be a Taylor step
     run = case.runs[0]
     rng = np.random.default_rng(5)
     joint = 1
@@ -85,7 +86,7 @@ def test_catalogue_columns_explain_what_the_exam_puts_in(name: str) -> None:
         )
     columns = effect.numpy_columns(signals, nonlinear)
     fitted = columns @ np.linalg.lstsq(columns, delta, rcond=None)[0]
-    assert np.linalg.norm(delta - fitted) < (0.3 if name == "time_delay" else 0.03) * np.linalg.norm(delta)
+    assert np.linalg.norm(delta - fitted) < (0.1 if name == "time_delay" else 0.03) * np.linalg.norm(delta)
 
 
 def _symbols(values: dict[str, float]) -> dict[sp.Symbol, float]:
