@@ -149,13 +149,17 @@ def simulate(
         float | None,
         typer.Option("--payload", help="Mass in kg carried in a further run.", show_default=False),
     ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option("--parameters", help="YAML of true parameters, as Iam1: 3.19.", show_default=False),
+    ] = None,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same files, bit for bit.")] = 0,
     verbose: Verbose = False,
 ) -> None:
     """Simulate a digital twin: recordings and a study, with effects that the study does not declare."""
     from ident import commands
 
-    commands.simulate(robot, output, model, tuple(effect or ()), payload, seed, verbose)
+    commands.simulate(robot, output, model, tuple(effect or ()), payload, seed, parameters, verbose)
 
 
 @app.command(

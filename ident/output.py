@@ -14,6 +14,12 @@ class OutputFolderError(IdentError):
     """The folder named with -o cannot be written to."""
 
 
+def writable(folder: Path) -> None:
+    """Say so early if nothing could be written into `folder`. Raises OutputFolderError."""
+    with staged(folder):
+        pass
+
+
 @contextlib.contextmanager
 def staged(folder: Path) -> Iterator[Path]:
     """A folder to write into, whose files replace those of `folder` when the block ends.
