@@ -110,7 +110,7 @@ class FilteredBlock:
     """Consecutive uniform samples of one segment; owning it proves that positions were filtered.
 
     t (N,), q, dq, ddq, sign_dq (N, n); motor, sensor (N, n) or None: torques as recorded, not filtered (or
-    filtered with the position filter when that was asked).
+    filtered with the position filter when that was asked). vs (n,) is the width of sign_dq.
     """
 
     t: np.ndarray
@@ -120,6 +120,7 @@ class FilteredBlock:
     sign_dq: np.ndarray
     motor: np.ndarray | None
     sensor: np.ndarray | None
+    vs: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +222,8 @@ def filter_blocks(stream: RecordingStream, segment: Segment, blocks: Iterable[np
         span = slice(int(np.argmax(use)), count - int(np.argmax(use[::-1])))
         yield FilteredBlock(t[span], q[2:-2][span], first_difference(q, rate)[span], second_difference(q, rate)[span],
                             smooth_sign(first_difference(light, rate)[span], vs),
-                            None if motor is None else motor[span], None if sensor is None else sensor[span])  # fmt: skip
+                            None if motor is None else motor[span], None if sensor is None else sensor[span],
+                            vs)  # fmt: skip
 
 
 def windows(blocks: Iterable[np.ndarray], halo: int) -> Iterator[tuple[int, np.ndarray, slice]]:

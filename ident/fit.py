@@ -1,0 +1,311 @@
+"""The main job: a study in, parameters with honest uncertainties out. Pure of printing and of files written.
+
+    study -> recordings -> [filter -> W -> decimate -> R] -> WLS -> F-statistic reduction -> errors, tests
+
+Two passes over the recordings, whatever their length: one that folds them into factors, one that compares the
+torque of the result with the measured one at the full rate. A cut-off left to the Durbin-Watson rule costs a
+pass more when the first guess was not its choice.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.special
+
+from ident.columns import Columns, study_columns
+from ident.cutoff import CutoffTrial, choose_cutoff, first_cutoff
+from ident.errors import FitFailedError, StudyError
+from ident.filtering import FilterBank, prepare
+from ident.full_rate import FullRate, full_rate
+from ident.least_squares import (
+    Estimate,
+    bounded,
+    channel_sigma,
+    huber_factors,
+    joint_sigma,
+    weighted_least_squares,
+)
+from ident.noise import ChannelNoise, channel_noises, durbin_watson, honest_covariance
+from ident.observation import ChannelFactor, RecordingSystem, observe, stack
+from ident.progress import Progress, silent
+from ident.reading import RecordingStream, need_of, open_recordings
+from ident.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
+from ident.study import ROLES, Study
+
+Percent = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class Prepared:
+    """A study opened: the compiled model, its columns, every recording surveyed, with its filters."""
+
+    study: Study
+    model: Any
+    columns: Columns
+    streams: tuple[RecordingStream, ...]
+    banks: tuple[FilterBank, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FitResult:
+    """Everything that results, plots and reports need; they compute nothing.
+
+    estimate: the essential parameters (paper 3.4); full: all base parameters; covariance (b, b): honest, of the
+    essential ones, full_covariance of all. normalised: (channels, rows) of the identify recordings, divided by
+    sigma_j. relative_error and full_rate_error in percent, {role: {"total" | channel: value}}.
+    """
+
+    study: Study
+    columns: Columns
+    recordings: tuple[RecordingStream, ...]
+    systems: tuple[RecordingSystem, ...]
+    cutoff_hz: float
+    cutoff_trials: tuple[CutoffTrial, ...]
+    full: Estimate
+    reduction: Reduction
+    estimate: Estimate
+    covariance: np.ndarray
+    full_covariance: np.ndarray
+    noises: tuple[ChannelNoise, ...]
+    durbin_watson: float
+    normality: NormalityTest
+    normalised: np.ndarray
+    relative_error: Percent
+    relative_error_full: Percent
+    recording_errors: dict[str, dict[str, float]]
+    full_rate: FullRate
+    notes: tuple[str, ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def std(self) -> np.ndarray:
+        """Honest standard deviations: of essential parameters, and of cancelled ones from the full fit. (b,)"""
+        return np.sqrt(np.diag(np.where(self.estimate.active[:, None], self.covariance, self.full_covariance)))
+
+    @property
+    def effective_rows(self) -> float:
+        return sum(noise.effective_rows for noise in self.noises)
+
+
+def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
+    """Load the model, open and survey the recordings. Raises IdentError, GeneratedError, ModelgenError."""
+    import generated
+
+    progress("loading the model")
+    payload = study.payloads[0] if study.payloads else None
+    model = generated.load(study.robot_source, study.model, payload=payload, effects=study.effects)
+    need = need_of(study.model, tuple(model.channels), study.positions)
+    columns = study_columns(study, model, need)
+    progress("reading the recordings")
+    streams = tuple(open_recordings(study, need))
+    return Prepared(study, model, columns, streams, tuple(prepare(stream, study.filter) for stream in streams))
+
+
+def fit_study(study: Study, *, progress: Progress = silent) -> FitResult:
+    """Identify a study. Raises IdentError with one sentence, FitFailedError when no parameter comes out."""
+    prepared = prepare_study(study, progress)
+    trials: tuple[CutoffTrial, ...] = ()
+    if study.filter.decimation_cutoff_hz == "auto":
+        cutoff = first_cutoff(prepared.streams, study, len(prepared.columns.parameters))
+        systems = observe_all(prepared, cutoff, progress)
+        first, _ = estimate_all([s for s in systems if s.role == "identify"], prepared)
+        chosen, trials = choose_cutoff(prepared, first.chi, cutoff, progress)
+        if chosen != cutoff:
+            cutoff = chosen
+            systems = observe_all(prepared, cutoff, progress)
+    else:
+        cutoff = study.filter.decimation_cutoff_hz
+        systems = observe_all(prepared, cutoff, progress)
+    return fit_systems(prepared, systems, cutoff, trials, progress)
+
+
+def observe_all(prepared: Prepared, cutoff_hz: float, progress: Progress = silent) -> tuple[RecordingSystem, ...]:
+    """Every recording folded into factors at one decimation cut-off."""
+    total = sum(stream.survey.rows for stream in prepared.streams)
+    done = 0
+
+    def tick(samples: int) -> None:
+        nonlocal done
+        done += samples
+        progress("evaluating the regressor", min(done / total, 1.0))
+
+    slowest = min(stream.rate_hz for stream in prepared.streams)
+    if cutoff_hz > 0.4 * slowest:
+        raise StudyError(str(prepared.study.file), "filter.decimation_cutoff_hz", f"{cutoff_hz:g} Hz is too high for "
+                         f"samples at {slowest:g} Hz; give at most {0.4 * slowest:.3g}")  # fmt: skip
+    return tuple(observe(stream, bank, prepared.columns, cutoff_hz, prepared.study.filter.order, tick)
+                 for stream, bank in zip(prepared.streams, prepared.banks))  # fmt: skip
+
+
+def estimate_all(systems: Sequence[RecordingSystem], prepared: Prepared
+                 ) -> tuple[Estimate, tuple[ChannelFactor, ...]]:  # fmt: skip
+    """WLS of all base parameters on the identify recordings, with the study's options. -> estimate, factors used."""
+    study, names = prepared.study, prepared.columns.parameters
+    factors = stack(systems)
+    unknown_gain = bool(prepared.columns.gain_columns)
+    sigma = np.ones(len(factors)) if unknown_gain else channel_sigma(factors)
+    estimate = weighted_least_squares(factors, sigma, names)
+    if unknown_gain:      # Y of a motor channel is zero, so alone it says nothing: weights from the common fit
+        for _ in range(6):
+            sigma = joint_sigma(factors, estimate.chi, estimate.covariance, sigma)
+            estimate = weighted_least_squares(factors, sigma, names)
+    if study.robust == "huber":
+        for _ in range(30):
+            before = estimate.chi
+            weighted, _ = huber_factors(systems, sigma, before)
+            sigma = _robust_sigma(systems, before) if not unknown_gain else sigma
+            estimate = weighted_least_squares(weighted, sigma, names)
+            if np.all(np.abs(estimate.chi - before) <= 1e-3 * np.maximum(estimate.std, 1e-12)):
+                break
+        factors, _ = huber_factors(systems, sigma, estimate.chi)
+        estimate = weighted_least_squares(factors, sigma, names)
+    if not estimate.active.any():
+        raise FitFailedError("no parameter is excited by the identify recordings; record the robot moving")
+    return estimate, factors
+
+
+def _robust_sigma(systems: Sequence[RecordingSystem], chi: np.ndarray) -> np.ndarray:
+    """sigma_j from the median of |rho| (1.4826 MAD), which outliers do not move."""
+    rho = np.hstack([part for system in systems for part in system.residuals(chi)])
+    return np.maximum(1.4826 * np.median(np.abs(rho), axis=1), 1e-9)
+
+
+def fit_systems(prepared: Prepared, systems: tuple[RecordingSystem, ...], cutoff_hz: float,
+                trials: tuple[CutoffTrial, ...] = (), progress: Progress = silent) -> FitResult:  # fmt: skip
+    """Estimate, reduce, test and compare, from factors at one cut-off."""
+    study, columns = prepared.study, prepared.columns
+    fitted = [system for system in systems if system.role == "identify"]
+    progress("least squares")
+    full, _ = estimate_all(fitted, prepared)
+    noises = channel_noises(fitted, full)
+    full_covariance = honest_covariance(fitted, full, noises)
+    share = min(1.0, sum(noise.effective_rows for noise in noises) / full.rows)
+    normalised = _normalised(fitted, full)
+    normality = kolmogorov_smirnov(np.hstack(normalised), share)
+    reduction = _reduction(study, columns, full, share)
+    estimate, at_bound = bounded(reduction.estimate) if study.bounds == "physical" else (reduction.estimate, ())
+    covariance = honest_covariance(fitted, estimate, channel_noises(fitted, estimate))
+    normalised = _normalised(fitted, estimate)
+    errors = role_errors(systems, estimate.chi, columns)
+    notes = [note for stream in prepared.streams for note in stream.notes]
+    warnings = [warning for stream in prepared.streams for warning in stream.warnings]
+    warnings += _excitation_warnings(full, fitted)
+    notes += [f"{name} held at its physical bound, zero" for name in at_bound]
+    notes += _payload_notes(study, estimate, covariance)
+    compared = full_rate(prepared.streams, prepared.banks, columns, estimate.chi, progress)
+    progress("done", 1.0)
+    return FitResult(study, columns, prepared.streams, systems, cutoff_hz, trials, full, reduction, estimate, covariance,
+                     full_covariance, noises, durbin_watson(normalised), normality, np.hstack(normalised), errors,
+                     role_errors(systems, full.chi, columns), recording_errors(systems, estimate.chi, columns), compared,
+                     tuple(notes), tuple(warnings))  # fmt: skip
+
+
+def _reduction(study: Study, columns: Columns, full: Estimate, share: float) -> Reduction:
+    if not study.reduction:
+        return Reduction(full, full, (), study.alpha)
+    keep = frozenset(columns.parameters[k] for k in columns.gain_columns.values())
+    return reduce(full, study.alpha, share if study.effective_rows else 1.0, keep)
+
+
+def _normalised(systems: Sequence[RecordingSystem], estimate: Estimate) -> list[np.ndarray]:
+    """Residuals over sigma_j (eq. 14), (channels, m) for each segment."""
+    return [rho / estimate.sigma[:, None] for system in systems for rho in system.residuals(estimate.chi)]
+
+
+def role_errors(systems: Sequence[RecordingSystem], chi: np.ndarray, columns: Columns) -> Percent:
+    """100 ||Y - W chi|| / ||Y|| per role: each channel, and all of them in unweighted torque."""
+    out: Percent = {}
+    for role in ROLES:
+        chosen = [system for system in systems if system.role == role]
+        if chosen:
+            out[role] = _errors(chosen, chi, columns)
+    return out
+
+
+def recording_errors(systems: Sequence[RecordingSystem], chi: np.ndarray, columns: Columns) -> dict[str, dict[str, float]]:
+    return {system.label: _errors([system], chi, columns) for system in systems}
+
+
+def _errors(systems: Sequence[RecordingSystem], chi: np.ndarray, columns: Columns) -> dict[str, float]:
+    below = np.zeros(len(columns.channels))
+    above = np.zeros(len(columns.channels))
+    for system in systems:
+        for j, factor in enumerate(system.factors):
+            above[j] += factor.sum_of_squares(chi)
+            measured = factor.R[:, -1]
+            if j in columns.gain_columns:      # measured torque is g i (- tau_l): the gain's column belongs to Y
+                place = np.searchsorted(factor.columns, columns.gain_columns[j])
+                measured = measured - factor.R[:, place] * chi[columns.gain_columns[j]]
+            below[j] += float(np.sum(measured**2))
+    return percent(above, below, columns.channels)
+
+
+def percent(above: np.ndarray, below: np.ndarray, channels: Sequence[str]) -> dict[str, float]:
+    """{"total": ..., channel: ...} of sums of squares (channels,)."""
+    total = 100 * np.sqrt(above.sum() / below.sum()) if below.sum() > 0 else 0.0
+    each = np.where(below > 0, 100 * np.sqrt(above / np.where(below > 0, below, 1.0)), 0.0)
+    return {"total": float(total)} | {name: float(value) for name, value in zip(channels, each)}
+
+
+def _excitation_warnings(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:
+    """Which parameters the motion leaves open, in words."""
+    out = [f"{dependence.sentence()}; the identify recordings cannot tell them apart" if dependence.seen_in
+           else f"{dependence.sentence()} by the identify recordings" for dependence in full.dependent]  # fmt: skip
+    if full.weak:
+        out.append(f"the motion hardly excites {', '.join(full.weak)} (condition number {full.condition_number:.3g}); "
+                   "add motions that move those joints faster and at other postures")
+    if len(systems) > 1:
+        out += _blind_runs(full, systems)
+    return out
+
+
+def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:
+    """Recordings whose motion leaves a parameter out that another one excites."""
+    b = len(full.chi)
+    lengths = np.zeros((len(systems), b))
+    carried = np.zeros((len(systems), b), bool)
+    for k, system in enumerate(systems):
+        for factor, sigma in zip(system.factors, full.sigma):
+            lengths[k, factor.columns] += np.sum((factor.R[:, :-1] / sigma) ** 2, axis=0) / max(factor.rows, 1)
+            carried[k, factor.columns] = True
+    best = lengths.max(axis=0)
+    out = []
+    for k, system in enumerate(systems):
+        blind = [full.parameters[i] for i in np.flatnonzero(carried[k] & (lengths[k] < 1e-4 * best))]
+        if blind:
+            out.append(f"{system.label} does not excite {', '.join(blind[:8])}{' ...' if len(blind) > 8 else ''}")
+    return out
+
+
+def _payload_notes(study: Study, estimate: Estimate, covariance: np.ndarray) -> list[str]:
+    out = []
+    for label, mass in study.payload_mass.items():
+        name = f"M{label}"
+        if name in estimate.parameters and estimate.active[estimate.parameters.index(name)]:
+            k = estimate.parameters.index(name)
+            out.append(f"{name} identified as {estimate.chi[k]:.4g} kg (std {np.sqrt(covariance[k, k]):.2g}), "
+                       f"weighed {mass:g} kg, difference {100 * (estimate.chi[k] / mass - 1):+.2g} %")
+    return out
+
+
+def interval_factor(free: float, level: float = 0.95) -> float:
+    """Half width of the two-sided interval in standard deviations (Student's t)."""
+    return float(scipy.special.stdtrit(max(free, 1.0), 0.5 + level / 2))
+
+
+def fit_models(study: Study, models: Sequence[str], *, progress: Progress = silent) -> dict[str, FitResult]:
+    """The same recordings by several models: the paper's Table II."""
+    results = {}
+    for number, model in enumerate(models):
+        def tell(text: str, done: float | None = None, name: str = model, n: int = number) -> None:
+            progress(f"model {name}: {text}", None if done is None else (n + done) / len(models))
+
+        results[model] = fit_study(study.with_(model=model), progress=tell)
+    return results
+
+
+__all__ = ["FitResult", "Prepared", "fit_models", "fit_study", "prepare_study", "replace"]
