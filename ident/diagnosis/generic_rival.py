@@ -1,0 +1,118 @@
+"""What anything could explain: products of {1, q, dq, ddq, sign dq, t} of all joints and sin/cos(q) times those.
+
+Where such a nameless column beats the best effect of the catalogue clearly, nobody is blamed and the joint is
+reported as unexplained with the variables of the winning columns.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+
+from ident.diagnosis.rows import Fine
+from ident.diagnosis.scoring import Score, System
+
+
+@dataclass(frozen=True)
+class GenericLibrary:
+    """(M, K) filtered products and the variables each one is made of."""
+
+    values: np.ndarray
+    variables: tuple[tuple[str, ...], ...]
+
+
+@dataclass(frozen=True)
+class Rival:
+    """The best nameless explanation of one channel."""
+
+    channel: int
+    variables: tuple[str, ...]
+    columns: np.ndarray  # (M, p)
+    score: Score
+
+
+def build_generic(fine: Fine, low_pass: scipy.sparse.csr_array) -> GenericLibrary:
+    """Some nine hundred columns for seven joints, filtered in blocks."""
+    n = fine.q.shape[1]
+    base: list[tuple[tuple[str, ...], np.ndarray]] = [((), np.ones(len(fine.t)))]
+    waves: list[tuple[tuple[str, ...], np.ndarray]] = []
+    for k in range(n):
+        q = fine.q[:, k]
+        centred = q - q.mean()
+        base += [
+            ((f"q{k + 1}",), centred),
+            ((f"dq{k + 1}",), fine.dq[:, k]),
+            ((f"ddq{k + 1}",), fine.ddq[:, k]),
+            ((f"dq{k + 1}",), fine.sign[:, k]),
+        ]
+        for m in (1, 2):
+            waves += [((f"q{k + 1}",), np.sin(m * q)), ((f"q{k + 1}",), np.cos(m * q))]
+    base.append((("t",), fine.t / 60.0))
+    names: list[tuple[str, ...]] = []
+    parts: list[np.ndarray] = []
+    block: list[np.ndarray] = []
+
+    def flush() -> None:
+        if block:
+            parts.append(low_pass @ np.stack(block, axis=1))
+            block.clear()
+
+    def add(one, two) -> None:
+        names.append(tuple(sorted({*one[0], *two[0]})))
+        block.append(one[1] * two[1])
+        if len(block) == 200:
+            flush()
+
+    for i, one in enumerate(base):
+        for two in base[i:]:
+            add(one, two)
+    for wave in waves:
+        for two in base:
+            add(wave, two)
+    flush()
+    return GenericLibrary(np.hstack(parts), tuple(names))
+
+
+def best_rival(library: GenericLibrary, system: System, channel: int, size: int = 2) -> Rival | None:
+    """Greedy choice of up to `size` columns on one channel by the identify rows; scored on both kinds of rows."""
+    use = system.rows_of(system.folds.identify) & system.keep[channel]
+    w = np.sqrt(system.weight[channel])
+    L = library.values[use] * w
+    X = system.X[channel, use] * w
+    r = system.residual[channel, use] * w
+    XtL = X.T @ L
+    norms = np.einsum("ij,ij->j", L, L)
+    left = norms - np.einsum("ij,ij->j", XtL, XtL)
+    v = L.T @ r
+    usable = left > 1e-4 * norms
+    chosen: list[int] = []
+    directions: list[tuple[np.ndarray, float]] = []
+    best: Rival | None = None
+    for _ in range(size):
+        gain = np.where(usable & (left > 1e-4 * norms), v * v / np.maximum(left, 1e-300), 0.0)
+        k = int(np.argmax(gain))
+        if gain[k] <= 0:
+            break
+        chosen.append(k)
+        usable[k] = False
+        columns = library.values[:, chosen]
+        score = system.score({channel: columns})
+        if best is None or score.held_out > best.score.held_out:
+            best = Rival(channel, _variables(library, chosen), columns, score)
+        # partial the chosen column out of the others
+        z = L[:, k]
+        cross = L.T @ z - XtL.T @ XtL[:, k]
+        for cj, dj in directions:
+            cross = cross - cj * cj[k] / dj
+        d = max(float(cross[k]), 1e-300)
+        v = v - cross * v[k] / d
+        left = left - cross * cross / d
+        directions.append((cross, d))
+    return best
+
+
+def _variables(library: GenericLibrary, chosen: list[int]) -> tuple[str, ...]:
+    found: list[str] = []
+    for k in chosen:
+        found += [v for v in library.variables[k] if v not in found]
+    return tuple(found)

@@ -1,0 +1,208 @@
+"""The model with what was found so far, fitted: columns, system and context move together.
+
+Terms whose columns follow the estimate (gain, delay, elasticity, tilt, load) are recomputed a few times; nonlinear
+parameters of all found terms are refined together by Gauss-Newton on the projected problem.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.diagnosis.model_view import ModelView
+from ident.diagnosis.rows import Rows
+from ident.diagnosis.scoring import Columns, Folds, System, make_system
+from ident.diagnosis.terms import Context, Term, columns
+
+MOVING = ("measurement", "motion")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A term in the model with its fitted linear coefficients; `nuisance` columns have no term."""
+
+    term: Term | None
+    columns: Columns
+    coefficients: np.ndarray
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class State:
+    """Fitted model. `system` columns: model parameters, then the columns of each found term in order."""
+
+    context: Context
+    system: System
+    found: tuple[Found, ...]
+    base: np.ndarray  # (channels, M, b) model columns at the kept instants
+    folds: Folds
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return tuple(f.term for f in self.found if f.term is not None)
+
+
+def base_columns(rows: Rows, view: ModelView) -> np.ndarray:
+    """(channels, M, b) filtered model columns."""
+    out = np.zeros((len(view.channels), len(rows.t), len(view.parameters)))
+    for c, (index, values) in enumerate(view.entries):
+        out[c][:, index] = rows.low_pass @ values
+    return out
+
+
+def first_state(rows: Rows, view: ModelView, folds: Folds) -> State:
+    base = base_columns(rows, view)
+    system = make_system(base, rows.y, rows.keep, folds)
+    low_pass = [rows.low_pass] * len(view.channels)
+    context = _context(rows, view, system.coefficients, low_pass, (), {})
+    return State(context, system, (), base, folds)
+
+
+def _context(rows, view, chi, low_pass, found: tuple[Found, ...], size) -> Context:
+    b = len(view.parameters)
+    torque = view.torque(chi[:b])
+    context = Context(rows, view, chi[:b], torque, _load(rows, view, chi[:b]), low_pass, size)
+    for f in found:
+        if f.term is not None and f.term.effect.kind == "column":
+            from ident.diagnosis.terms import fine_columns
+
+            extra = fine_columns(f.term, context) @ f.coefficients
+            for c in f.term.channels:
+                torque[c] += extra
+    return context
+
+
+def _load(rows: Rows, view: ModelView, chi: np.ndarray) -> np.ndarray:
+    """(n, N) torque that the gears pass on: the sensor's where motor and sensor are both measured."""
+    out = view.link_torque(chi)
+    if any(c.startswith("tau_m") for c in view.channels):
+        for c, name in enumerate(view.channels):
+            if name.startswith("tau_l"):
+                out[view.joint_of[c]] = rows.y_fine[c]
+    return out
+
+
+def refit(state: State, found: list[Found], folds: Folds | None = None, turns: int | None = None) -> State:
+    """State with these found terms; coefficients of the given ones are starting values."""
+    context, view, rows = state.context, state.context.view, state.context.rows
+    folds = folds or state.folds
+    b = len(view.parameters)
+    moving = any(f.term is not None and (f.term.effect.kind in MOVING or _follows(f.term)) for f in found)
+    current = list(found)
+    system = state.system
+    if turns is None:
+        turns = 4 if moving else 1
+    previous = None
+    for _turn in range(turns):
+        size = {f.term.key: f.coefficients for f in current if f.term is not None}
+        context = _context(rows, view, context.chi, context.low_pass, tuple(current), size)
+        context.cache.update(_lasting(state.context.cache))
+        cols = [
+            f.columns if f.term is None or (_turn == 0 and _static(f)) else columns(f.term, context)
+            for f in current
+        ]
+        matrix = stack_columns(state.base, cols)
+        system = make_system(matrix, rows.y, rows.keep, folds)
+        solution = system.coefficients
+        a = solution[b:]
+        updated = []
+        at = 0
+        for f, c in zip(current, cols):
+            p = next(iter(c.values())).shape[1]
+            updated.append(replace(f, columns=c, coefficients=a[at : at + p]))
+            at += p
+        current = updated
+        context = replace(context, chi=solution[:b])
+        if previous is not None and np.allclose(previous, a, rtol=1e-3, atol=1e-12):
+            break
+        previous = a
+    size = {f.term.key: f.coefficients for f in current if f.term is not None}
+    old = context.cache
+    context = _context(rows, view, system.coefficients[:b], context.low_pass, tuple(current), size)
+    context.cache.update(_lasting(old))
+    return State(context, system, tuple(current), state.base, folds)
+
+
+def _lasting(cache: dict) -> dict:
+    """Parts of a cache that outlive a new estimate: exact ones, and the sensitivities that only rank."""
+    return {k: v for k, v in cache.items() if k[0] in ("payload", "wrench", "sensitivity")}
+
+
+def _static(f: Found) -> bool:
+    return f.term is not None and f.term.effect.kind == "column" and not _follows(f.term) and bool(f.columns)
+
+
+def _follows(term: Term) -> bool:
+    return "tau_link" in term.effect.needs or term.effect.name == "base_tilt"
+
+
+def stack_columns(base: np.ndarray, cols: list[Columns]) -> np.ndarray:
+    """(channels, M, b + all p)."""
+    widths = [next(iter(c.values())).shape[1] for c in cols]
+    out = np.zeros((base.shape[0], base.shape[1], base.shape[2] + sum(widths)))
+    out[:, :, : base.shape[2]] = base
+    at = base.shape[2]
+    for c, p in zip(cols, widths):
+        for channel, values in c.items():
+            out[channel, :, at : at + p] = values
+        at += p
+    return out
+
+
+def sensitivity(f: Found, name: str, context: Context) -> Columns:
+    """d(contribution)/d(nonlinear parameter) by central differences."""
+    assert f.term is not None
+    theta = f.term.effect.complete(f.term.theta)
+    parameter = next(p for p in f.term.effect.nonlinear if p.name == name)
+    h = 1e-3 * max(abs(theta[name]), 1e-3 * (parameter.high - parameter.low))
+    up = columns(f.term.at(**{name: theta[name] + h}), context)
+    down = columns(f.term.at(**{name: theta[name] - h}), context)
+    return {c: ((up[c] - down[c]) @ f.coefficients / (2 * h))[:, None] for c in up}
+
+
+def refine(state: State, steps: int = 2) -> State:
+    """Gauss-Newton over the nonlinear parameters of every found term at once, with halved steps on failure."""
+    for _ in range(steps):
+        places = [
+            (i, p) for i, f in enumerate(state.found) if f.term is not None for p in f.term.effect.nonlinear
+        ]
+        if not places:
+            return state
+        cols = [f.columns for f in state.found]
+        extra = [sensitivity(state.found[i], p.name, state.context) for i, p in places]
+        matrix = stack_columns(state.base, cols + extra)
+        system = make_system(matrix, state.context.rows.y, state.context.rows.keep, state.folds)
+        delta = system.coefficients[-len(extra) :]
+        now = _objective(state)
+        scale, better = 1.0, None
+        for _halving in range(3):
+            found = list(state.found)
+            for (i, p), d in zip(places, delta):
+                term = found[i].term
+                assert term is not None
+                value = term.effect.complete(term.theta)[p.name]
+                limit = 0.5 * abs(value) if p.low > 0 else 0.3 * (p.high - p.low)
+                value = float(np.clip(value + scale * np.clip(d, -limit, limit), p.low, p.high))
+                found[i] = replace(found[i], term=term.at(**{p.name: value}), columns={})
+            found = [
+                replace(f, columns=columns(f.term, state.context)) if f.term is not None and not f.columns else f
+                for f in found
+            ]
+            trial = refit(state, found, turns=1)
+            if _objective(trial) < now:
+                better = trial
+                break
+            scale /= 4
+        if better is None:
+            return state
+        gain = now - _objective(better)
+        state = better
+        if gain < 0.05:
+            break
+    return state
+
+
+def _objective(state: State) -> float:
+    """Minus log-likelihood of the identify rows, noise levels profiled out."""
+    system = state.system
+    N = system.count[list(system.folds.identify)].sum(axis=0)
+    return float(np.sum(N / 2 * np.log(np.maximum(system.rss, 1e-30))))

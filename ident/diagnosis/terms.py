@@ -1,0 +1,266 @@
+"""An effect put somewhere (joint, channels, run, window) and the columns it makes at the kept instants.
+
+Columns that depend on the model's own torque (gain, delay, elasticity, tilt, load) use the current estimate: they are
+secants, exact at the estimate itself, and are recomputed until the estimate no longer moves.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import scipy.signal
+import scipy.sparse
+
+from ident.diagnosis.model_view import INERTIAL, ModelView, split_name
+from ident.diagnosis.rows import Rows
+from ident.diagnosis.scoring import Columns
+from modelgen.effects import Effect
+
+SHIFT_CUTOFF_HZ = 3.0
+
+
+@dataclass(frozen=True)
+class Term:
+    """One effect at one place with its nonlinear parameters."""
+
+    effect: Effect
+    joint: int | None  # 0-based
+    channels: tuple[int, ...]
+    terms: tuple[str, ...]  # names of the linear parameters in use
+    theta: Mapping[str, float] = field(default_factory=dict)
+    source: int | None = None
+    run: int | None = None
+    window: tuple[float, float] | None = None  # s since the start of the run; None: the whole run
+
+    @property
+    def key(self) -> tuple:
+        """Identity without parameters."""
+        return (self.effect.name, self.joint, self.channels, self.source, self.run)
+
+    def at(self, **theta: float) -> "Term":
+        return replace(self, theta={**self.theta, **theta})
+
+
+@dataclass
+class Context:
+    """What columns are made from: signals, the model at its current estimate, and what was found so far."""
+
+    rows: Rows
+    view: ModelView
+    chi: np.ndarray  # (b,) current model parameters
+    torque: np.ndarray  # (channels, N) current predicted torque, found terms included
+    tau_link: np.ndarray  # (n, N)
+    low_pass: list[scipy.sparse.csr_array]  # per channel
+    size: Mapping[tuple, np.ndarray] = field(default_factory=dict)  # last coefficients of measurement/motion terms
+    cache: dict = field(default_factory=dict)
+
+    def signals(self, joint: int | None, source: int | None = None) -> dict[str, np.ndarray]:
+        fine = self.rows.fine
+        out = {"t": fine.t}
+        if joint is not None:
+            out |= {
+                "q": fine.q[:, joint],
+                "dq": fine.dq[:, joint],
+                "ddq": fine.ddq[:, joint],
+                "sign_dq": fine.sign[:, joint],
+                "tau_link": self.tau_link[joint],
+            }
+        if source is not None:
+            total = fine.dq[:, joint] + fine.dq[:, source]
+            out |= {
+                "dq_source": fine.dq[:, source],
+                "ddq_source": fine.ddq[:, source],
+                "sign_sum": np.tanh(total / max(fine.sign_width[joint], fine.sign_width[source])),
+            }
+        return out
+
+    def gate(self, term: Term) -> np.ndarray:
+        """(N,) 1 inside the run and window of the term."""
+        fine = self.rows.fine
+        inside = np.ones(len(fine.t), dtype=bool) if term.run is None else fine.run == term.run
+        if term.window is not None:
+            inside &= (fine.t >= term.window[0]) & (fine.t < term.window[1])
+        return inside.astype(float)
+
+
+def state_values(effect: Effect, q: np.ndarray, theta: Mapping[str, float], pieces) -> np.ndarray:
+    """(N,) state of the effect, integrated piece by piece."""
+    z = np.empty(len(q))
+    for piece in pieces:
+        z[piece] = effect.state.integrate(q[piece], theta, effect.state.initial)
+    return z
+
+
+def fine_columns(term: Term, context: Context) -> np.ndarray:
+    """(N, p) columns of a `column` or `motion` term at the fine rate."""
+    effect = term.effect
+    signals = context.signals(term.joint, term.source)
+    if effect.state is not None:
+        theta = effect.complete(term.theta)
+        signals["z"] = state_values(effect, signals["q"], theta, context.rows.fine.pieces)
+    needed = {k: v for k, v in signals.items() if k in effect.needs}
+    values = effect.numpy_columns({**needed, "t": signals["t"]}, term.theta)
+    pick = [effect.linear_names.index(name) for name in term.terms]
+    return values[:, pick]
+
+
+def columns(term: Term, context: Context) -> Columns:
+    """{channel: (M, p)} of any kind of term, filtered as the torque is."""
+    kind = term.effect.kind
+    if kind == "column":
+        fine = fine_columns(term, context)
+        return {c: context.low_pass[c] @ fine for c in term.channels}
+    if kind == "measurement":
+        return _measurement(term, context)
+    if kind == "motion":
+        return _motion(term, context)
+    fine = load_columns(term, context)
+    gate = context.gate(term)[:, None]
+    return {c: context.low_pass[c] @ (x * gate) for c, x in fine.items()}
+
+
+def _size(term: Term, context: Context) -> float:
+    value = context.size.get(term.key)
+    return float(value[0]) if value is not None else 0.0
+
+
+def _measurement(term: Term, context: Context) -> Columns:
+    name = term.effect.name
+    out: Columns = {}
+    for c in term.channels:
+        if name == "drive_gain_error":
+            out[c] = context.low_pass[c] @ context.torque[c][:, None]
+        elif name == "sensor_crosstalk":
+            source = c - term.joint + term.source
+            out[c] = context.low_pass[c] @ context.torque[source][:, None]
+        else:  # time_delay: secant of the exact shift, the derivative at zero
+            delay = _size(term, context)
+            step = delay if abs(delay) > 1e-5 else 1e-4
+            shifted = context.rows.filter.matrix(step) @ context.torque[c]
+            here = context.rows.low_pass @ context.torque[c]
+            out[c] = ((shifted - here) / step)[:, None]
+    return out
+
+
+def smooth(x: np.ndarray, pieces, step: float, cutoff_hz: float) -> np.ndarray:
+    """Zero-phase low-pass of (N,) piece by piece."""
+    out = np.empty_like(x)
+    sos = scipy.signal.butter(3, cutoff_hz, fs=1.0 / step, output="sos")
+    for piece in pieces:
+        part = x[piece]
+        out[piece] = scipy.signal.sosfiltfilt(sos, part, padlen=min(len(part) - 1, int(2 / cutoff_hz / step)))
+    return out
+
+
+def _motion(term: Term, context: Context) -> Columns:
+    """Rigid torque changed by the link's shift x: linear in x at first, the secant [tau(q + s x) - tau(q)]/s later."""
+    fine, view = context.rows.fine, context.view
+    size = _size(term, context)
+    elastic = "tau_link" in term.effect.needs
+    cutoff = SHIFT_CUTOFF_HZ if elastic else 4 * SHIFT_CUTOFF_HZ
+    j = term.joint
+    assert j is not None
+    shift = fine_columns(term, context)[:, 0]
+    if abs(size) < 1e-9:
+        by_q, by_dq, by_ddq = _sensitivity(context, j)
+        x, dx, ddx = _with_rates(shift, fine, cutoff)
+        change = by_q * x + by_dq * dx + by_ddq * ddx
+    else:
+        rigid = _rigid(context)
+        moved = rigid
+        turns = 3 if elastic else 1
+        for turn in range(turns):
+            x, dx, ddx = _with_rates(size * shift, fine, cutoff)
+            q, dq, ddq = fine.q.copy(), fine.dq.copy(), fine.ddq.copy()
+            q[:, j] += x
+            dq[:, j] += dx
+            ddq[:, j] += ddx
+            moved = view.shifted_torque(q, dq, ddq, context.chi)
+            if turn + 1 < turns:
+                shift = -moved[view.joint_of.index(j)]
+        change = (moved - rigid) / size
+    return {c: (context.low_pass[c] @ change[c])[:, None] for c in range(len(view.channels))}
+
+
+def _with_rates(x: np.ndarray, fine, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Low-passed x with its first and second time derivative, piece by piece."""
+    x = smooth(x, fine.pieces, fine.step, cutoff_hz)
+    dx, ddx = np.empty_like(x), np.empty_like(x)
+    for piece in fine.pieces:
+        dx[piece] = np.gradient(x[piece], fine.step)
+        ddx[piece] = np.gradient(dx[piece], fine.step)
+    return x, dx, ddx
+
+
+def _rigid(context: Context) -> np.ndarray:
+    key = ("rigid",)
+    if key not in context.cache:
+        fine = context.rows.fine
+        context.cache[key] = context.view.shifted_torque(fine.q, fine.dq, fine.ddq, context.chi)
+    return context.cache[key]
+
+
+def _sensitivity(context: Context, j: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """d tau/d q_j, d tau/d dq_j, d tau/d ddq_j, each (channels, N), by one-sided differences."""
+    key = ("sensitivity", j)
+    if key not in context.cache:
+        fine = context.rows.fine
+        parts = []
+        for which, h in ((0, 1e-5), (1, 1e-4), (2, 1.0)):
+            motion = [fine.q, fine.dq, fine.ddq]
+            motion[which] = motion[which].copy()
+            motion[which][:, j] += h
+            parts.append((context.view.shifted_torque(*motion, context.chi) - _rigid(context)) / h)
+        context.cache[key] = (parts[0], parts[1], parts[2])
+    return context.cache[key]
+
+
+def load_columns(term: Term, context: Context) -> Columns:
+    """{channel: (N, p)} of a load before its gate: unit body on the last link, unit wrench, unit tilt of gravity."""
+    view, fine = context.view, context.rows.fine
+    name = term.effect.name
+    if name == "payload_change":
+        key = ("payload",)
+        if key not in context.cache:
+            context.cache[key] = _payload_columns(view)
+        pick = [INERTIAL.index(k) for k in term.terms]
+        return {c: x[:, pick] for c, x in context.cache[key].items()}
+    if name == "external_force":
+        key = ("wrench",)
+        if key not in context.cache:
+            context.cache[key] = view.geometry.jacobian_torques(fine.q, view.payload_row)
+        pick = [("FX", "FY", "FZ", "NX", "NY", "NZ").index(k) for k in term.terms]
+        return {c: context.cache[key][view.joint_of[c]][:, pick] for c in range(len(view.channels))}
+    return _tilt_columns(term, context)
+
+
+def _payload_columns(view: ModelView) -> Columns:
+    """{channel: (N, 10)}; the model's columns times what a body on the last link adds to its parameters."""
+    selected = view.payload_map[view.kept]
+    padded = np.zeros((len(view.parameters), selected.shape[1]))
+    padded[: len(selected)] = selected
+    return {c: values @ padded[index] for c, (index, values) in enumerate(view.entries)}
+
+
+def _tilt_columns(term: Term, context: Context) -> Columns:
+    """Derivative of the gravity torque by roll and pitch, and (names beyond these) what joint 1 did not show before."""
+    view, fine = context.view, context.rows.fine
+    bodies: dict[int, np.ndarray] = {}
+    for name, value in zip(view.parameters, context.chi):
+        kind, row = split_name(name)
+        if kind in ("MX", "MY", "MZ", "M"):
+            body = bodies.setdefault(row - 1, np.zeros(4))
+            body[("MX", "MY", "MZ", "M").index(kind)] = value
+    g = view.geometry.gravity
+    axes = {"roll": np.array([1.0, 0, 0]), "pitch": np.array([0, 1.0, 0])}
+    parts = []
+    for name in term.terms:
+        turned = np.cross(axes[name], g)
+        parts.append(view.geometry.gravity_torques(fine.q, bodies, turned))
+    out = {}
+    for c in range(len(view.channels)):
+        columns = [p[view.joint_of[c]] for p in parts]
+        own = view.joint_of[c] == 0
+        columns += [np.cos(fine.q[:, 0]) * own, np.sin(fine.q[:, 0]) * own]  # moments that g did not show
+        out[c] = np.stack(columns, axis=1)
+    return out
