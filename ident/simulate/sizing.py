@@ -19,6 +19,7 @@ Array = np.ndarray
 RATE_HZ = 250.0
 KEEP = 10  # one row in ten: the residual is looked at below 10 Hz
 FILTER_S = 0.015  # Gaussian, about 10 Hz
+REST_S = 1.5  # cut at both ends, as a fit does with rest
 
 
 def activate(
@@ -29,20 +30,29 @@ def activate(
     values, context = _usual(request, twin)
     channels_of(request, model)  # refuses what the study could not show
     active = _active(request, values, context)
-    if set(request.values) & {*effect.size_names, "force"}:
-        return active
     yardstick = _Yardstick(twin, model, motion)
+    if set(request.values) & {*effect.size_names, "force"}:
+        return replace(active, visible=yardstick(active))
     if effect.state is not None:  # not proportional to any parameter: search
         size = effect.size_names[0]
-        trials = values[size] * np.geomspace(1 / 30, 30, 13)
-        seen = [yardstick(_active(request, {**values, size: float(v)}, context)) for v in trials]
+        trials = [
+            _active(request, {**values, size: _rounded(values[size] * factor)}, context)
+            for factor in np.geomspace(1 / 30, 30, 15)
+        ]
+        trials = [trial for trial in trials if _plausible(trial)] or [active]
+        seen = [yardstick(trial) for trial in trials]
         best = int(np.argmin(np.abs(np.log(np.maximum(seen, 1e-9) / share))))
-        return _active(request, {**values, size: float(f"{trials[best]:.3g}")}, context)
-    seen_once = yardstick(active)
-    factor = float(f"{share / max(seen_once, 1e-9):.3g}")
+        return replace(trials[best], visible=seen[best])
+    factor = share / max(yardstick(active), 1e-9)
+    for p in effect.linear:  # not beyond what is plausible, if that is less than clearly seen
+        value, bound = active.linear[p.name], max(abs(p.low), abs(p.high))
+        if abs(value) * factor > bound:
+            factor = bound / abs(value)
     linear = {name: value * factor for name, value in active.linear.items()}
-    linear = {p.name: float(np.clip(linear[p.name], p.low, p.high)) for p in effect.linear}
-    return _with_linear(active, linear, context)
+    sizes = _with_linear(active, linear, context).reported
+    values |= {name: _rounded(sizes[name]) for name in effect.size_names}
+    active = _active(request, values, context)
+    return replace(active, visible=yardstick(active))
 
 
 def _usual(request: EffectRequest, twin: Twin) -> tuple[dict[str, float], dict[str, float]]:
@@ -74,6 +84,17 @@ def _usual(request: EffectRequest, twin: Twin) -> tuple[dict[str, float], dict[s
     return {**values, **given}, context
 
 
+def _rounded(value: float) -> float:
+    return float(f"{value:.3g}")
+
+
+def _plausible(active: ActiveEffect) -> bool:
+    effect = active.request.effect
+    return all(p.low <= active.linear[p.name] <= p.high for p in effect.linear) and all(
+        p.low <= active.nonlinear[p.name] <= p.high for p in effect.nonlinear
+    )
+
+
 def _active(
     request: EffectRequest, values: Mapping[str, float], context: Mapping[str, float]
 ) -> ActiveEffect:
@@ -95,11 +116,12 @@ class _Yardstick:
     def __init__(self, twin: Twin, model: str, motion: Motion) -> None:
         self.twin, self.model = twin, model
         self.t = np.arange(0.0, motion.duration, 1.0 / RATE_HZ)
+        self.rows = np.flatnonzero((self.t >= REST_S) & (self.t <= motion.duration - REST_S))[::KEEP]
         self.state = motion.at(self.t)
         self.recorded = {"A": ("tau_m",), "B": ("tau_l",), "C": ("tau_m", "tau_l"), "D": ("tau_m",)}[model]
         self.clean = self._torque(())
         self.rms = np.sqrt(np.mean(self.clean**2, axis=0))
-        W = generated.load(twin.source, model).regressor(*(part[::KEEP] for part in self.state))
+        W = generated.load(twin.source, model).regressor(*(part[self.rows] for part in self.state))
         W = W / self.rms[None, : W.shape[1], None]
         self.basis = np.linalg.qr(W.reshape(-1, W.shape[2]))[0]
 
@@ -109,7 +131,7 @@ class _Yardstick:
         tau = np.concatenate([getattr(run, name) for name in self.recorded], axis=1)
         if self.model == "D":
             tau = run.tau_m - run.tau_l
-        return smooth(tau, 1.0 / RATE_HZ, FILTER_S)[::KEEP]
+        return smooth(tau, 1.0 / RATE_HZ, FILTER_S)[self.rows]
 
     def __call__(self, effect: ActiveEffect) -> float:
         added = (self._torque((effect,)) - self.clean) / self.rms

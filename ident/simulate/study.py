@@ -1,7 +1,7 @@
 """A simulated study: which runs are made, what is recorded of them, what the study says and what it hides."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.progress import Progress, silent
 from ident.simulate.parameters import payload_body, twin_parameters
-from ident.simulate.requests import EffectRequestError, parse_effect
+from ident.simulate.requests import EffectRequest, EffectRequestError, parse_effect
 from ident.simulate.sensors import Sensors, coloured_noise, encoder, measured, noise_level, sampling_times
 from ident.simulate.sizing import activate
 from ident.simulate.trajectories import Motion, Reach, fourier, point_to_point, reach
@@ -21,6 +21,13 @@ Array = np.ndarray
 
 
 GOOD = Sensors()
+# Effects that are terms of the paper's model: kind of standard parameter, sides of the gear that have it.
+OWN_TERMS = {
+    "coulomb_friction": ("Fc", "ml"),
+    "viscous_friction": ("Fv", "ml"),
+    "offset": ("Off", "ml"),
+    "rotor_inertia": ("Ia", "m"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +108,9 @@ def simulate(
             )
     progress(f"deriving {description.name}", 0.0)
     known = twin_parameters(description, parameters, seed)
-    twin = make_twin(description, str(robot), known.standard)
+    own, requests = _own_terms(requests)
+    standard = {**known.standard, **_given_terms(own, description, model)}
+    twin = make_twin(description, str(robot), standard)
     space = reach(description)
     motions = {run.label: _motion(run, space, seed) for run in runs}
     body = payload_body(payload_kg, known.payload) if payload_kg is not None else None
@@ -122,8 +131,8 @@ def simulate(
     return SimulatedStudy(
         robot=description,
         recordings=tuple(recordings),
-        study=_study(str(robot), model, recordings),
-        truth=_truth(twin, model, active, body, known.source, sensors, seed, runs),
+        study=_study(str(robot), model, recordings, own, description),
+        truth=_truth(twin, model, own, active, body, known.source, sensors, seed, runs),
         robot_file=Path(robot) if Path(robot).is_file() else None,
     )
 
@@ -135,10 +144,8 @@ def _motion(run: PlannedRun, space: Reach, seed: int) -> Motion:
     return fourier(space, run.duration, rng)
 
 
-def _windowed(request: Any, runs: tuple[PlannedRun, ...]) -> Any:
+def _windowed(request: EffectRequest, runs: tuple[PlannedRun, ...]) -> EffectRequest:
     """When and where a load acts if the user does not say: in the last run identified without a payload."""
-    from dataclasses import replace
-
     if not request.effect.windowed:
         return request
     recording = request.recording
@@ -191,7 +198,35 @@ def _at(stamps: Array, t: Array, signal: Array) -> Array:
     return np.stack([np.interp(stamps, t, column) for column in signal.T], axis=1)
 
 
-def _study(robot: str, model: str, recordings: list[SimulatedRecording]) -> dict[str, Any]:
+def _own_terms(requests: list[EffectRequest]) -> tuple[list[EffectRequest], list[EffectRequest]]:
+    """Terms of the paper's own model, which the twin has and the study leaves out; and effects beyond it."""
+    own = [request for request in requests if request.effect.name in OWN_TERMS]
+    return own, [request for request in requests if request.effect.name not in OWN_TERMS]
+
+
+def _own_names(request: EffectRequest, robot: Robot, model: str) -> list[str]:
+    """Standard parameters that the term stands for in the channels of `model`."""
+    assert request.joint is not None
+    kind, sides = OWN_TERMS[request.effect.name]
+    used = [side for side in sides if side in {"A": "ml", "B": "l", "C": "ml", "D": "m"}[model]]
+    if not used:
+        raise SimulationError(f"{request.effect.name} is not seen by model {model}; use A, C or D.")
+    return [f"{kind}{side}{robot.joint_labels[request.joint]}" for side in used]
+
+
+def _given_terms(own: list[EffectRequest], robot: Robot, model: str) -> dict[str, float]:
+    """Values that the user gave to a term of the model: on the first side that shows it, none on the other."""
+    given: dict[str, float] = {}
+    for request in own:
+        for value in request.values.values():
+            names = _own_names(request, robot, model)
+            given |= dict(zip(names, [value] + [0.0] * (len(names) - 1)))
+    return given
+
+
+def _study(
+    robot: str, model: str, recordings: list[SimulatedRecording], own: list[EffectRequest], description: Robot
+) -> dict[str, Any]:
     """What the user would write: nothing in it tells which effect is hidden."""
     entries = []
     for recording in recordings:
@@ -199,12 +234,18 @@ def _study(robot: str, model: str, recordings: list[SimulatedRecording]) -> dict
         if recording.payload:
             entry["payload"] = recording.payload
         entries.append(entry)
-    return {"robot": Path(robot).name, "model": model, "recordings": entries}
+    study: dict[str, Any] = {"robot": Path(robot).name, "model": model, "recordings": entries}
+    if own:
+        study["without"] = [
+            f"{request.effect.name}:{description.joint_labels[request.joint or 0]}" for request in own
+        ]
+    return study
 
 
 def _truth(
     twin: Twin,
     model: str,
+    own: list[EffectRequest],
     effects: list[ActiveEffect],
     payload: Mapping[str, float] | None,
     source: str,
@@ -213,7 +254,12 @@ def _truth(
     runs: tuple[PlannedRun, ...],
 ) -> dict[str, Any]:
     labels = twin.robot.joint_labels
-    hidden = []
+    hidden: list[dict[str, Any]] = []
+    for request in own:
+        value = sum(twin.standard.get(name, 0.0) for name in _own_names(request, twin.robot, model))
+        quantity = request.effect.quantities[0].name
+        joint = int(labels[request.joint or 0])
+        hidden.append({"effect": request.effect.name, "joints": [joint], "parameters": {quantity: value}})
     for e in effects:
         parameters: dict[str, Any] = dict(e.reported)
         if e.request.source_joint is not None:
@@ -226,7 +272,10 @@ def _truth(
             if value is not None:
                 parameters[key] = value
         joints = [] if e.request.joint is None else [int(labels[e.request.joint])]
-        hidden.append({"effect": e.name, "joints": joints, "parameters": parameters})
+        visible = float(f"{100 * e.visible:.3g}")
+        hidden.append(
+            {"effect": e.name, "joints": joints, "parameters": parameters, "visible_percent": visible}
+        )
     return {
         "robot": twin.robot.name,
         "model": model,

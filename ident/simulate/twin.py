@@ -43,6 +43,7 @@ class ActiveEffect:
     linear: Mapping[str, float]
     nonlinear: Mapping[str, float]
     reported: Mapping[str, float]  # what a diagnosis ought to find
+    visible: float = float("nan")  # rms share of the joint's torque that the study's model cannot absorb
 
     @property
     def name(self) -> str:

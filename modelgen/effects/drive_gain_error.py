@@ -14,7 +14,7 @@ EFFECT = Effect(
     source="Gautier and Briot, Global identification of joint drive gains and dynamic parameters of robots, "
     "J. Dyn. Sys. Meas. Control 136(5), 2014",
     terms={"excess": SIGNALS.tau},
-    linear=(LinearParameter("excess", "-", -0.9, 3.0),),
+    linear=(LinearParameter("excess", "-", -0.5, 0.5),),
     reported=(Quantity("gain", "-", 1 + excess),),
     inverse={"excess": gain - 1},
     kind="measurement",

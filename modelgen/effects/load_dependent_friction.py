@@ -11,6 +11,6 @@ EFFECT = Effect(
     source="Hamon, Gautier, Garrec, Dynamic identification of robots with a dry friction model depending on "
     "load and velocity, IROS 2010",
     terms={"mu": sp.Abs(SIGNALS.tau_link) * SIGNALS.sign_dq},
-    linear=(LinearParameter("mu", "-", 0.0, 0.6, "positive"),),
+    linear=(LinearParameter("mu", "-", 0.0, 0.4, "positive"),),
     typical={"mu": 0.08},
 )

@@ -10,7 +10,7 @@ EFFECT = Effect(
     signature="proportional to the rate with a slope that follows |tau_link|",
     source="Hamon, Gautier, Garrec, IROS 2010 (friction depending on load and velocity)",
     terms={"muv": sp.Abs(SIGNALS.tau_link) * SIGNALS.dq},
-    linear=(LinearParameter("muv", "s/rad", 0.0, 1.0, "positive"),),
+    linear=(LinearParameter("muv", "s/rad", 0.0, 0.5, "positive"),),
     typical={"muv": 0.08},
     common=False,
 )

@@ -76,11 +76,11 @@ def _gravity_torque(arm: Frames, standard: Mapping[str, float], g: Array) -> Arr
 
 
 def tilted(gravity: Array, roll: float, pitch: float) -> Array:
-    """(3,) Ry(pitch) Rx(roll) g: gravity as it is when the robot file says g."""
+    """(3,) (Ry(pitch) Rx(roll))^T g: gravity in the axes of a base that is rolled and pitched."""
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     Rx = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
     Ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    return Ry @ Rx @ np.asarray(gravity, dtype=float)
+    return (Ry @ Rx).T @ np.asarray(gravity, dtype=float)
 
 
 def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: float, pitch: float) -> Array:
@@ -92,11 +92,11 @@ def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: flo
 def tilt_columns(robot: Robot, q: Array, standard: Mapping[str, float]) -> Array:
     """(N, n, 2) derivatives of the torques with respect to roll and pitch at a level base.
 
-    d/d(roll) of the gravity is e_x x g, d/d(pitch) is e_y x g.
+    d/d(roll) of the gravity is -e_x x g, d/d(pitch) is -e_y x g.
     """
     g = np.array([float(robot.value(x)) for x in robot.gravity])
     arm = frames(robot, q)
-    return np.stack([_gravity_torque(arm, standard, np.cross(axis, g)) for axis in np.eye(3)[:2]], axis=-1)
+    return np.stack([_gravity_torque(arm, standard, -np.cross(axis, g)) for axis in np.eye(3)[:2]], axis=-1)
 
 
 def gravity_columns(robot: Robot, q: Array, gravity: Array, names: tuple[str, ...]) -> Array:

@@ -45,5 +45,6 @@ EFFECT = Effect(
     channel="link",
     joints="robot",
     windowed=True,
+    sizes=("m", "mx", "my", "mz"),
     typical={"m": 1.5, "mx": 0.03, "my": -0.02, "mz": 0.12},
 )
