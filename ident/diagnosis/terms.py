@@ -255,7 +255,7 @@ def _tilt_columns(term: Term, context: Context) -> Columns:
     axes = {"roll": np.array([1.0, 0, 0]), "pitch": np.array([0, 1.0, 0])}
     parts = []
     for name in term.terms:
-        turned = np.cross(axes[name], g)
+        turned = -np.cross(axes[name], g)  # the base turns, so gravity turns back in its axes
         parts.append(view.geometry.gravity_torques(fine.q, bodies, turned))
     out = {}
     for c in range(len(view.channels)):
