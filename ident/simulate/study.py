@@ -210,12 +210,12 @@ def _own_names(request: EffectRequest, robot: Robot, model: str) -> list[str]:
     kind, sides = OWN_TERMS[request.effect.name]
     used = [side for side in sides if side in {"A": "ml", "B": "l", "C": "ml", "D": "m"}[model]]
     if not used:
-        raise SimulationError(f"{request.effect.name} is not seen by model {model}; use A, C or D.")
+        raise SimulationError(f"model {model} does not see {request.effect.name}; use A, C or D.")
     return [f"{kind}{side}{robot.joint_labels[request.joint]}" for side in used]
 
 
 def _given_terms(own: list[EffectRequest], robot: Robot, model: str) -> dict[str, float]:
-    """Values that the user gave to a term of the model: on the first side that shows it, none on the other."""
+    """Values that the user gave to a term of the model: on one side of the gear, none on the other."""
     given: dict[str, float] = {}
     for request in own:
         for value in request.values.values():
@@ -264,13 +264,9 @@ def _truth(
         parameters: dict[str, Any] = dict(e.reported)
         if e.request.source_joint is not None:
             parameters["source_joint"] = int(labels[e.request.source_joint])
-        for key, value in (
-            ("from", e.request.start),
-            ("to", e.request.stop),
-            ("recording", e.request.recording),
-        ):
-            if value is not None:
-                parameters[key] = value
+        window: dict[str, Any] = {"from": e.request.start, "to": e.request.stop}
+        window["recording"] = e.request.recording
+        parameters |= {key: value for key, value in window.items() if value is not None}
         joints = [] if e.request.joint is None else [int(labels[e.request.joint])]
         visible = float(f"{100 * e.visible:.3g}")
         hidden.append(
