@@ -1,7 +1,10 @@
 """What the commands of `ident` do: read, call the pure part with a progress bar, write, say what came out."""
 
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 
+from ident.output import staged, writable
 from ident.terminal import print_table, progress_bar
 
 
@@ -16,7 +19,6 @@ def simulate(
     verbose: bool,
 ) -> None:
     """`ident simulate`: recordings and a study; the hidden truth is written beside them."""
-    from ident.output import writable
     from ident.simulate import simulate_command
 
     writable(output)
@@ -36,3 +38,60 @@ def simulate(
         )
     print_table(made.robot.name, ("recording", "use", "payload", "seconds", "samples"), rows, numbers=(3, 4))
     print(f"wrote {output / 'study.yaml'}; next: ident diagnose {output / 'study.yaml'} -o RESULTS")
+
+
+def fit(study_file: Path, output: Path, models: tuple[str, ...], verbose: bool) -> None:
+    """`ident fit`: identify, write fit.json, tables, plots and the report, show the result."""
+    from ident.fit import fit_models, fit_study
+    from ident.report.fit_result import comparison_html, fit_html
+    from ident.results import comparison_table, error_table, parameter_table, write_comparison, write_into
+    from ident.study import load_study
+
+    study = load_study(study_file)
+    models = checked_models(models)
+    with staged(output) as stage, progress_bar(verbose) as progress:
+        if models:
+            results = fit_models(study, models, progress=progress)
+            progress("writing tables, plots and reports")
+            write_comparison(results, stage)
+            for model, result in results.items():
+                (stage / model / "report.html").write_text(fit_html(result), encoding="utf-8")
+            (stage / "report.html").write_text(comparison_html(results), encoding="utf-8")
+        else:
+            result = fit_study(study, progress=progress)
+            progress("writing tables, plots and report")
+            write_into(result, stage)
+            (stage / "report.html").write_text(fit_html(result), encoding="utf-8")
+    if models:
+        show("parameters", comparison_table(results))
+        warnings = [f"model {model}: {text}" for model, result in results.items() for text in result.warnings]
+    else:
+        show("essential parameters", parameter_table(result))
+        show("relative error", error_table(result))
+        warnings = list(result.warnings)
+    finish(warnings, output)
+
+
+def checked_models(models: tuple[str, ...]) -> tuple[str, ...]:
+    """Upper-case model letters. Raises StudyError for one that is none of A, B, C, D."""
+    from ident.errors import IdentError
+    from ident.study import MODELS
+
+    letters = tuple(dict.fromkeys(model.strip().upper() for model in models))
+    for letter in letters:
+        if letter not in MODELS:
+            raise IdentError(f"--models {letter}: there is no such model; choose from {', '.join(MODELS)}")
+    return letters
+
+
+def show(title: str, table: tuple[Sequence[str], Sequence[Sequence[str]]]) -> None:
+    """A table whose first column is a name and whose others are numbers, but for a unit."""
+    header, rows = table
+    print_table(title, header, rows, numbers=[k for k, name in enumerate(header) if k and name != "unit"])
+
+
+def finish(warnings: list[str], output: Path) -> None:
+    """Warnings on stderr, and where the report is."""
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    print(f"wrote {output / 'report.html'}")

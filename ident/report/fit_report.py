@@ -167,7 +167,7 @@ def _curve_sections(curves: Sequence[Curve]) -> list[Section]:
     sections = []
     for place, (recording, role) in enumerate(recordings):
         plots = tuple(
-            _curve_plot(curve, stretches)
+            curve_plot(curve, stretches)
             for curve in curves
             if (curve.recording, curve.role) == (recording, role)
         )
@@ -184,7 +184,9 @@ def _curve_sections(curves: Sequence[Curve]) -> list[Section]:
     return sections
 
 
-def _curve_plot(curve: Curve, stretches: int) -> Plot:
+def curve_plot(curve: Curve, stretches: int) -> Plot:
+    """Measured and reconstructed torque with the error under them (figures 4 to 7)."""
+
     def trace(name: str, y: NDArray[np.float64], role: str) -> Trace:
         return Trace(name, *envelope(*with_gaps(curve.t, y), stretches), role)
 
