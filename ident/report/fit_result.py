@@ -210,8 +210,8 @@ def comparison_html(results: Mapping[str, FitResult]) -> str:
             Section(
                 "Parameters",
                 (table,),
-                text="Value, relative standard deviation, and difference from the first model that has it. The "
-                "same name may stand for another sum in another model: each model's report has the rules.",
+                text="Value, relative standard deviation, and difference from the first model that has it. "
+                "A name may stand for another sum in another model: each model's report has the rules.",
             ),
             Section(
                 "Torque of the first two channels", tuple(_titled(model, curve) for model, curve in curves)
