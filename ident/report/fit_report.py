@@ -14,7 +14,7 @@ from ident.report.wording import meaning, number, percent, readable_rule, readab
 ROLES = {
     "identify": "runs that were fitted",
     "validate": "runs that were not fitted",
-    "test": "runs that decided nothing",
+    "test": "runs that were used for nothing else",
 }
 OPEN_RECORDINGS = 1  # further recordings start folded
 
@@ -137,7 +137,7 @@ def _parameter_section(document: Mapping[str, Any]) -> Section:
         Column("meaning"),
     )
     rows = []
-    for row in document["parameters"]:
+    for row in sorted(document["parameters"], key=lambda row: not row["essential"]):
         essential = row["essential"]
         relative = row["relative_std_percent"]
         tone = "" if essential else "faint"
