@@ -120,7 +120,7 @@ def payload_body(m: float, known: Mapping[str, float] | None) -> dict[str, float
 def random_parameters(robot: Robot, rng: np.random.Generator) -> TwinParameters:
     """Physically consistent: every link a solid of positive density, every drive with positive friction.
 
-    Masses fall towards the tip and grow with the cube of the reach (12 kg at 0.85 m); friction and rotor
+    Masses fall towards the tip and grow with the reach (14 kg at 1.2 m); friction and rotor
     inertia follow the torque that the joint holds against gravity (its neighbour's, where gravity does none).
     """
     lengths = [
@@ -129,7 +129,7 @@ def random_parameters(robot: Robot, rng: np.random.Generator) -> TwinParameters:
     ]
     arm = max(sum(lengths), 0.2)
     share = 0.72 ** np.arange(len(robot.links)) * rng.uniform(0.8, 1.25, len(robot.links))
-    masses = 12.0 * (arm / 0.85) ** 3 * share / share.sum()
+    masses = 14.0 * (arm / 1.2) ** 2.5 * share / share.sum()
     standard: dict[str, float] = {}
     for row, m in enumerate(masses, 1):
         towards = _next_origin(robot, row)
@@ -145,7 +145,7 @@ def random_parameters(robot: Robot, rng: np.random.Generator) -> TwinParameters:
     q = rng.uniform(-2.5, 2.5, (200, robot.n))
     g = np.array([float(robot.value(x)) for x in robot.gravity])
     held = np.sqrt(np.mean(gravity_torque(robot, q, standard, g) ** 2, axis=0))
-    held = np.maximum(held, 0.06 * held.max() if held.max() > 0 else 5.0)
+    held = np.maximum(held, 0.1 * held.max() if held.max() > 0 else 5.0)
     held[0] = max(held[0], 0.6 * held.max())
     for k, (number, level) in enumerate(zip(robot.joint_labels, held)):
         fast = 1.0 if robot.link(robot.moving[k]).sigma == 0 else 3.0

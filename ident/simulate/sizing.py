@@ -23,16 +23,18 @@ REST_S = 1.5  # cut at both ends, as a fit does with rest
 
 
 def activate(
-    request: EffectRequest, twin: Twin, model: str, motion: Motion, share: float = 0.05
+    request: EffectRequest, twin: Twin, model: str, motion: Motion, share: float | None = None
 ) -> ActiveEffect:
     """Give a request all its numbers. The user's stand; the effect's size is set if he did not fix it."""
     effect = request.effect
+    share = share or (0.03 if effect.kind == "motion" else 0.05)
     values, context = _usual(request, twin)
     channels_of(request, model)  # refuses what the study could not show
     active = _active(request, values, context)
     yardstick = _Yardstick(twin, model, motion)
+    active = replace(active, visible=yardstick(active))
     if set(request.values) & {*effect.size_names, "force"}:
-        return replace(active, visible=yardstick(active))
+        return active
     if effect.state is not None:  # not proportional to any parameter: search
         size = effect.size_names[0]
         trials = [
@@ -43,16 +45,27 @@ def activate(
         seen = [yardstick(trial) for trial in trials]
         best = int(np.argmin(np.abs(np.log(np.maximum(seen, 1e-9) / share))))
         return replace(trials[best], visible=seen[best])
-    factor = share / max(yardstick(active), 1e-9)
-    for p in effect.linear:  # not beyond what is plausible, if that is less than clearly seen
-        value, bound = active.linear[p.name], max(abs(p.low), abs(p.high))
-        if abs(value) * factor > bound:
-            factor = bound / abs(value)
+    for _ in range(3):  # once where the torque is proportional to the parameters
+        active = _scaled(active, share / max(active.visible, 1e-9), values, context)
+        active = replace(active, visible=yardstick(active))
+        if abs(active.visible / share - 1) < 0.15:
+            break
+    return active
+
+
+def _scaled(
+    active: ActiveEffect, factor: float, values: dict[str, float], context: Mapping[str, float]
+) -> ActiveEffect:
+    """All linear parameters times factor, but none beyond what is plausible; sizes told in three digits."""
+    effect = active.request.effect
+    for p in effect.linear:
+        value, bound = abs(active.linear[p.name]), max(abs(p.low), abs(p.high))
+        if value * factor > bound:
+            factor = bound / value
     linear = {name: value * factor for name, value in active.linear.items()}
     sizes = _with_linear(active, linear, context).reported
-    values |= {name: _rounded(sizes[name]) for name in effect.size_names}
-    active = _active(request, values, context)
-    return replace(active, visible=yardstick(active))
+    rounded = {name: _rounded(sizes[name]) for name in effect.size_names}
+    return _active(active.request, {**values, **rounded}, context)
 
 
 def _usual(request: EffectRequest, twin: Twin) -> tuple[dict[str, float], dict[str, float]]:
@@ -106,7 +119,7 @@ def _with_linear(
     active: ActiveEffect, linear: Mapping[str, float], context: Mapping[str, float]
 ) -> ActiveEffect:
     report = active.request.effect.report(linear, active.nonlinear, None, context)
-    reported = {name: float(entry["value"]) for name, entry in report.items()}
+    reported = {name: float(f"{entry['value']:.12g}") for name, entry in report.items()}
     return replace(active, linear=linear, reported=reported)
 
 

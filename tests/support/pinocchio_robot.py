@@ -1,0 +1,117 @@
+"""A robot file's robot in Pinocchio, an independent program, and its numeric base parameter count."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from modelgen.robot import Robot
+
+# Pinocchio's order of a body's ten parameters; the inertia is about the joint frame's origin there too.
+ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
+
+
+def _placement(robot: Robot, j: int) -> pin.SE3:
+    link = robot.link(j)
+    gamma, b, alpha, d, theta, r = (
+        float(robot.value(x)) for x in (link.gamma, link.b, link.alpha, link.d, link.theta, link.r)
+    )
+
+    def screw(axis: int, angle: float, length: float) -> pin.SE3:
+        rotation = (pin.utils.rotate("x", angle), None, pin.utils.rotate("z", angle))[axis]
+        return pin.SE3(rotation, length * np.eye(3)[axis])
+
+    return screw(2, gamma, b) * screw(0, alpha, d) * screw(2, theta, r)
+
+
+class PinocchioRobot:
+    """The robot with one Pinocchio joint per moving row; fixed rows are offsets of their antecedent."""
+
+    def __init__(self, robot: Robot) -> None:
+        self.robot = robot
+        self.model = pin.Model()
+        self.model.gravity = pin.Motion(np.array([float(robot.value(g)) for g in robot.gravity]), np.zeros(3))
+        self.frames: dict[int, tuple[int, pin.SE3]] = {0: (0, pin.SE3.Identity())}  # row -> joint, placement
+        for j, link in enumerate(robot.links, 1):
+            joint, place = self.frames[link.antecedent]
+            place = place * _placement(robot, j)
+            if link.sigma != 2:
+                kind = pin.JointModelPZ() if link.sigma else pin.JointModelRZ()
+                joint, place = self.model.addJoint(joint, kind, place, f"row{j}"), pin.SE3.Identity()
+            self.frames[j] = (joint, place)
+        self.data = self.model.createData()
+
+    def regressor(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> dict[tuple[int, str], np.ndarray]:
+        """Torques (n,) of each (row, parameter) being 1, at one state; Pinocchio's own body regressor."""
+        whole = pin.computeJointTorqueRegressor(self.model, self.data, q, dq, ddq)
+        columns = {}
+        for j in range(1, len(self.robot.links) + 1):
+            joint, place = self.frames[j]
+            if joint == 0:
+                columns.update({(j, kind): np.zeros(self.robot.n) for kind in ORDER})
+                continue
+            block = whole[:, 10 * (joint - 1) : 10 * joint] @ _moved(place)
+            columns.update({(j, kind): block[:, k] for k, kind in enumerate(ORDER)})
+        return columns
+
+    def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, parameters: dict) -> np.ndarray:
+        """RNEA for bodies with the given parameters (which need not be physical)."""
+        model = self.model.copy()
+        inertias = {joint: np.zeros(10) for joint in range(1, model.njoints)}
+        for j in range(1, len(self.robot.links) + 1):
+            joint, place = self.frames[j]
+            if joint:
+                inertias[joint] += _moved(place) @ np.array(
+                    [parameters.get((j, kind), 0.0) for kind in ORDER]
+                )
+        for joint, phi in inertias.items():
+            model.inertias[joint] = pin.Inertia.FromDynamicParameters(phi)
+        return pin.rnea(model, model.createData(), q, dq, ddq)
+
+    def mechanical_energy(self, q: np.ndarray, dq: np.ndarray, parameters: dict) -> float:
+        """Kinetic plus potential energy of physical bodies."""
+        model = self.model.copy()
+        for j in range(1, len(self.robot.links) + 1):
+            joint, place = self.frames[j]
+            if joint:
+                phi = np.array([parameters.get((j, kind), 0.0) for kind in ORDER])
+                model.inertias[joint] += place.act(pin.Inertia.FromDynamicParameters(phi))
+        return pin.computeMechanicalEnergy(model, model.createData(), q, dq)
+
+
+def _moved(place: pin.SE3) -> np.ndarray:
+    """10 x 10: parameters about a fixed frame -> the same body's about its joint's frame, by pseudo-inertias."""
+    result = np.zeros((10, 10))
+    T = place.homogeneous
+    for k in range(10):
+        M, MX, MY, MZ, XX, XY, YY, XZ, YZ, ZZ = np.eye(10)[k]
+        inertia = np.array([[XX, XY, XZ], [XY, YY, YZ], [XZ, YZ, ZZ]])
+        P = np.zeros((4, 4))
+        P[:3, :3] = np.trace(inertia) / 2 * np.eye(3) - inertia
+        P[:3, 3] = P[3, :3] = MX, MY, MZ
+        P[3, 3] = M
+        P = T @ P @ T.T
+        J = np.trace(P[:3, :3]) * np.eye(3) - P[:3, :3]
+        result[:, k] = [P[3, 3], *P[:3, 3], J[0, 0], J[0, 1], J[1, 1], J[0, 2], J[1, 2], J[2, 2]]
+    return result
+
+
+def numeric_base_count(robot: Robot, rotors: bool, seed: int = 0) -> tuple[int, float]:
+    """Rank of the stacked regressor at random states, and the gap between the singular values that decide it.
+
+    Columns are scaled to unit length first; with rotors, Iam acts in its own row only (paper eq. 1).
+    """
+    rng = np.random.default_rng(seed)
+    independent = PinocchioRobot(robot)
+    blocks = []
+    for _ in range(10 * len(robot.links) // robot.n + 30):
+        q, dq, ddq = rng.uniform(-2, 2, (3, robot.n))
+        W = np.column_stack(list(independent.regressor(q, dq, ddq).values()))
+        blocks.append(np.hstack([W, np.diag(ddq)]) if rotors else W)
+    W = np.vstack(blocks)
+    size = np.linalg.norm(W, axis=0)
+    W = W[:, size > 1e-9 * size.max()]
+    values = np.linalg.svd(W / np.linalg.norm(W, axis=0), compute_uv=False)
+    values = np.append(values / values[0], 1e-18)
+    rank = int(np.sum(values > 1e-10))
+    return rank, float(values[rank - 1] / max(values[rank], 1e-18))
