@@ -277,7 +277,7 @@ def prepare(stream: RecordingStream, settings: FilterSettings) -> FilterBank:
         if rows > 1000:
             break
     noise = velocity_noise(np.concatenate(q), bank)
-    return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise)
+    return FilterBank(bank.position, bank.sign, np.maximum(NOISE_FACTOR * noise, settings.sign_velocity))
 
 
 def filter_stream(stream: RecordingStream, bank: FilterBank, *, torque_too: bool = False
