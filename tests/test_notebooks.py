@@ -1,0 +1,40 @@
+"""Every notebook runs in a fresh kernel, and the claim in its last cell is checked here."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "notebooks"
+NOTEBOOKS = sorted(path.name for path in FOLDER.glob("*.ipynb"))
+
+
+def executed(name, tmp_path):
+    import nbformat
+    from nbclient import NotebookClient
+
+    notebook = nbformat.read(FOLDER / name, as_version=4)
+    client = NotebookClient(
+        notebook, timeout=300, kernel_name="python3", resources={"metadata": {"path": str(tmp_path)}}
+    )
+    client.execute()
+    return json.loads(notebook.cells[-1].outputs[-1]["text"])
+
+
+@pytest.mark.parametrize("name", NOTEBOOKS)
+def test_outputs_are_not_committed_and_the_last_cell_is_the_claim(name):
+    cells = json.loads((FOLDER / name).read_text(encoding="utf-8"))["cells"]
+    for cell in cells:
+        assert cell["cell_type"] != "code" or (cell["outputs"] == [] and cell["execution_count"] is None)
+    assert "".join(cells[-2]["source"]).startswith("## The claim")
+    assert "json.dumps" in "".join(cells[-1]["source"])
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_regrouped_parameters(tmp_path):
+    claim = executed("1_regrouped_parameters.ipynb", tmp_path)
+    assert claim["counts"] == {"A": 79, "B": 74, "C": 102, "D": 28}
+    assert claim["rank_of_all_joints"] == claim["base_parameters_of_the_bare_arm"] == 69 > claim["rank_of_ten_poses"]
+    assert claim["separate_in_C"] == 28
+    assert claim["rotors_mixed_in_A"] == ["Iam1", "Iam2"]
