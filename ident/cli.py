@@ -20,6 +20,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+STOPPED = 130
 MODELS = {
     "A": "motor torque",
     "B": "joint torque sensor",
@@ -185,9 +186,10 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status instead of leaving."""
     try:
-        return app(args=arguments, prog_name="ident", standalone_mode=False) or 0
+        status = app(args=arguments, prog_name="ident", standalone_mode=False) or 0
+        return _stopped() if status == STOPPED else status  # typer turns Ctrl-C into this status itself
     except (KeyboardInterrupt, typer.Abort):
-        return _say("ident: stopped; nothing was written", 130)
+        return _stopped()
     except typer.Exit as leave:
         return leave.exit_code
     except BrokenPipeError:
@@ -231,9 +233,11 @@ def sentence(error: Any) -> str:
     return " ".join(str(error).split())
 
 
+def _stopped() -> int:
+    return _say("ident: stopped; nothing was written", STOPPED)
+
+
 def _say(text: str, status: int) -> int:
-    if status == 130:
-        print(file=sys.stderr)
     print(text, file=sys.stderr)
     return status
 
