@@ -133,7 +133,7 @@ class _Yardstick:
         self.state = motion.at(self.t)
         self.recorded = {"A": ("tau_m",), "B": ("tau_l",), "C": ("tau_m", "tau_l"), "D": ("tau_m",)}[model]
         self.clean = self._torque(())
-        self.rms = np.sqrt(np.mean(self.clean**2, axis=0))
+        self.rms = np.maximum(np.sqrt(np.mean(self.clean**2, axis=0)), 1e-3)  # N m
         W = generated.load(twin.source, model).regressor(*(part[self.rows] for part in self.state))
         W = W / self.rms[None, : W.shape[1], None]
         self.basis = np.linalg.qr(W.reshape(-1, W.shape[2]))[0]
