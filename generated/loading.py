@@ -1,34 +1,208 @@
-"""From a robot's name to a model that can be evaluated."""
+"""From a robot's name to a model that can be evaluated: committed C, or derived once and cached."""
 
 from __future__ import annotations
 
+import hashlib
+import importlib.util
+import json
+import os
+import re
+import sys
+import threading
+import time
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
+from generated import cache, compiling
 from generated.errors import GeneratedError
+from generated.kernel import Kernel
 from generated.model import Model
+
+HERE = Path(__file__).parent
+MODELS = ("A", "B", "C", "D")
+_lock = threading.RLock()
+_loaded: dict[tuple, Model] = {}
+
+
+def _after_fork() -> None:
+    global _lock
+    _lock = threading.RLock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
 
 
 def load(
-    robot: str | Path, model: str = "A", payload: str | None = None, effects: tuple[str, ...] = ()
+    robot: str | os.PathLike[str],
+    model: str = "A",
+    payload: str | None = None,
+    effects: Sequence[str] = (),
 ) -> Model:
-    """The model `model` ("A", "B", "C" or "D") of a built-in robot or a robot file.
+    """The model "A", "B", "C" or "D" of a built-in robot or of a robot file.
 
-    `payload="L"` appends the ten parameters of that payload. Raises GeneratedError.
+    `payload="L"` appends the ten parameters of that payload; `effects=("stribeck_friction:2",)` the columns of
+    those effects. What is not built in is derived, compiled and cached on first use. Raises GeneratedError.
     """
+    if model not in MODELS:
+        raise GeneratedError(f"there is no model {model!r}; choose A, B, C or D.")
+    effects = (effects,) if isinstance(effects, str) else tuple(effects)
+    name, data = _robot_file(robot)
+    key = (name, hashlib.sha256(data).digest(), model, payload, effects)
+    with _lock:
+        found = _loaded.get(key)
+        if found is None:
+            found = _loaded[key] = _load(name, data, model, payload, effects)
+        return found
+
+
+def _robot_file(robot: str | os.PathLike[str]) -> tuple[str, bytes]:
+    """(built-in name or path, content)."""
+    text = os.fspath(robot)
+    if not isinstance(text, str) or not text:
+        raise GeneratedError(f"{robot!r} is no robot; give a built-in name or the path of a robot file.")
+    path = Path(text)
+    built_in = _modelgen() / "robots" / f"{text}.yaml"
+    if re.fullmatch(r"[A-Za-z0-9_.-]+", text) and built_in.is_file() and not path.is_file():
+        return text, built_in.read_bytes()
+    try:
+        return text, path.read_bytes()
+    except OSError:
+        names = ", ".join(sorted(p.stem for p in (_modelgen() / "robots").glob("*.yaml")))
+        raise GeneratedError(
+            f"{text} is neither a readable robot file nor a built-in robot; built in are {names}."
+        ) from None
+
+
+@lru_cache(maxsize=1)
+def _modelgen() -> Path:
+    spec = importlib.util.find_spec("modelgen")  # finds it without importing what it needs
+    assert spec is not None and spec.submodule_search_locations
+    return Path(next(iter(spec.submodule_search_locations)))
+
+
+def _load(name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]) -> Model:
+    question = (name, data, model, payload, effects)
+    with _first_use(f"{Path(name).stem}, model {model}") as progress:
+        files = _committed(name, data, model, payload, effects)
+        if files is None:
+            progress("derived")
+            files = _derived(*question)
+        description, code = files
+        progress("compiled")
+        try:
+            prefix = description["prefix"]
+            library = compiling.library(compiling.shim(description, code, prefix))
+            kernel: Any = Kernel(library, description["columns"])
+        except (compiling.NoCompilerError, OSError) as error:
+            warnings.warn(
+                f"No C compiler works here ({error}); {description['robot']} is evaluated by NumPy, some ten "
+                "times slower: install gcc or clang, or pip install 'dynident[compiler]'.",
+                stacklevel=4,
+            )
+            kernel = _numpy_kernel(*question)
+    return Model(description, kernel, (name, model, payload, effects), lambda: _casadi(*question))
+
+
+def _committed(
+    name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]
+) -> tuple[Mapping[str, Any], str] | None:
+    """Description and C that came with the package, if they are of this very robot file."""
     if effects:
-        raise GeneratedError("effects are not part of a compiled model yet; leave effects=() here.")
-    return _load(str(robot), model, payload)
+        return None
+    stem = model if payload is None or model == "D" else f"{model}_{payload}"
+    place = HERE / name / stem
+    if not re.fullmatch(r"[A-Za-z0-9_]+", name) or not place.with_suffix(".json").is_file():
+        return None
+    description = json.loads(place.with_suffix(".json").read_text())
+    if description["made_of"]["robot_sha256"] != hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest():
+        return None
+    return description, place.with_suffix(".c").read_text()
 
 
-@lru_cache(maxsize=32)
-def _load(robot: str, model: str, payload: str | None) -> Model:
+def _derived(
+    name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]
+) -> tuple[Mapping[str, Any], str]:
+    """Description and C of any robot, from the cache or made now."""
+
+    def build(place: Path) -> None:
+        from modelgen import c_code
+
+        derived, robot = _derive(name, data, model, payload, effects)
+        made_of = c_code.provenance(robot.source_sha256)
+        (place / "model.json").write_text(json.dumps(c_code.described(derived, made_of)))
+        (place / "model.c").write_text(c_code.source(derived, made_of))
+
+    entry = "model-" + cache.key(data, model, repr(payload), *effects, _generator())[:40]
+    place = cache.entry(entry, build)
+    return json.loads((place / "model.json").read_text()), (place / "model.c").read_text()
+
+
+@lru_cache(maxsize=1)
+def _generator() -> str:
+    """The generator's own content: a cache entry made by another version is not used."""
+    parts = [p for p in sorted(_modelgen().rglob("*.py")) if p.is_file()]
+    return cache.key(*(p.read_bytes() for p in parts))
+
+
+def _derive(name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]) -> Any:
     from modelgen.description import derive
     from modelgen.errors import ModelgenError
-    from modelgen.robot_file import load_robot
+    from modelgen.robot_file import parse_robot
 
     try:
-        derived = derive(load_robot(robot), model, payload)
+        robot = parse_robot(data, Path(name).name)
+        return derive(robot, model, payload, effects), robot
     except ModelgenError as error:
         raise GeneratedError(str(error)) from None
-    return Model(derived.description, derived.columns.evaluate)
+
+
+@lru_cache(maxsize=16)
+def _casadi(
+    name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]
+) -> Mapping[str, Any]:
+    derived, _ = _derive(name, data, model, payload, effects)
+    from modelgen.casadi_functions import outer_functions
+
+    return outer_functions(derived)
+
+
+def _numpy_kernel(name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]) -> Any:
+    from generated.numpy_kernel import NumpyKernel
+
+    return NumpyKernel(_derive(name, data, model, payload, effects)[0])
+
+
+@contextmanager
+def _first_use(what: str) -> Iterator[Any]:
+    """On a terminal, say what takes time on first use."""
+    steps: list[str] = []
+    start = time.monotonic()
+    finished = threading.Event()
+
+    def speak() -> None:
+        if not finished.wait(0.5):
+            print(
+                f"{what}: being {steps[-1] if steps else 'made'} on first use ...",
+                end="",
+                file=sys.stderr,
+                flush=True,
+            )
+            steps.append("spoken")
+
+    if not sys.stderr.isatty():
+        yield steps.append
+        return
+    speaker = threading.Thread(target=speak, daemon=True)
+    speaker.start()
+    try:
+        yield steps.append
+    finally:
+        finished.set()
+        speaker.join()
+        if "spoken" in steps:
+            print(f" {time.monotonic() - start:.1f} s", file=sys.stderr)

@@ -2,155 +2,354 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Protocol
 
 import numpy as np
 
 from generated.errors import GeneratedError
+from generated.kernel import LANES, Samples
 
 Array = np.ndarray
+BLOCK = 256  # samples: the block buffer stays in the second-level cache
+CACHES = 8 << 20  # bytes: a larger W is written past the caches
+
+
+class Evaluator(Protocol):
+    """What evaluates samples: the compiled `Kernel`, or `NumpyKernel` where there is no compiler."""
+
+    def block(self, rows: Any, copies: Any) -> Any: ...
+    def dense(self, *arguments: Any) -> None: ...
+    def torque(self, *arguments: Any) -> None: ...
 
 
 class Model:
-    """Base parameters, rules, regressor and torque of one model of a robot."""
+    """One model of one robot, compiled. Rows are channels, columns base parameters; SI units, joint side.
 
-    def __init__(self, description: Mapping[str, Any], columns: Callable[[dict[str, Array]], list]) -> None:
-        self._description, self._columns = description, columns
+    `nonzeros` (nnz, 2) holds the (channel, parameter) of the entries of W that are not zero for all motions, in
+    the order of `nonzero_blocks`.
+    """
+
+    def __init__(
+        self,
+        description: Mapping[str, Any],
+        kernel: Evaluator,
+        reload: tuple,
+        functions: Callable[[], Mapping],
+    ) -> None:
+        self._description, self._kernel, self._reload, self._functions = (
+            description,
+            kernel,
+            reload,
+            functions,
+        )
         self.robot_name: str = description["robot"]
         self.model: str = description["model"]
         self.payload: str | None = description["payload"]
+        self.effects: tuple[str, ...] = tuple(description["effects"])
         self.parameters: tuple[str, ...] = tuple(description["parameters"])
         self.channels: tuple[str, ...] = tuple(description["channels"])
         self.standard_parameters: tuple[str, ...] = tuple(description["standard_parameters"])
         self.rules: dict[str, str] = dict(description["rules"])
         self.unidentifiable: tuple[str, ...] = tuple(description["unidentifiable"])
-        self.operations: dict[str, int] = dict(description["operations"])
+        self.operations: dict[str, Any] = dict(description["operations"])
+        self.extra_inputs: tuple[str, ...] = tuple(description["extra_inputs"])
         self.n = len(description["joints"])
-        self.nonzeros = np.array([entry[:2] for entry in description["nonzeros"]], dtype=np.intp).reshape(
-            -1, 2
-        )
-        self._sources = [entry[2] for entry in description["nonzeros"]]
+        nonzeros = description["nonzeros"]
+        self.nonzeros = np.array([entry[:2] for entry in nonzeros], dtype=np.intp).reshape(-1, 2)
+        self.nonzeros.flags.writeable = False
+        self._source = np.array([self._source_number(entry[2]) for entry in nonzeros], dtype=np.int32)
+        width = len(self.parameters)
+        self._target = np.array([channel * width + p for channel, p, _ in nonzeros], dtype=np.int32)
+
+    def __repr__(self) -> str:
+        payload = f", payload={self.payload!r}" if self.payload else ""
+        effects = f", effects={self.effects!r}" if self.effects else ""
+        return f"generated.load({self.robot_name!r}, {self.model!r}{payload}{effects})"
+
+    def __reduce__(self) -> tuple:
+        from generated.loading import load
+
+        return load, self._reload
+
+    def _source_number(self, source: int | str) -> int:
+        """The number of a source in generated/batch.c: entries, then dq, ddq, sign of each joint, then 1."""
+        if isinstance(source, int):
+            return source
+        behind = self._description["columns"]
+        if source == "one":
+            return behind + 3 * self.n
+        name = source.rstrip("0123456789")
+        return behind + ("dq", "ddq", "sign").index(name) * self.n + int(source[len(name) :])
 
     def regroup(self, standard: Mapping[str, float]) -> Array:
-        """chi (b,) of given standard parameters; absent ones are zero. Raises GeneratedError."""
+        """chi (b,) of standard parameters {name: value}; absent ones are zero."""
         unknown = sorted(set(standard) - set(self.standard_parameters))
         if unknown:
             raise GeneratedError(
-                f"{self.robot_name} model {self.model} has no standard parameter {', '.join(unknown)}; "
-                "names are in model.standard_parameters."
+                f"{self.robot_name}, model {self.model}, has no standard parameter {', '.join(unknown)}; "
+                "its names are in standard_parameters."
             )
         rules = self._description["regroup"]
-        return np.array(
-            [sum(c * float(standard.get(s, 0.0)) for s, c in rules[name].items()) for name in self.parameters]
-        )
-
-    def _state(self, q: Any, dq: Any, ddq: Any, sign: Any) -> tuple[Array, Array, Array, Array]:
-        arrays = []
-        for name, value in (("q", q), ("dq", dq), ("ddq", ddq), ("sign", sign)):
-            if value is None:
-                continue
-            try:
-                array = np.asarray(value, dtype=np.float64)
-            except (TypeError, ValueError):
-                raise GeneratedError(
-                    f"{name} is not an array of real numbers; give float64 of shape (N, {self.n})."
-                ) from None
-            if array.ndim != 2 or array.shape[1] != self.n:
-                raise GeneratedError(
-                    f"{name} has shape {array.shape}; {self.robot_name} needs (N, {self.n})."
-                )
-            arrays.append(array)
-            if array.shape != arrays[0].shape:
-                raise GeneratedError(
-                    f"{name} has {array.shape[0]} rows and q has {arrays[0].shape[0]}; give as many."
-                )
-        if sign is None:
-            arrays.append(np.sign(arrays[1]))
-        return tuple(arrays)  # type: ignore[return-value]
-
-    def _values(self, q: Array, dq: Array, ddq: Array, sign: Array) -> list[Any]:
-        inputs: dict[str, Array] = {}
-        for i, joint in enumerate(self._description["joints"]):
-            k = joint["label"]
-            inputs |= {f"q{k}": q[:, i], f"dq{k}": dq[:, i], f"ddq{k}": ddq[:, i]}
-            inputs |= {f"c{k}": np.cos(q[:, i]), f"s{k}": np.sin(q[:, i])}
-        inertial = self._columns(inputs)
-        signals = {"dq": dq, "ddq": ddq, "sign": sign}
-        values = []
-        for source in self._sources:
-            if isinstance(source, int):
-                values.append(inertial[source])
-            elif source == "one":
-                values.append(1.0)
-            else:
-                name = source.rstrip("0123456789")
-                values.append(signals[name][:, int(source[len(name) :])])
-        return values
+        chi = [
+            sum(c * float(standard.get(s, 0.0)) for s, c in rules[name].items()) for name in self.parameters
+        ]
+        return np.array(chi, dtype=np.float64)
 
     def regressor(
-        self, q: Any, dq: Any, ddq: Any, out: Array | None = None, *, sign: Any = None, threads: int = 1
+        self,
+        q: Any,
+        dq: Any,
+        ddq: Any,
+        out: Array | None = None,
+        *,
+        sign: Any = None,
+        extra: Mapping[str, Any] | None = None,
+        threads: int = 1,
     ) -> Array:
-        """W (N, len(channels), b), C-contiguous float64, written into `out` when given."""
-        q, dq, ddq, sign = self._state(q, dq, ddq, sign)
-        shape = (len(q), len(self.channels), len(self.parameters))
+        """W (N, len(channels), b), C-contiguous float64, written into `out` when given.
+
+        q, dq, ddq (N, n): rad, rad/s, rad/s^2 (m on prismatic joints). `sign` (N, n) replaces sign(dq) in the
+        Coulomb columns. `extra` gives the signals and parameters in `extra_inputs`. Raises GeneratedError.
+        """
+        samples = self._samples(q, dq, ddq, sign, extra)
+        shape = (samples.rows, len(self.channels), len(self.parameters))
         if out is None:
-            out = np.zeros(shape)
+            out = np.empty(shape)
         elif (
             not isinstance(out, np.ndarray)
             or out.shape != shape
             or out.dtype != np.float64
-            or not out.flags.c_contiguous
+            or not (out.flags.c_contiguous and out.flags.writeable and out.flags.aligned)
         ):
             raise GeneratedError(
-                f"out is not a C-contiguous float64 array of shape {shape}; make one with numpy.empty."
+                f"out is not a writable C-contiguous float64 array of shape {shape}; make it with numpy.empty."
             )
-        else:
-            out[:] = 0.0
-        for (channel, parameter), value in zip(self.nonzeros, self._values(q, dq, ddq, sign)):
-            out[:, channel, parameter] = value
+        past_caches = out.nbytes > CACHES
+
+        def part(first: int, last: int) -> None:
+            self._kernel.dense(samples, first, last, out, self._source, self._target, past_caches)
+
+        _in_parts(part, samples.rows, threads)
         return out
 
-    def nonzero_blocks(
-        self, q: Any, dq: Any, ddq: Any, *, sign: Any = None, threads: int = 1
-    ) -> Iterator[tuple[slice, Array]]:
-        """(rows, values (nnz, len(rows))) of the entries in `nonzeros`, valid until the next turn."""
-        q, dq, ddq, sign = self._state(q, dq, ddq, sign)
-        return self._nonzero_blocks(q, dq, ddq, sign)
-
-    def _nonzero_blocks(self, q: Array, dq: Array, ddq: Array, sign: Array) -> Iterator[tuple[slice, Array]]:
-        for start in range(0, len(q), 1024):
-            rows = slice(start, min(start + 1024, len(q)))
-            values = np.empty((len(self._sources), rows.stop - rows.start))
-            for row, value in zip(values, self._values(q[rows], dq[rows], ddq[rows], sign[rows])):
-                row[:] = value
-            yield rows, values
-
-    def regressor_blocks(
-        self, q: Any, dq: Any, ddq: Any, *, sign: Any = None, threads: int = 1
-    ) -> Iterator[tuple[slice, Array]]:
-        """(rows, W (len(rows), len(channels), b)) ; W is valid until the next turn, of any strides."""
-        q, dq, ddq, sign = self._state(q, dq, ddq, sign)
-        return self._regressor_blocks(q, dq, ddq, sign)
-
-    def _regressor_blocks(
-        self, q: Array, dq: Array, ddq: Array, sign: Array
-    ) -> Iterator[tuple[slice, Array]]:
-        shape = (len(self.channels), len(self.parameters))
-        for rows, values in self._nonzero_blocks(q, dq, ddq, sign):
-            W = np.zeros((*shape, values.shape[1]))
-            W[self.nonzeros[:, 0], self.nonzeros[:, 1]] = values
-            yield rows, W.transpose(2, 0, 1)
-
-    def torque(self, q: Any, dq: Any, ddq: Any, chi: Any, *, sign: Any = None, threads: int = 1) -> Array:
-        """(N, len(channels)) in N m (N on a prismatic joint) of base parameters chi (b,)."""
-        q, dq, ddq, sign = self._state(q, dq, ddq, sign)
-        chi = np.asarray(chi, dtype=np.float64)
+    def torque(
+        self,
+        q: Any,
+        dq: Any,
+        ddq: Any,
+        chi: Any,
+        *,
+        sign: Any = None,
+        extra: Mapping[str, Any] | None = None,
+        threads: int = 1,
+    ) -> Array:
+        """(N, len(channels)) in N m (N on prismatic joints) of base parameters chi (b,), without forming W."""
+        samples = self._samples(q, dq, ddq, sign, extra)
+        chi = np.ascontiguousarray(_numbers("chi", chi), dtype=np.float64)
         if chi.shape != (len(self.parameters),):
             raise GeneratedError(
-                f"chi has shape {chi.shape}; this model has {len(self.parameters)} parameters."
+                f"chi has shape {chi.shape}; give ({len(self.parameters)},), a value per base parameter."
             )
-        tau = np.zeros((len(q), len(self.channels)))
-        for (channel, parameter), value in zip(self.nonzeros, self._values(q, dq, ddq, sign)):
-            tau[:, channel] += chi[parameter] * value
+        tau = np.empty((samples.rows, len(self.channels)))
+        _in_parts(
+            lambda first, last: self._kernel.torque(samples, first, last, chi, tau), samples.rows, threads
+        )
         return tau
+
+    def regressor_blocks(
+        self,
+        q: Any,
+        dq: Any,
+        ddq: Any,
+        *,
+        sign: Any = None,
+        extra: Mapping[str, Any] | None = None,
+        threads: int = 1,
+    ) -> Iterator[tuple[slice, Array]]:
+        """(rows, W (len(rows), len(channels), b)) block by block: any strides, valid until the next turn."""
+        samples = self._samples(q, dq, ddq, sign, extra)
+        shape = (len(self.channels), len(self.parameters))
+
+        def buffer() -> tuple[Any, Array]:
+            W = _rows(shape[0] * shape[1])
+            return self._filler(W, self._target), W[:, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1)
+
+        return _blocks(samples, buffer, lambda view, count: view[:count], threads)
+
+    def nonzero_blocks(
+        self,
+        q: Any,
+        dq: Any,
+        ddq: Any,
+        *,
+        sign: Any = None,
+        extra: Mapping[str, Any] | None = None,
+        threads: int = 1,
+    ) -> Iterator[tuple[slice, Array]]:
+        """(rows, values (nnz, len(rows))) of the entries in `nonzeros`, valid until the next turn."""
+        samples = self._samples(q, dq, ddq, sign, extra)
+
+        def buffer() -> tuple[Any, Array]:
+            values = _rows(len(self._source))
+            return self._filler(values, range(len(self._source))), values
+
+        return _blocks(samples, buffer, lambda values, count: values[:, :count], threads)
+
+    def casadi(self, name: str) -> Any:
+        """The CasADi Function "regressor" (q, dq, ddq) -> W or "torque" (q, dq, ddq, chi) -> tau, (n,) each."""
+        if name not in ("regressor", "torque"):
+            raise GeneratedError(f"there is no CasADi function {name!r}; choose 'regressor' or 'torque'.")
+        return self._functions()[name]
+
+    def _filler(self, buffer: Array, place: Any) -> Any:
+        """A block of the kernel that puts non-zero k into buffer[place[k]]; constants are written once, here."""
+        entries, one = self._description["columns"], self._description["columns"] + 3 * self.n
+        rows: dict[int, Array] = {}
+        copies = []
+        for source, k in zip(self._source.tolist(), place):
+            if source == one:
+                buffer[k] = 1.0
+            elif source < entries and source not in rows:
+                rows[source] = buffer[k]
+            else:
+                copies.append((source, buffer[k]))
+        return self._kernel.block([rows[k] for k in range(entries)], copies)
+
+    def _samples(self, q: Any, dq: Any, ddq: Any, sign: Any, extra: Mapping[str, Any] | None) -> Samples:
+        arrays = [self._table(name, value) for name, value in (("q", q), ("dq", dq), ("ddq", ddq))]
+        signs = None if sign is None else self._table("sign", sign)
+        rows = len(arrays[0])
+        for name, array in (("dq", arrays[1]), ("ddq", arrays[2]), ("sign", signs)):
+            if array is not None and len(array) != rows:
+                raise GeneratedError(
+                    f"{name} has {len(array)} rows and q has {rows}; give one row per sample."
+                )
+        q, dq, ddq = arrays
+        return Samples(q, dq, ddq, signs, self._extra(extra or {}, rows))
+
+    def _table(self, name: str, value: Any) -> Array:
+        array = _numbers(name, value)
+        if array.ndim != 2 or array.shape[1] != self.n:
+            raise GeneratedError(
+                f"{name} has shape {array.shape}; {self.robot_name} needs (N, {self.n}), one row per sample."
+            )
+        if array.dtype == np.float64 and array.flags.aligned and not any(s % 8 for s in array.strides):
+            return array
+        return np.array(array, dtype=np.float64, order="C")
+
+    def _extra(self, given: Mapping[str, Any], rows: int) -> Array:
+        if set(given) != set(self.extra_inputs):
+            wanted = ", ".join(self.extra_inputs) or "none"
+            has = ", ".join(sorted(given)) or "nothing"
+            raise GeneratedError(f"extra has {has}; this model needs {wanted}.")
+        table = np.empty((rows, len(self.extra_inputs)))
+        for k, name in enumerate(self.extra_inputs):
+            value = _numbers(name, given[name])
+            if value.shape not in ((), (rows,)):
+                raise GeneratedError(
+                    f"{name} has shape {value.shape}; give a number or one per sample, ({rows},)."
+                )
+            table[:, k] = value
+        return table
+
+
+def _numbers(name: str, value: Any) -> Array:
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind == "O":
+            array = array.astype(np.float64)
+    except (TypeError, ValueError):
+        array = np.empty(0, dtype="S1")
+    if array.dtype.kind not in "fiub":
+        raise GeneratedError(f"{name} is not an array of real numbers; give float64.")
+    return array
+
+
+def _rows(count: int) -> Array:
+    """(count, BLOCK + LANES) zeros whose rows start on cache lines but not in the same cache set."""
+    width = BLOCK + LANES
+    flat = np.zeros(count * width + LANES)
+    start = -(flat.ctypes.data // 8) % LANES
+    return flat[start : start + count * width].reshape(count, width)
+
+
+def _blocks(
+    samples: Samples,
+    buffer: Callable[[], tuple[Any, Array]],
+    shown: Callable[[Array, int], Array],
+    threads: int,
+) -> Iterator[tuple[slice, Array]]:
+    """Blocks in order; with threads, the next ones are filled while one is consumed."""
+    _check_threads(threads)
+    if threads == 1:
+        return _serial_blocks(samples, buffer, shown)
+    return _threaded_blocks(samples, buffer, shown, threads)
+
+
+def _serial_blocks(samples: Samples, buffer: Any, shown: Any) -> Iterator[tuple[slice, Array]]:
+    block, view = buffer()
+    fill, rows = block.fill, samples.rows
+    whole = shown(view, BLOCK)
+    for first in range(0, rows - BLOCK + 1, BLOCK):
+        last = first + BLOCK
+        fill(samples, first, last)
+        yield slice(first, last), whole
+    first = rows - rows % BLOCK
+    if first < rows:
+        fill(samples, first, rows)
+        yield slice(first, rows), shown(view, rows - first)
+
+
+def _threaded_blocks(
+    samples: Samples, buffer: Any, shown: Any, threads: int
+) -> Iterator[tuple[slice, Array]]:
+    buffers = [buffer() for _ in range(threads + 1)]
+    starts = range(0, samples.rows, BLOCK)
+    with ThreadPoolExecutor(threads) as pool:
+
+        def submit(k: int) -> Any:
+            block = buffers[k % len(buffers)][0]
+            return pool.submit(block.fill, samples, starts[k], min(starts[k] + BLOCK, samples.rows))
+
+        waiting = {k: submit(k) for k in range(min(threads, len(starts)))}
+        for k, first in enumerate(starts):
+            waiting.pop(k).result()
+            last = min(first + BLOCK, samples.rows)
+            if k + threads < len(starts):
+                waiting[k + threads] = submit(k + threads)
+            yield slice(first, last), shown(buffers[k % len(buffers)][1], last - first)
+
+
+def _in_parts(part: Callable[[int, int], None], rows: int, threads: int) -> None:
+    """Call part(first, last) over all rows, on `threads` threads."""
+    _check_threads(threads)
+    step = -(-rows // threads)
+    step += -step % LANES
+    if threads == 1 or step >= rows:
+        if rows:
+            part(0, rows)
+        return
+    failures: list[BaseException] = []
+
+    def run(first: int) -> None:
+        try:
+            part(first, min(first + step, rows))
+        except BaseException as error:
+            failures.append(error)
+
+    helpers = [threading.Thread(target=run, args=(first,)) for first in range(step, rows, step)]
+    for helper in helpers:
+        helper.start()
+    run(0)
+    for helper in helpers:
+        helper.join()
+    if failures:
+        raise failures[0]
+
+
+def _check_threads(threads: int) -> None:
+    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
+        raise GeneratedError(f"threads is {threads!r}; give a whole number of at least 1.")

@@ -122,7 +122,7 @@ class Motion:
 
 
 def forward(robot: Robot, graph: Graph, rows: Sequence[Joint]) -> list[Motion]:
-    """Velocities and accelerations of every link, from the base up. Inputs: those of `joints`, dq{k}, ddq{k}."""
+    """Velocities and accelerations of every link, from the base up. Further inputs: dq{k}, ddq{k}."""
     zero = graph.zero
     none: Vector = (zero, zero, zero)
     gx, gy, gz = (-graph.scalar(number(robot.value(g))) for g in robot.gravity)

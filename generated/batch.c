@@ -1,0 +1,213 @@
+/* Batch evaluation of one model: the model's own C, compiled for vectors over samples.
+
+   A group of LANES samples is read from (N, n) arrays of any strides, turned into one vector per joint (with cos
+   and sin), evaluated at once and written out. Included after vector.h and the model's C, with
+   JOINTS, CHANNELS, ENTRIES, EXTRAS, COLUMNS and TORQUE defined. */
+
+#if defined(__x86_64__)
+#include <immintrin.h>
+#endif
+
+#define AT_LEAST_ONE(x) ((x) > 0 ? (x) : 1)
+
+typedef struct { const double *data; ptrdiff_t row, column; } table; /* strides in doubles */
+typedef struct { table q, dq, ddq, sign, extra; } samples;           /* sign.data == 0: sign(dq) */
+typedef struct {
+    vector c[JOINTS], s[JOINTS], q[JOINTS], dq[JOINTS], ddq[JOINTS], sign[JOINTS], one, extra[AT_LEAST_ONE(EXTRAS)];
+} state;
+
+static inline vector choose(integers mask, vector yes, vector no)
+{
+    return (vector)(((integers)yes & mask) | ((integers)no & ~mask));
+}
+
+/* cos and sin, within 1 ulp or so for |x| < 1e4 (Cody and Waite's pi/2 in three parts, fdlibm's polynomials);
+   beyond that, and for infinities and NaN, libm lane by lane. */
+static inline void cos_sin(vector x, vector *c, vector *s)
+{
+    const vector zero = broadcast(0.0);
+    const integers sign_bit = (integers)broadcast(-0.0);
+    integers tame = (integers)((vector)((integers)x & ~sign_bit) < zero + 1e4);
+    const double magic = 6755399441055744.0; /* 1.5 * 2^52: adding it rounds to an integer */
+    vector t = x * 0.63661977236758134308 + magic;
+    vector k = t - magic;
+    vector r = x - k * 1.57079632673412561417e+00; /* 33 bits each: the products are exact */
+    r = r - k * 6.07710050630396597660e-11;
+    r = r - k * 2.02226624879595063154e-21;
+    vector z = r * r;
+    vector sine = r + r * z * (-1.66666666666666324348e-01 + z * (8.33333333332248946124e-03 +
+        z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 +
+        z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)))));
+    vector half = 0.5 * z;
+    vector rest = 1.0 - half;
+    vector cosine = rest + ((1.0 - rest) - half + z * z * (4.16666666666666019037e-02 +
+        z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 +
+        z * (-2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11))))));
+    integers quadrant = (integers)t;
+    integers odd = -(quadrant & 1);
+    *s = (vector)((integers)choose(odd, cosine, sine) ^ ((quadrant & 2) << 62));
+    *c = (vector)((integers)choose(odd, sine, cosine) ^ (((quadrant + 1) & 2) << 62));
+    int64_t all = -1;
+    for (int l = 0; l < LANES; ++l) all &= tame[l];
+    if (__builtin_expect(!all, 0))
+        for (int l = 0; l < LANES; ++l)
+            if (!tame[l]) {
+                (*c)[l] = cos(x[l]);
+                (*s)[l] = sin(x[l]);
+            }
+}
+
+/* -1, 0 or 1; NaN stays NaN */
+static inline vector sign_of(vector x)
+{
+    const vector zero = broadcast(0.0), one = broadcast(1.0);
+    vector s = choose((integers)(x > zero), one, choose((integers)(x < zero), -one, x));
+    return s;
+}
+
+/* Samples first .. first + LANES - 1 as vectors; the last sample stands in for those that are not there. */
+static inline void read_table(const table *t, ptrdiff_t first, ptrdiff_t last, int columns, vector *out)
+{
+    if (t->row == 1 && first + LANES <= last) {
+        for (int j = 0; j < columns; ++j) out[j] = *(const loose_vector *)(t->data + first + j * t->column);
+        return;
+    }
+    const double *p[LANES];
+    for (int l = 0; l < LANES; ++l) p[l] = t->data + (first + l < last ? first + l : last - 1) * t->row;
+    if (t->column == 1) {
+        for (int j = 0; j < columns; ++j) {
+            vector v = broadcast(0.0);
+            for (int l = 0; l < LANES; ++l) v[l] = p[l][j];
+            out[j] = v;
+        }
+    } else {
+        for (int j = 0; j < columns; ++j) {
+            vector v = broadcast(0.0);
+            for (int l = 0; l < LANES; ++l) v[l] = p[l][j * t->column];
+            out[j] = v;
+        }
+    }
+}
+
+static inline void read_state(const samples *in, ptrdiff_t first, ptrdiff_t last, state *x)
+{
+    read_table(&in->q, first, last, JOINTS, x->q);
+    read_table(&in->dq, first, last, JOINTS, x->dq);
+    read_table(&in->ddq, first, last, JOINTS, x->ddq);
+    for (int j = 0; j < JOINTS; ++j) cos_sin(x->q[j], &x->c[j], &x->s[j]);
+    if (in->sign.data) read_table(&in->sign, first, last, JOINTS, x->sign);
+    else
+        for (int j = 0; j < JOINTS; ++j) x->sign[j] = sign_of(x->dq[j]);
+    if (EXTRAS) read_table(&in->extra, first, last, EXTRAS, x->extra);
+    x->one = broadcast(1.0);
+}
+
+static __attribute__((noinline)) void columns_of(const state *x, entries W)
+{
+    COLUMNS(x->c, x->s, x->q, x->dq, x->ddq, x->sign, x->extra, W);
+}
+
+/* A source of a non-zero: 0 .. ENTRIES - 1 an entry; behind them dq (n), ddq (n), sign (n), 1. */
+#define SIGNALS (3 * JOINTS + 1)
+
+static inline const vector *signals_of(const state *x) /* dq, ddq, sign, one stand in a row */
+{
+    return (const vector *)((const char *)x + offsetof(state, dq));
+}
+
+/* Entry k of sample i goes to row[k][i - first]; then copies: source copy_of[k] goes to copy_row[k][i - first]. */
+void dynident_entries(const samples *in, ptrdiff_t first, ptrdiff_t last, double *const *row, ptrdiff_t copies,
+                      const int32_t *copy_of, double *const *copy_row)
+{
+    for (ptrdiff_t i = first; i < last; i += LANES) {
+        state x;
+        read_state(in, i, last, &x);
+        columns_of(&x, (entries){row, i - first});
+        const vector *signal = signals_of(&x);
+        for (ptrdiff_t k = 0; k < copies; ++k) {
+            int32_t from = copy_of[k];
+            loose_vector *to = (loose_vector *)(copy_row[k] + (i - first));
+            if (from < ENTRIES) *to = *(const loose_vector *)(row[from] + (i - first));
+            else *to = signal[from - ENTRIES];
+        }
+    }
+}
+
+static inline void write_through(double *to, const double *from, ptrdiff_t count)
+{
+#if defined(__x86_64__)
+    ptrdiff_t k = 0;
+    for (; k < count && ((uintptr_t)(to + k) & (8 * LANES - 1)); ++k) {
+        long long bits;
+        memcpy(&bits, from + k, 8);
+        _mm_stream_si64((long long *)(to + k), bits);
+    }
+    for (; k + LANES <= count; k += LANES) {
+#if LANES == 8
+        _mm512_stream_pd(to + k, _mm512_loadu_pd(from + k));
+#elif LANES == 4
+        _mm256_stream_pd(to + k, _mm256_loadu_pd(from + k));
+#else
+        _mm_stream_pd(to + k, _mm_loadu_pd(from + k));
+#endif
+    }
+    for (; k < count; ++k) {
+        long long bits;
+        memcpy(&bits, from + k, 8);
+        _mm_stream_si64((long long *)(to + k), bits);
+    }
+#else
+    memcpy(to, from, count * sizeof(double));
+#endif
+}
+
+/* W (N, width) whole, row after row: non-zero k of a sample is source[k] and stands at target[k]. `sample_row` holds
+   `width` zeros. `past_caches`: W is larger than the caches, write it without reading it first. */
+void dynident_dense(const samples *in, ptrdiff_t first, ptrdiff_t last, double *W, ptrdiff_t width, ptrdiff_t nonzeros,
+                    const int32_t *source, const int32_t *target, double *sample_row, int past_caches)
+{
+    vector cell[ENTRIES + SIGNALS];
+    double *row[AT_LEAST_ONE(ENTRIES)];
+    for (int k = 0; k < ENTRIES; ++k) row[k] = (double *)&cell[k];
+    for (ptrdiff_t i = first; i < last; i += LANES) {
+        state x;
+        read_state(in, i, last, &x);
+        columns_of(&x, (entries){row, 0});
+        memcpy(cell + ENTRIES, signals_of(&x), SIGNALS * sizeof(vector));
+        for (int l = 0; l < LANES && i + l < last; ++l) {
+            const double *from = (const double *)cell + l;
+            for (ptrdiff_t k = 0; k < nonzeros; ++k) sample_row[target[k]] = from[(ptrdiff_t)source[k] * LANES];
+            if (past_caches) write_through(W + (i + l) * width, sample_row, width);
+            else memcpy(W + (i + l) * width, sample_row, width * sizeof(double));
+        }
+    }
+#if defined(__x86_64__)
+    _mm_sfence();
+#endif
+}
+
+/* tau (N, CHANNELS), row after row, of base parameters chi */
+void dynident_torque(const samples *in, ptrdiff_t first, ptrdiff_t last, const double *chi, double *tau)
+{
+    vector cell[CHANNELS];
+    double *row[CHANNELS];
+    for (int k = 0; k < CHANNELS; ++k) row[k] = (double *)&cell[k];
+    for (ptrdiff_t i = first; i < last; i += LANES) {
+        state x;
+        read_state(in, i, last, &x);
+        TORQUE(x.c, x.s, x.q, x.dq, x.ddq, x.sign, x.extra, chi, (entries){row, 0});
+        for (int l = 0; l < LANES && i + l < last; ++l)
+            for (int k = 0; k < CHANNELS; ++k) tau[(i + l) * CHANNELS + k] = cell[k][l];
+    }
+}
+
+/* For tests: cos and sin of `count` numbers. */
+void dynident_cos_sin(const double *x, double *c, double *s, ptrdiff_t count)
+{
+    for (ptrdiff_t i = 0; i + LANES <= count; i += LANES) {
+        vector cosine, sine;
+        cos_sin(*(const loose_vector *)(x + i), &cosine, &sine);
+        *(loose_vector *)(c + i) = cosine;
+        *(loose_vector *)(s + i) = sine;
+    }
+}

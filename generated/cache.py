@@ -1,0 +1,136 @@
+"""The cache of derived models and compiled kernels: entries are folders named by the hash of what made them.
+
+An entry is written under another name, with the checksum of each file, and renamed: it is whole or absent.
+An entry whose checksums do not hold is removed and made again. Code is loaded from here, so the folder must
+belong to the user and be closed to others; else a private folder is used that dies with the process.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import json
+import os
+import shutil
+import stat
+import tempfile
+import warnings
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+
+MANIFEST = "checksums.json"
+
+
+def key(*parts: bytes | str) -> str:
+    """SHA-256 over parts of any length; the borders between parts count."""
+    total = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        total.update(len(data).to_bytes(8, "little") + data)
+    return total.hexdigest()
+
+
+def folder() -> Path:
+    """DYNIDENT_CACHE, else the user's cache folder; a private temporary one if that is not safely theirs."""
+    chosen = os.environ.get("DYNIDENT_CACHE")
+    if not chosen:
+        import platformdirs
+
+        chosen = platformdirs.user_cache_dir("dynident", appauthor=False)
+    return _checked(chosen, os.getpid())
+
+
+@cache
+def _checked(chosen: str, process: int) -> Path:
+    path = Path(chosen)
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        problem = _problem(path)
+        if not problem:
+            with tempfile.NamedTemporaryFile(dir=path):
+                pass
+    except OSError as error:
+        problem = f"cannot be written ({error.strerror})"
+    if not problem:
+        return path
+    warnings.warn(
+        f"The cache folder {path} {problem}; models are compiled for this process only. "
+        "Set DYNIDENT_CACHE to a folder of your own with mode 0700.",
+        stacklevel=2,
+    )
+    private = Path(tempfile.mkdtemp(prefix="dynident-"))
+    atexit.register(_remove_own, private, process)
+    return private
+
+
+def _remove_own(path: Path, process: int) -> None:
+    if os.getpid() == process:  # not in a forked child
+        shutil.rmtree(path, ignore_errors=True)
+
+
+def _problem(path: Path) -> str:
+    """Why code must not be loaded from `path`; "" when it may."""
+    if os.name == "nt":
+        return ""
+    status = os.stat(path)
+    if not stat.S_ISDIR(status.st_mode):
+        return "is not a folder"
+    if status.st_uid != os.getuid():
+        return "belongs to another user"
+    if status.st_mode & 0o022:
+        return "can be written by others"
+    return ""
+
+
+def entry(name: str, build: Callable[[Path], None]) -> Path:
+    """The folder of entry `name`, built by `build(empty folder)` if it is absent or damaged."""
+    root = folder()
+    place = root / name
+    if _whole(place):
+        return place
+    temporary = Path(tempfile.mkdtemp(prefix=".new-", dir=root))
+    try:
+        build(temporary)
+        _seal(temporary)
+        _move(temporary, place)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return place
+
+
+def _move(temporary: Path, place: Path) -> None:
+    for _ in range(10):
+        try:
+            temporary.rename(place)
+            return
+        except OSError:
+            if _whole(place):  # another process was first
+                return
+            grave = Path(tempfile.mkdtemp(prefix=".old-", dir=place.parent))
+            try:
+                place.rename(grave / "entry")
+            except OSError:
+                pass
+            finally:
+                shutil.rmtree(grave, ignore_errors=True)
+    raise OSError(f"the cache entry {place} cannot be replaced; remove it")
+
+
+def _seal(path: Path) -> None:
+    sums = {f.name: _sha256(f) for f in sorted(path.iterdir())}
+    (path / MANIFEST).write_text(json.dumps(sums))
+
+
+def _whole(path: Path) -> bool:
+    try:
+        if os.name != "nt" and _problem(path):
+            return False
+        sums: Mapping[str, str] = json.loads((path / MANIFEST).read_text())
+        return bool(sums) and all(_sha256(path / name) == value for name, value in sums.items())
+    except (OSError, ValueError, AttributeError):
+        return False
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

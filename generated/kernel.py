@@ -1,0 +1,111 @@
+"""A compiled model behind ctypes: entries of a block, W whole, torques. Every call releases the GIL."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+Array = np.ndarray
+LANES = 8  # the widest build's; buffers have room for a last group of this size
+
+
+class _Table(ctypes.Structure):
+    _fields_ = (("data", ctypes.c_void_p), ("row", ctypes.c_ssize_t), ("column", ctypes.c_ssize_t))
+
+    @classmethod
+    def of(cls, array: Array | None) -> _Table:
+        """Strides in doubles; None is an absent table."""
+        if array is None or array.shape[1] == 0:
+            return cls(None, 0, 0)
+        return cls(array.ctypes.data, array.strides[0] // 8, array.strides[1] // 8)
+
+
+class _Samples(ctypes.Structure):
+    _fields_ = tuple((name, _Table) for name in ("q", "dq", "ddq", "sign", "extra"))
+
+
+class Samples:
+    """q, dq, ddq (N, n), sign (N, n) or None for sign(dq), extra (N, e): float64 of any strides, kept alive."""
+
+    def __init__(self, q: Array, dq: Array, ddq: Array, sign: Array | None, extra: Array) -> None:
+        self.arrays = (q, dq, ddq, sign, extra)
+        self.rows = len(q)
+        self.tables = _Samples(*(_Table.of(array) for array in self.arrays))
+        self.pointer = ctypes.addressof(self.tables)
+
+
+class Kernel:
+    """The functions of one compiled model. `rows` are half-open ranges of samples."""
+
+    def __init__(self, library: Path, entries: int) -> None:
+        self.entries = entries
+        lib = ctypes.CDLL(str(library))
+        size, pointer = ctypes.c_ssize_t, ctypes.c_void_p
+        self._entries, self._dense, self._torque = (
+            lib.dynident_entries,
+            lib.dynident_dense,
+            lib.dynident_torque,
+        )
+        self._entries.argtypes = [pointer, size, size, pointer, size, pointer, pointer]
+        self._dense.argtypes = [
+            pointer,
+            size,
+            size,
+            pointer,
+            size,
+            size,
+            pointer,
+            pointer,
+            pointer,
+            ctypes.c_int,
+        ]
+        self._torque.argtypes = [pointer, size, size, pointer, pointer]
+        for function in (self._entries, self._dense, self._torque):
+            function.restype = None
+
+    def block(self, rows: Sequence[Array], copies: Sequence[tuple[int, Array]]) -> Block:
+        """Where entries go: entry k to rows[k][:count]; then source s of each (s, row) to that row."""
+        return Block(self, rows, copies)
+
+    def dense(
+        self,
+        samples: Samples,
+        first: int,
+        last: int,
+        W: Array,
+        source: Array,
+        target: Array,
+        past_caches: bool,
+    ) -> None:
+        """W (N, width) row after row: non-zero k of a sample is source[k] and stands at target[k] (int32 both)."""
+        width = W[0].size
+        zeros = np.zeros(width)
+        self._dense(
+            samples.pointer, first, last, W.ctypes.data, width, len(source), source.ctypes.data,
+            target.ctypes.data, zeros.ctypes.data, past_caches,
+        )  # fmt: skip
+
+    def torque(self, samples: Samples, first: int, last: int, chi: Array, tau: Array) -> None:
+        """tau (N, channels)."""
+        self._torque(samples.pointer, first, last, chi.ctypes.data, tau.ctypes.data)
+
+
+class Block:
+    """A block buffer's pointers, made once: `fill(samples, first, last)` writes the entries of these samples."""
+
+    def __init__(self, kernel: Kernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]]) -> None:
+        self._keep = (rows, copies)
+        self._entries = kernel._entries
+        self._rows = (ctypes.c_void_p * max(len(rows), 1))(*(row.ctypes.data for row in rows))
+        self._count = len(copies)
+        self._of = (ctypes.c_int32 * max(len(copies), 1))(*(source for source, _ in copies))
+        self._copy_rows = (ctypes.c_void_p * max(len(copies), 1))(*(row.ctypes.data for _, row in copies))
+        self._pointers = tuple(ctypes.addressof(x) for x in (self._rows, self._of, self._copy_rows))
+
+    def fill(self, samples: Samples, first: int, last: int) -> None:
+        """Entries of samples first .. last - 1 into the first places of each row."""
+        rows, of, copy_rows = self._pointers
+        self._entries(samples.pointer, first, last, rows, self._count, of, copy_rows)

@@ -1,0 +1,89 @@
+"""The two programs of a model, each the cheapest of the known ways: its inertial columns, and its torque."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from modelgen.customized_newton_euler import Choices, regressor, torque
+from modelgen.graph import Graph, Program, Scalar
+from modelgen.models import Model
+from modelgen.newton_euler import INERTIAL
+from modelgen.robot import Robot
+from modelgen.standard_parameters import StandardParameter
+
+Entry = tuple[str, int, str]  # (label of the torque's joint, link, parameter's kind)
+
+
+def columns_program(robot: Robot, columns: Mapping[int, Sequence[str]]) -> tuple[dict[Entry, int], Program]:
+    """Regressor entries of the given parameters {link: kinds}: where each stands among the program's outputs.
+
+    Equal entries are computed once; entries that no motion can make differ from zero are left out.
+    """
+    best: tuple[dict[Entry, int], Program] | None = None
+    for choices in (
+        Choices(True, 2),
+        Choices(False, 2),
+        Choices(True, 3),
+        Choices(True, len(robot.links) + 1),
+    ):
+        graph = Graph()
+        found = regressor(robot, graph, columns, choices)
+        distinct = {value.key: value for value in found.values()}
+        program = graph.program(list(distinct.values()))
+        if best is None or program.operations.total < best[1].operations.total:
+            place = {key: k for k, key in enumerate(distinct)}
+            best = {entry: place[value.key] for entry, value in found.items()}, program
+    assert best is not None
+    return best
+
+
+def torque_program(robot: Robot, model: Model, kept: Sequence[StandardParameter]) -> Program:
+    """Torques of the model's channels for base parameters chi0, chi1, ... of which `kept` are the columns.
+
+    Inputs besides those of the columns: sign{k}, chi{b}.
+    """
+    shifts = [
+        j for j, link in enumerate(robot.links, 1) if link.sigma != 1 and not robot.value(link.r).is_zero
+    ]
+    best = min(
+        (_torque(robot, model, kept, Choices(lines=lines)) for lines in (False, True)),
+        key=lambda program: program.operations.total,
+    )
+    chosen: frozenset[int] = frozenset()
+    for j in shifts:
+        program = _torque(robot, model, kept, Choices(shifted=chosen | {j}))
+        if program.operations.total < best.operations.total:
+            best, chosen = program, chosen | {j}
+    return best
+
+
+def _torque(robot: Robot, model: Model, kept: Sequence[StandardParameter], choices: Choices) -> Program:
+    graph = Graph()
+    inertial: dict[tuple[int, str], Scalar] = {}
+    for b, p in enumerate(kept):
+        if p.kind in INERTIAL:
+            key = (p.row, p.kind)
+            inertial[key] = (
+                inertial[key] + graph.input(f"chi{b}") if key in inertial else graph.input(f"chi{b}")
+            )
+    links = torque(robot, graph, inertial, choices) if inertial else {}
+    rows: dict[str, dict[str, Scalar]] = {}
+    done: dict[tuple[str, ...], dict[str, Scalar]] = {}
+    for prefix, kinds in sorted(model.families, key=lambda family: len(family[1])):
+        inner = next((known for known in done if set(known) <= set(kinds)), ())
+        tau = dict(done[inner]) if inner else {k: links.get(k, graph.zero) for k in robot.joint_labels}
+        if not inner and not set(INERTIAL) <= set(kinds):
+            tau = dict.fromkeys(robot.joint_labels, graph.zero)
+        for b, p in enumerate(kept):
+            if p.kind in kinds and p.kind not in inner and p.kind not in INERTIAL:
+                tau[p.label] = tau[p.label] + graph.input(f"chi{b}") * drive_signal(graph, p)
+        done[kinds] = rows[prefix] = tau
+    return graph.program([rows[prefix][k] for prefix, _ in model.families for k in robot.joint_labels])
+
+
+SIGNALS = {"Iam": "ddq", "Fvm": "dq", "Fvl": "dq", "Fcm": "sign", "Fcl": "sign"}
+
+
+def drive_signal(graph: Graph, p: StandardParameter) -> Scalar:
+    """What a drive parameter multiplies (paper eq. 4): ddq, dq, sign(dq) or 1."""
+    return graph.input(SIGNALS[p.kind] + p.label) if p.kind in SIGNALS else graph.one
