@@ -201,7 +201,8 @@ def curve_plot(curve: Curve, stretches: int) -> Plot:
     )
     caption = f"error {percent(curve.error_percent)}"
     if len(curve.t) > 2 * stretches:
-        caption += f"; least and greatest of every {len(curve.t) / stretches:.0f} samples"
+        span = (curve.t[-1] - curve.t[0]) / stretches
+        caption += f"; drawn: least and greatest of every {number(span, 2)} s"
     return Plot(curve.channel, "time [s]", panels, caption=caption, group=f"{curve.recording} {curve.role}")
 
 

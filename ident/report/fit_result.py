@@ -23,7 +23,7 @@ def page_of(result: FitResult, document: Mapping[str, Any]) -> ReportPage:
     """The page of a fit; `document` is its fit.json."""
     return fit_page(
         document,
-        curves_of(result),
+        curves_of(result, document),
         histogram=histogram(result.normalised),
         warnings=result.warnings,
         details=details(document),
@@ -32,8 +32,9 @@ def page_of(result: FitResult, document: Mapping[str, Any]) -> ReportPage:
     )
 
 
-def curves_of(result: FitResult) -> tuple[Curve, ...]:
+def curves_of(result: FitResult, document: Mapping[str, Any]) -> tuple[Curve, ...]:
     """One curve per recording and channel, at the rate the result keeps for drawing."""
+    errors = {item["name"]: item["full_rate_error_percent"] for item in document["recordings"]}
     return tuple(
         Curve(
             recording=curves.label,
@@ -43,9 +44,9 @@ def curves_of(result: FitResult) -> tuple[Curve, ...]:
             t=curves.t,
             measured=curves.measured[:, k],
             modelled=curves.modelled[:, k],
-            error_percent=result.full_rate.recording_errors(result.columns.channels)[curves.label][channel],
+            error_percent=errors[curves.label][channel],
         )
-        for curves in result.full_rate.curves
+        for curves in result.errors.curves
         for k, channel in enumerate(result.columns.channels)
     )
 
@@ -195,7 +196,7 @@ def comparison_html(results: Mapping[str, FitResult]) -> str:
     warnings = tuple(
         f"model {model}: {text}" for model, result in results.items() for text in result.warnings
     )
-    curves = [(model, curve) for model, result in results.items() for curve in curves_of(result)[:2]]
+    curves = [(model, curve) for model, result in results.items() for curve in curves_of(result, documents[model])[:2]]
     page = ReportPage(
         title=f"{first['robot']}, models {', '.join(results)}",
         kind="Comparison of models",
