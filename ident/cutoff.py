@@ -81,6 +81,7 @@ def choose_cutoff(prepared: Prepared, chi: np.ndarray, first: float, progress: P
                 current = index
             rho = measured_torque(prepared.columns, chi, block) \
                 - modelled_torque(prepared.columns, chi, stream.payload, block)  # fmt: skip
+            rho *= block.certain[:, np.arange(rho.shape[1]) % block.certain.shape[1]]
             for cutoff, fold in folds.items():
                 done = fold.push(np.ascontiguousarray(rho.T))
                 if done is not None:

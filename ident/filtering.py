@@ -12,11 +12,15 @@ Derivatives. Central differences over five points of the filtered positions: dq 
 q[2]) / 12 dt. Three points lose 1 % of an acceleration at 4 Hz that is sampled at 100 Hz, five lose 0.01 %.
 
 sign(dq). The velocity that a smooth filter gives begins before the robot does, rings after it stopped, and at
-rest is noise: its sign would put a Coulomb torque where there is none, in rest as large as in motion. Hence
-  1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long,
-  2. it is tanh(dq / vs) with vs = 4 times the noise of that velocity, estimated for each recording and joint:
-     a true sign as soon as motion is visible at all, close to zero at rest,
-  3. the column made from it runs through the same decimation filter as the torque, as all columns do.
+rest is noise: its sign would put a Coulomb torque where there is none, and at rest friction is anything between
+-Fc and Fc. On a twin of the paper's robot this alone biased every Fc and Fv by 3 to 8 standard deviations. Hence
+  1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long; vs is
+     4 standard deviations of its noise, estimated for each recording and joint,
+  2. samples of a joint slower than vs do not count in its channels, from 2 vs on they count fully (`certain`):
+     Y and every column of W are multiplied by that weight before they are decimated, so each row stays a true
+     equation; errors are reported over all samples nevertheless,
+  3. where it counts, the column is the sign; between -vs and vs it is tanh(2.5 dq / vs),
+  4. it runs through the same decimation filter as the torque, as all columns do.
 Rest at the ends is not used, nor the first and last moments of a segment, which the filter made up.
 """
 
@@ -33,7 +37,8 @@ from ident.study import FilterSettings
 
 TAIL = 1e-10        # where the impulse response is cut off, relative to its peak
 MAX_SHARE = 0.45    # of the sampling rate: highest usable cut-off
-NOISE_FACTOR = 4.0  # vs of tanh(dq / vs), in standard deviations of the velocity noise
+NOISE_FACTOR = 4.0  # vs in standard deviations of the velocity noise
+STEEPNESS = 2.5     # of the sign between -vs and vs
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +115,8 @@ class FilteredBlock:
     """Consecutive uniform samples of one segment; owning it proves that positions were filtered.
 
     t (N,), q, dq, ddq, sign_dq (N, n); motor, sensor (N, n) or None: torques as recorded, not filtered (or
-    filtered with the position filter when that was asked). vs (n,) is the width of sign_dq.
+    filtered with the position filter when that was asked). vs (n,) is the speed from which a sign is certain,
+    certain (N, n) the weight 0..1 that follows from it.
     """
 
     t: np.ndarray
@@ -121,11 +127,12 @@ class FilteredBlock:
     motor: np.ndarray | None
     sensor: np.ndarray | None
     vs: np.ndarray
+    certain: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class FilteredRecording:
-    """A whole segment, filtered. torque (N, channels) as recorded; vs (n,) [rad/s] of sign_dq."""
+    """A whole segment, filtered. torque (N, channels) as recorded; vs (n,) [rad/s], certain (N, n) of sign_dq."""
 
     label: str
     role: str
@@ -140,6 +147,7 @@ class FilteredRecording:
     index: int = 0
     vs: np.ndarray | None = None
     notes: tuple[str, ...] = ()
+    certain: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -188,8 +196,13 @@ def velocity_noise(q: np.ndarray, bank: FilterBank) -> np.ndarray:
 
 
 def smooth_sign(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
-    """tanh(dq / vs), the plain sign where vs is zero."""
-    return np.where(vs > 0, np.tanh(dq / np.where(vs > 0, vs, 1.0)), np.sign(dq))
+    """tanh(2.5 dq / vs), the plain sign where vs is zero."""
+    return np.where(vs > 0, np.tanh(STEEPNESS * dq / np.where(vs > 0, vs, 1.0)), np.sign(dq))
+
+
+def certainty(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
+    """0 for speeds up to vs, 1 from 2 vs on; a joint at rest is 0 also where vs is zero."""
+    return np.clip(np.abs(dq) / np.maximum(vs, 1e-9) - 1.0, 0.0, 1.0)
 
 
 def filter_blocks(stream: RecordingStream, segment: Segment, blocks: Iterable[np.ndarray], bank: FilterBank,
@@ -219,11 +232,12 @@ def filter_blocks(stream: RecordingStream, segment: Segment, blocks: Iterable[np
         vs = bank.vs if bank.vs is not None else np.zeros(n)
         torque = (low if torque_too else window)[inner]
         _, motor, sensor = stream.split(torque)
+        speed = first_difference(light, rate)
         span = slice(int(np.argmax(use)), count - int(np.argmax(use[::-1])))
         yield FilteredBlock(t[span], q[2:-2][span], first_difference(q, rate)[span], second_difference(q, rate)[span],
-                            smooth_sign(first_difference(light, rate)[span], vs),
+                            smooth_sign(speed[span], vs),
                             None if motor is None else motor[span], None if sensor is None else sensor[span],
-                            vs)  # fmt: skip
+                            vs, certainty(speed[span], vs))  # fmt: skip
 
 
 def windows(blocks: Iterable[np.ndarray], halo: int) -> Iterator[tuple[int, np.ndarray, slice]]:
@@ -305,7 +319,7 @@ def filter_recording(stream: RecordingStream, settings: FilterSettings, *, torqu
         out.append(FilteredRecording(stream.label, stream.role, stream.payload, joined(blocks, "t"),
                                      joined(blocks, "q"), joined(blocks, "dq"), joined(blocks, "ddq"),
                                      joined(blocks, "sign_dq"), torque, stream.rate_hz, index, bank.vs,
-                                     stream.notes))  # fmt: skip
+                                     stream.notes, joined(blocks, "certain")))  # fmt: skip
     return out
 
 

@@ -20,7 +20,7 @@ from ident.columns import Columns, study_columns
 from ident.cutoff import CutoffTrial, choose_cutoff, first_cutoff
 from ident.errors import FitFailedError, StudyError
 from ident.filtering import FilterBank, prepare
-from ident.full_rate import FullRate, full_rate
+from ident.full_rate import FullRate, compare_torques
 from ident.least_squares import (
     Estimate,
     bounded,
@@ -34,7 +34,7 @@ from ident.observation import ChannelFactor, RecordingSystem, observe, stack
 from ident.progress import Progress, silent
 from ident.reading import RecordingStream, need_of, open_recordings
 from ident.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
-from ident.study import ROLES, Study
+from ident.study import Study
 
 Percent = dict[str, dict[str, float]]
 
@@ -55,8 +55,8 @@ class FitResult:
     """Everything that results, plots and reports need; they compute nothing.
 
     estimate: the essential parameters (paper 3.4); full: all base parameters; covariance (b, b): honest, of the
-    essential ones, full_covariance of all. normalised: (channels, rows) of the identify recordings, divided by
-    sigma_j. relative_error and full_rate_error in percent, {role: {"total" | channel: value}}.
+    essential ones, full_covariance of all. normalised (rows,): residuals of the identify recordings divided by
+    sigma_j. errors: relative errors over all samples, at both rates, and curves to draw.
     """
 
     study: Study
@@ -74,10 +74,7 @@ class FitResult:
     durbin_watson: float
     normality: NormalityTest
     normalised: np.ndarray
-    relative_error: Percent
-    relative_error_full: Percent
-    recording_errors: dict[str, dict[str, float]]
-    full_rate: FullRate
+    errors: FullRate
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
@@ -85,6 +82,16 @@ class FitResult:
     def std(self) -> np.ndarray:
         """Honest standard deviations: of essential parameters, and of cancelled ones from the full fit. (b,)"""
         return np.sqrt(np.diag(np.where(self.estimate.active[:, None], self.covariance, self.full_covariance)))
+
+    @property
+    def relative_error(self) -> Percent:
+        """At the decimated rate, {role: {"total" | channel: percent}}."""
+        return self.errors.decimated.by_role()
+
+    @property
+    def full_rate_error(self) -> Percent:
+        """After the position filter only."""
+        return self.errors.full_rate.by_role()
 
     @property
     def effective_rows(self) -> float:
@@ -185,23 +192,24 @@ def fit_systems(prepared: Prepared, systems: tuple[RecordingSystem, ...], cutoff
     full_covariance = honest_covariance(fitted, full, noises)
     share = min(1.0, sum(noise.effective_rows for noise in noises) / full.rows)
     normalised = _normalised(fitted, full)
-    normality = kolmogorov_smirnov(np.hstack(normalised), share)
+    used = [segment.used for system in fitted for segment in system.segments]
+    normality = kolmogorov_smirnov(np.concatenate([rho[count] for rho, count in zip(normalised, used)]), share)
     reduction = _reduction(study, columns, full, share)
     estimate, at_bound = bounded(reduction.estimate) if study.bounds == "physical" else (reduction.estimate, ())
     covariance = honest_covariance(fitted, estimate, channel_noises(fitted, estimate))
     normalised = _normalised(fitted, estimate)
-    errors = role_errors(systems, estimate.chi, columns)
     notes = [note for stream in prepared.streams for note in stream.notes]
     warnings = [warning for stream in prepared.streams for warning in stream.warnings]
     warnings += _excitation_warnings(full, fitted)
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]
     notes += _payload_notes(study, estimate, covariance)
-    compared = full_rate(prepared.streams, prepared.banks, columns, estimate.chi, progress)
+    compared = compare_torques(prepared.streams, prepared.banks, columns, estimate.chi, full.chi, cutoff_hz,
+                               study.filter.order, progress)  # fmt: skip
     progress("done", 1.0)
     return FitResult(study, columns, prepared.streams, systems, cutoff_hz, trials, full, reduction, estimate, covariance,
-                     full_covariance, noises, durbin_watson(normalised), normality, np.hstack(normalised), errors,
-                     role_errors(systems, full.chi, columns), recording_errors(systems, estimate.chi, columns), compared,
-                     tuple(notes), tuple(warnings))  # fmt: skip
+                     full_covariance, noises, durbin_watson(normalised, used), normality,
+                     np.concatenate([rho[count] for rho, count in zip(normalised, used)]), compared, tuple(notes),
+                     tuple(warnings))  # fmt: skip
 
 
 def _reduction(study: Study, columns: Columns, full: Estimate, share: float) -> Reduction:
@@ -214,41 +222,6 @@ def _reduction(study: Study, columns: Columns, full: Estimate, share: float) -> 
 def _normalised(systems: Sequence[RecordingSystem], estimate: Estimate) -> list[np.ndarray]:
     """Residuals over sigma_j (eq. 14), (channels, m) for each segment."""
     return [rho / estimate.sigma[:, None] for system in systems for rho in system.residuals(estimate.chi)]
-
-
-def role_errors(systems: Sequence[RecordingSystem], chi: np.ndarray, columns: Columns) -> Percent:
-    """100 ||Y - W chi|| / ||Y|| per role: each channel, and all of them in unweighted torque."""
-    out: Percent = {}
-    for role in ROLES:
-        chosen = [system for system in systems if system.role == role]
-        if chosen:
-            out[role] = _errors(chosen, chi, columns)
-    return out
-
-
-def recording_errors(systems: Sequence[RecordingSystem], chi: np.ndarray, columns: Columns) -> dict[str, dict[str, float]]:
-    return {system.label: _errors([system], chi, columns) for system in systems}
-
-
-def _errors(systems: Sequence[RecordingSystem], chi: np.ndarray, columns: Columns) -> dict[str, float]:
-    below = np.zeros(len(columns.channels))
-    above = np.zeros(len(columns.channels))
-    for system in systems:
-        for j, factor in enumerate(system.factors):
-            above[j] += factor.sum_of_squares(chi)
-            measured = factor.R[:, -1]
-            if j in columns.gain_columns:      # measured torque is g i (- tau_l): the gain's column belongs to Y
-                place = np.searchsorted(factor.columns, columns.gain_columns[j])
-                measured = measured - factor.R[:, place] * chi[columns.gain_columns[j]]
-            below[j] += float(np.sum(measured**2))
-    return percent(above, below, columns.channels)
-
-
-def percent(above: np.ndarray, below: np.ndarray, channels: Sequence[str]) -> dict[str, float]:
-    """{"total": ..., channel: ...} of sums of squares (channels,)."""
-    total = 100 * np.sqrt(above.sum() / below.sum()) if below.sum() > 0 else 0.0
-    each = np.where(below > 0, 100 * np.sqrt(above / np.where(below > 0, below, 1.0)), 0.0)
-    return {"total": float(total)} | {name: float(value) for name, value in zip(channels, each)}
 
 
 def _excitation_warnings(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:

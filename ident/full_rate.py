@@ -1,21 +1,26 @@
-"""Measured against modelled torque at the full rate: after the position filter, before any decimation.
+"""Measured against modelled torque, over all samples: decimated, and at the full rate.
 
-Both sides run through the same zero-phase filter, and the model's friction with them: without that, a sign that
-jumps at a reversal would be held against a measurement that cannot jump.
+At the full rate both sides run through the position filter and nothing else; the model's friction with them:
+without that, a sign that jumps at a reversal would be held against a measurement that cannot jump. At the
+decimated rate both run through the decimation filter, as Y and W do in the fit. Samples of joints at rest, which
+the fit leaves out, are in both.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
 
 from ident.columns import Columns
+from ident.decimation import Decimator, kept_every
 from ident.filtering import FilterBank, FilteredBlock, LowPass, filter_stream, windows
 from ident.progress import Progress, silent
 from ident.reading import RecordingStream
+from ident.study import ROLES
 
 CURVE_RATE = 5.0        # drawn samples per second and Hz of position cut-off
 CURVE_POINTS = 12000    # of one recording
@@ -34,32 +39,50 @@ class Curves:
 
 @dataclass(frozen=True, slots=True)
 class FullRate:
-    """above, below: sums of squares of error and of torque, {recording label: (channels,)}; roles of the labels."""
+    """Errors at the full rate, at the decimated rate, and decimated with the full model; curves to draw."""
 
-    above: dict[str, np.ndarray]
-    below: dict[str, np.ndarray]
-    roles: dict[str, str]
+    full_rate: Squares
+    decimated: Squares
+    decimated_full_model: Squares
     curves: tuple[Curves, ...]
 
-    def errors(self, channels: Sequence[str]) -> dict[str, dict[str, float]]:
+
+@dataclass(frozen=True, slots=True)
+class Squares:
+    """above, below: sums of squares of error and of torque, {recording label: (channels,)}; roles of the labels."""
+
+    channels: tuple[str, ...]
+    roles: dict[str, str]
+    above: dict[str, np.ndarray]
+    below: dict[str, np.ndarray]
+
+    @classmethod
+    def empty(cls, channels: tuple[str, ...], roles: dict[str, str]) -> Squares:
+        return cls(channels, roles, {label: np.zeros(len(channels)) for label in roles},
+                   {label: np.zeros(len(channels)) for label in roles})  # fmt: skip
+
+    def add(self, label: str, measured: np.ndarray, modelled: np.ndarray) -> None:
+        """Rows (N, channels) of one recording."""
+        self.above[label] += np.sum((measured - modelled) ** 2, axis=0)
+        self.below[label] += np.sum(measured**2, axis=0)
+
+    def by_role(self) -> dict[str, dict[str, float]]:
         """100 ||error|| / ||torque||: {role: {"total" | channel: percent}}."""
         out: dict[str, dict[str, float]] = {}
-        for role in ("identify", "validate", "test"):
+        for role in ROLES:
             labels = [label for label, its in self.roles.items() if its == role]
             if labels:
-                out[role] = self._percent(labels, channels)
+                out[role] = self._percent(labels)
         return out
 
-    def recording_errors(self, channels: Sequence[str]) -> dict[str, dict[str, float]]:
-        return {label: self._percent([label], channels) for label in self.roles}
+    def by_recording(self) -> dict[str, dict[str, float]]:
+        return {label: self._percent([label]) for label in self.roles}
 
-    def _percent(self, labels: Sequence[str], channels: Sequence[str]) -> dict[str, float]:
-        above = sum(self.above[label] for label in labels)
-        below = sum(self.below[label] for label in labels)
-        out = {"total": float(100 * np.sqrt(np.sum(above) / max(np.sum(below), 1e-300)))}
-        for j, name in enumerate(channels):
-            out[name] = float(100 * np.sqrt(above[j] / max(below[j], 1e-300)))  # type: ignore[index]
-        return out
+    def _percent(self, labels: Sequence[str]) -> dict[str, float]:
+        above = np.sum([self.above[label] for label in labels], axis=0)
+        below = np.maximum(np.sum([self.below[label] for label in labels], axis=0), 1e-300)
+        out = {"total": float(100 * np.sqrt(above.sum() / below.sum()))}
+        return out | {name: float(100 * np.sqrt(a / b)) for name, a, b in zip(self.channels, above, below)}
 
 
 def modelled_torque(columns: Columns, chi: np.ndarray, payload: str | None, block: FilteredBlock) -> np.ndarray:
@@ -81,61 +104,69 @@ def measured_torque(columns: Columns, chi: np.ndarray, block: FilteredBlock) -> 
     return columns.need.torque(motor, block.sensor)
 
 
-def full_rate(streams: Sequence[RecordingStream], banks: Sequence[FilterBank], columns: Columns, chi: np.ndarray,
-              progress: Progress = silent) -> FullRate:  # fmt: skip
-    """One pass over all recordings."""
-    above: dict[str, np.ndarray] = {}
-    below: dict[str, np.ndarray] = {}
+def compare_torques(streams: Sequence[RecordingStream], banks: Sequence[FilterBank], columns: Columns,
+                    chi: np.ndarray, full_chi: np.ndarray, cutoff_hz: float, order: int = 4,
+                    progress: Progress = silent) -> FullRate:  # fmt: skip
+    """One pass over all recordings: chi at both rates, full_chi (all base parameters) at the decimated one."""
+    channels = columns.channels
+    roles: dict[str, str] = {stream.label: stream.role for stream in streams}
+    at_full_rate, decimated, full_model = (Squares.empty(channels, roles) for _ in range(3))
+    n = len(channels)
     curves = []
     total = sum(stream.survey.rows for stream in streams)
     done = 0
     for stream, bank in zip(streams, banks):
-        n = len(columns.channels)
-        above[stream.label], below[stream.label] = np.zeros(n), np.zeros(n)
         stride = max(1, int(stream.rate_hz / (CURVE_RATE * bank.position.cutoff_hz)),
                      -(-stream.survey.rows // CURVE_POINTS))  # fmt: skip
         kept: list[np.ndarray] = []
-        for index, t, both in _compared(stream, bank, columns, chi):
-            measured, modelled = both[:, :n], both[:, n:]
-            above[stream.label] += np.sum((measured - modelled) ** 2, axis=0)
-            below[stream.label] += np.sum(measured**2, axis=0)
-            if kept and index != current:
+        filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)
+        for blocks in by_segment(filter_stream(stream, bank)):
+            fold = Decimator(filter, every, 3 * n)
+            tap = _Tap(stream, columns, chi, full_chi, fold)
+            if kept:
                 kept.append(np.full((1, 1 + 2 * n), np.nan))
-            current = index
-            kept.append(np.column_stack([t[::stride], both[::stride]]))
-            done += len(t)
-            progress("comparing at the full rate", min(done / total, 1.0))
+            for k, both in low_pass_blocks(tap.torques(blocks), bank.position):
+                at_full_rate.add(stream.label, both[:, :n], both[:, n:])
+                t = tap.start + (k + np.arange(len(both))) / stream.rate_hz
+                first = -k % stride
+                kept.append(np.column_stack([t[first::stride], both[first::stride]]))
+                done += len(both)
+                progress("comparing measured and modelled torque", min(done / total, 1.0))
+            for part in (*tap.kept, fold.finish()):
+                decimated.add(stream.label, part[:n].T, part[n : 2 * n].T)
+                full_model.add(stream.label, part[:n].T, part[2 * n :].T)
         rows = np.concatenate(kept) if kept else np.zeros((0, 1 + 2 * n))
         curves.append(Curves(stream.label, stream.role, rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n :]))
-    return FullRate(above, below, {stream.label: stream.role for stream in streams}, tuple(curves))
+    return FullRate(at_full_rate, decimated, full_model, tuple(curves))
 
 
-def _compared(stream: RecordingStream, bank: FilterBank, columns: Columns, chi: np.ndarray
-              ) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:  # fmt: skip
-    """(segment, t, [measured modelled] (N, 2 channels)) through the position filter."""
-    segment, start = -1, 0.0
-    pending: list[np.ndarray] = []
+class _Tap:
+    """Turns the filtered blocks of one segment into torques, and decimates them on the way."""
 
-    def of_segment(blocks: Iterator[tuple[int, FilteredBlock]], first: FilteredBlock) -> Iterator[np.ndarray]:
-        nonlocal following
-        block: FilteredBlock | None = first
-        while block is not None:
-            yield np.hstack([measured_torque(columns, chi, block), modelled_torque(columns, chi, stream.payload, block)])
-            item = next(blocks, None)
-            if item is None or item[0] != segment:
-                following = item
-                return
-            block = item[1]
+    def __init__(self, stream: RecordingStream, columns: Columns, chi: np.ndarray, full_chi: np.ndarray,
+                 fold: Decimator) -> None:  # fmt: skip
+        self.stream, self.columns, self.chi, self.full_chi, self.fold = stream, columns, chi, full_chi, fold
+        self.kept: list[np.ndarray] = []
+        self.start = 0.0
 
-    blocks = filter_stream(stream, bank)
-    following = next(blocks, None)
-    while following is not None:
-        segment, first = following
-        following = None
-        start = float(first.t[0])
-        yield from ((segment, start + (k + np.arange(len(values))) / stream.rate_hz, values)
-                    for k, values in low_pass_blocks(of_segment(blocks, first), bank.position))  # fmt: skip
-        pending.clear()
+    def torques(self, blocks: Iterable[FilteredBlock]) -> Iterator[np.ndarray]:
+        """[measured modelled] (N, 2 channels) of each block."""
+        for number, block in enumerate(blocks):
+            if number == 0:
+                self.start = float(block.t[0])
+            measured = measured_torque(self.columns, self.chi, block)
+            modelled = modelled_torque(self.columns, self.chi, self.stream.payload, block)
+            full_model = modelled_torque(self.columns, self.full_chi, self.stream.payload, block)
+            done = self.fold.push(np.hstack([measured, modelled, full_model]).T)
+            if done is not None:
+                self.kept.append(done)
+            yield np.hstack([measured, modelled])
+
+
+def by_segment(blocks: Iterator[tuple[int, FilteredBlock]]) -> Iterator[Iterator[FilteredBlock]]:
+    """Group numbered blocks; each group is to be used up before the next."""
+    for _, group in itertools.groupby(blocks, key=lambda item: item[0]):
+        yield (block for _, block in group)
 
 
 def low_pass_blocks(blocks: Iterator[np.ndarray], filter: LowPass) -> Iterator[tuple[int, np.ndarray]]:

@@ -51,19 +51,20 @@ def channel_noises(systems: Sequence[RecordingSystem], estimate: Estimate) -> tu
     out = []
     for j, sigma in enumerate(estimate.sigma):
         lengths = [len(segment.t) for system in systems for segment in system.segments]
-        rows, longest = sum(lengths), max(lengths)
+        rows = max(sum(int(segment.used[j].sum()) for system in systems for segment in system.segments), 1)
+        longest = max(lengths)
         lags = int(max(1, min(MAX_ORDER, longest // 3, rows // 12)))
         sums, counts = np.zeros(lags + 1), np.zeros(lags + 1)
         for system, found in zip(systems, residuals):
             for segment, rho in zip(system.segments, found):
-                Z = _project(system, segment, j, half)
+                Z, used = _project(system, segment, j, half), segment.used[j]
                 for lag in range(min(lags, len(segment.t) - 1) + 1):
                     stop = len(segment.t) - lag
                     sums[lag] += rho[j, :stop] @ rho[j, lag:] + np.sum(Z[:stop] * Z[lag:])
-                    counts[lag] += stop
+                    counts[lag] += np.sum(used[:stop] & used[lag:])
         covariance = sums / np.maximum(counts, 1)
         variance = max(float(covariance[0]), 1e-30, 1e-12 * sigma**2)
-        correlation = covariance / variance * (counts / counts[0])      # tapered: keeps the sequence positive
+        correlation = covariance / variance * (counts / max(counts[0], 1))      # tapered: keeps the sequence positive
         correlation[0] = 1.0
         out.append(ChannelNoise(variance, autoregression(correlation, rows), correlation, rows))
     return tuple(out)
@@ -155,8 +156,12 @@ def honest_covariance(systems: Sequence[RecordingSystem], estimate: Estimate, no
     return half @ middle @ half.T
 
 
-def durbin_watson(sequences: Sequence[np.ndarray]) -> float:
-    """Eq. 17 over rows (channels, m) of normalised residuals; differences are not taken across sequences."""
-    above = sum(float(np.sum(np.diff(rho, axis=1) ** 2)) for rho in sequences)
-    below = sum(float(np.sum(rho**2)) for rho in sequences)
+def durbin_watson(sequences: Sequence[np.ndarray], used: Sequence[np.ndarray] | None = None) -> float:
+    """Eq. 17 over normalised residuals (channels, m); differences are taken between neighbours that count."""
+    above = below = 0.0
+    for k, rho in enumerate(sequences):
+        counts = np.ones(rho.shape, bool) if used is None else used[k]
+        pairs = counts[:, 1:] & counts[:, :-1]
+        above += float(np.sum(np.diff(rho, axis=1)[pairs] ** 2))
+        below += float(np.sum(rho[counts] ** 2))
     return above / below if below > 0 else 2.0

@@ -26,6 +26,7 @@ from ident.filtering import FilterBank, LowPass, filter_stream
 from ident.reading import RecordingStream
 
 STACK = 512     # decimated rows gathered before a factor takes them in
+LEAST = 0.1     # share of a row's samples that must count
 Tick = Callable[[int], None]
 
 
@@ -49,11 +50,21 @@ class ChannelFactor:
 
 @dataclass(frozen=True, slots=True)
 class DecimatedSegment:
-    """Decimated rows of one segment: t (m,), values (E, m) of W's entries, Y (channels, m)."""
+    """Decimated rows of one segment: t (m,), values (E, m) of W's entries, Y (channels, m).
+
+    weight (channels, m) is the share of a row's samples that count (filtering.py: certain); rows below LEAST are
+    zero throughout and not counted.
+    """
 
     t: np.ndarray
     values: np.ndarray
     Y: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def used(self) -> np.ndarray:
+        """(channels, m) bool: rows that count."""
+        return self.weight > 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +140,7 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
     model = columns.model
     used, channel, column = columns.entries(stream.payload)
     everything = len(used) == len(model.nonzeros)
+    entry_joint = channel % len(columns.need.joints)
     channel = np.concatenate([channel, [extra.channel for extra in columns.extras]]).astype(int)
     column = np.concatenate([column, [extra.column for extra in columns.extras]]).astype(int)
     free = column >= 0
@@ -143,6 +155,9 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
     parts_t: list[np.ndarray] = []
     parts_W: list[np.ndarray] = []
     parts_Y: list[np.ndarray] = []
+    parts_weight: list[np.ndarray] = []
+    n_joints = len(columns.need.joints)
+    joint_of = np.arange(n_channels) % n_joints
     kept = 0
     t_first = 0.0
 
@@ -152,7 +167,11 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
             return
         n_extra = len(columns.extras)
         W = np.vstack([W_part, other[:n_extra]])
-        Y = other[n_extra:].copy()
+        Y = other[n_extra : n_extra + n_channels].copy()
+        weight = other[n_extra + n_channels :][joint_of]
+        weight[weight < LEAST] = 0.0
+        Y[weight == 0] = 0.0
+        W *= weight[channel] > 0
         for e in np.flatnonzero(~free):      # parameters of known value go over to Y
             Y[channel[e]] -= known[-1 - column[e]] * W[e]
         W = W[free]
@@ -163,17 +182,20 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
             places = np.searchsorted(factor.columns, column[free][mine])
             np.add.at(rows.T, places, W[mine])
             rows[:, -1] = Y[j]
-            factor.add(rows)
+            factor.add(rows[weight[j] > 0])
         parts_t.append(t_first + (np.arange(kept, kept + m) + 1) * every / stream.rate_hz)
         parts_W.append(W)
         parts_Y.append(Y)
+        parts_weight.append(weight)
         kept += m
 
     def finish(fold_W: Decimator, fold_rest: Decimator) -> None:
         take(fold_W.finish(), fold_rest.finish())
         if parts_W:
-            segments.append(DecimatedSegment(np.concatenate(parts_t), np.hstack(parts_W), np.hstack(parts_Y)))
-        parts_t.clear(), parts_W.clear(), parts_Y.clear()
+            segments.append(DecimatedSegment(np.concatenate(parts_t), np.hstack(parts_W), np.hstack(parts_Y),
+                                             np.hstack(parts_weight)))  # fmt: skip
+        for parts in (parts_t, parts_W, parts_Y, parts_weight):
+            parts.clear()
 
     folds: tuple[Decimator, Decimator] | None = None
     current = -1
@@ -182,12 +204,16 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
             if folds:
                 finish(*folds)
             folds = (Decimator(filter, every, len(used)),
-                     Decimator(filter, every, len(columns.extras) + n_channels))  # fmt: skip
+                     Decimator(filter, every, len(columns.extras) + n_channels + n_joints))  # fmt: skip
             current, kept, t_first = index, 0, float(block.t[0]) - 1.0 / stream.rate_hz
         assert folds is not None
-        rest = np.vstack([*(extra.values(block)[None, :] for extra in columns.extras), columns.torque(block).T])
+        certain = np.ascontiguousarray(block.certain.T)
+        rest = np.vstack([*(extra.values(block) * certain[extra.channel % n_joints] for extra in columns.extras),
+                          columns.torque(block).T * certain[joint_of], certain])  # fmt: skip
         for rows, values in model.nonzero_blocks(block.q, block.dq, block.ddq, sign=block.sign_dq):
-            take(folds[0].push(values if everything else values[used]), folds[1].push(rest[:, rows]))
+            weighted = values if everything else values[used]
+            weighted = weighted * certain[:, rows][entry_joint]
+            take(folds[0].push(weighted), folds[1].push(rest[:, rows]))
         samples += len(block.t)
         if tick:
             tick(len(block.t))

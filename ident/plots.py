@@ -31,7 +31,7 @@ def torque(curves: Curves, channel: int, ax: Any) -> list[Any]:
 
 
 def histogram(normalised: np.ndarray, ax: Any) -> list[Any]:
-    """Density of rho / sigma_j (channels, rows) with the Gaussian N(0, 1) that weighting assumes."""
+    """Density of rho / sigma_j (rows,) with the Gaussian N(0, 1) that weighting assumes."""
     values = np.ravel(normalised)
     counts, edges, bars = ax.hist(values[np.abs(values) < 5], bins=60, density=True, color="0.7")
     x = np.linspace(-5, 5, 200)
@@ -48,7 +48,7 @@ def draw_all(result: FitResult, folder: Path) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     channels = result.columns.channels
-    for curves in result.full_rate.curves:
+    for curves in result.errors.curves:
         if not len(curves.t):
             continue
         columns = 2 if len(channels) > 7 else 1

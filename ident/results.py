@@ -33,8 +33,8 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "essential_parameters": estimate.b,
         "parameters": _parameters(result, interval_factor(free)),
         "relative_error_percent": result.relative_error,
-        "full_rate_error_percent": result.full_rate.errors(channels),
-        "relative_error_full_model_percent": result.relative_error_full,
+        "full_rate_error_percent": result.full_rate_error,
+        "relative_error_full_model_percent": result.errors.decimated_full_model.by_role(),
         "tests": {
             "durbin_watson": result.durbin_watson,
             "kolmogorov_smirnov": {"statistic": result.normality.statistic, "p_value": result.normality.p_value},
@@ -94,7 +94,7 @@ def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
 
 
 def _recordings(result: FitResult) -> list[dict[str, Any]]:
-    full_rate = result.full_rate.recording_errors(result.columns.channels)
+    full_rate, decimated = result.errors.full_rate.by_recording(), result.errors.decimated.by_recording()
     out = []
     for stream, system in zip(result.recordings, result.systems):
         survey = stream.survey
@@ -106,7 +106,7 @@ def _recordings(result: FitResult) -> list[dict[str, Any]]:
             "segments": [{"from": s.start, "to": s.end, "motion_from": s.move_start, "motion_to": s.move_end}
                          for s in survey.segments],
             "samples_used": system.samples, "decimated_rows": system.rows,
-            "relative_error_percent": result.recording_errors[stream.label],
+            "relative_error_percent": decimated[stream.label],
             "full_rate_error_percent": full_rate[stream.label],
         })  # fmt: skip
     return out
@@ -127,7 +127,7 @@ def error_table(result: FitResult) -> tuple[Row, list[Row]]:
     """Header and rows of relative errors in percent: one row per channel, one column per role and rate."""
     blocks = [(f"{role} %", errors) for role, errors in result.relative_error.items()]
     blocks += [(f"{role} % full rate", errors) for role, errors in
-               result.full_rate.errors(result.columns.channels).items()]  # fmt: skip
+               result.full_rate_error.items()]  # fmt: skip
     names = ("total", *result.columns.channels)
     return ("channel", *(title for title, _ in blocks)), [
         (name, *(f"{errors[name]:.2f}" for _, errors in blocks)) for name in names]
