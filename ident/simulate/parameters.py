@@ -38,7 +38,13 @@ class TwinParameters:
 def twin_parameters(robot: Robot, file: Path | None, seed: int) -> TwinParameters:
     """From `file`; else those that come with a built-in robot; else random ones of that seed."""
     if file is not None:
-        return read_parameters(file.read_text(encoding="utf-8"), robot, str(file))
+        try:
+            text = file.read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            raise ParameterError(
+                f"{file}: cannot be read; give the path of a parameter file (YAML)"
+            ) from None
+        return read_parameters(text, robot, str(file))
     built_in = files("ident.simulate").joinpath("parameters", f"{robot.name}.yaml")
     if built_in.is_file():
         return read_parameters(built_in.read_text(encoding="utf-8"), robot, f"{robot.name}.yaml")

@@ -13,7 +13,7 @@ import generated
 from ident.simulate.requests import EffectRequest
 from ident.simulate.sensors import smooth
 from ident.simulate.trajectories import Motion
-from ident.simulate.twin import ActiveEffect, Twin, channels_of, run_twin
+from ident.simulate.twin import ActiveEffect, SimulationError, Twin, channels_of, run_twin
 
 Array = np.ndarray
 RATE_HZ = 250.0
@@ -32,6 +32,7 @@ def activate(
     channels_of(request, model)  # refuses what the study could not show
     active = _active(request, values, context)
     yardstick = _Yardstick(twin, model, motion)
+    _refuse_impossible(active)
     active = replace(active, visible=yardstick(active))
     if set(request.values) & {*effect.size_names, "force"}:
         return active
@@ -113,6 +114,18 @@ def _active(
 ) -> ActiveEffect:
     linear, nonlinear = request.effect.values_from_reported(values, context)
     return _with_linear(ActiveEffect(request, linear, nonlinear, {}), linear, context)
+
+
+def _refuse_impossible(active: ActiveEffect) -> None:
+    """Raise SimulationError for what physics does not allow: negative friction, a wavelength of zero."""
+    effect = active.request.effect
+    bad = [p.name for p in effect.linear if p.sign == "positive" and active.linear[p.name] < 0]
+    bad += [p.name for p in effect.nonlinear if p.low > 0 and active.nonlinear[p.name] <= 0]
+    if bad:
+        given = ", ".join(f"{key}={value:g}" for key, value in active.request.values.items())
+        raise SimulationError(
+            f"{effect.name} with {given} cannot be: {bad[0]} would be negative; change the sign."
+        )
 
 
 def _with_linear(

@@ -92,7 +92,7 @@ def simulate(
     model = model.upper()
     if model not in ("A", "B", "C", "D"):
         raise SimulationError(f"--model {model}: there is no such model; choose A, B, C or D.")
-    if payload_kg is not None and not payload_kg > 0:
+    if payload_kg is not None and not 0 < payload_kg < 1e5:
         raise SimulationError(f"--payload {payload_kg:g}: a mass is positive; give it in kg.")
     if seed < 0:
         raise SimulationError(f"--seed {seed}: a seed is not negative; give 0, 1, 2, ...")
@@ -158,6 +158,11 @@ def _windowed(request: EffectRequest, runs: tuple[PlannedRun, ...]) -> EffectReq
         stop = start + 0.2 * duration if stop is None else stop
     elif start is None and stop is None and request.recording is None:
         start = 0.4 * duration
+    if not (start is None or 0 <= start < duration) or not (stop is None or (start or 0) < stop):
+        window = ", ".join(f"{k}={v:g}" for k, v in (("from", start), ("to", stop)) if v is not None)
+        raise EffectRequestError(
+            f"{request.effect.name}: {window} is no window of {recording}, which lasts {duration:g} s."
+        )
     return replace(request, recording=recording, start=start, stop=stop)
 
 

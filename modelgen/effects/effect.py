@@ -257,6 +257,9 @@ class Effect:
             if expression.free_symbols:
                 absent = ", ".join(sorted(s.name for s in expression.free_symbols))
                 raise EffectError(f"{self.name} needs a value for {absent}.")
+            if not (expression.is_real and expression.is_finite):
+                told = ", ".join(f"{key}={number:g}" for key, number in reported.items())
+                raise EffectError(f"{self.name} cannot have {told}; give values other than zero.")
             return float(expression)
 
         return {n: value(n) for n in self.linear_names}, {n: value(n) for n in self.nonlinear_names}

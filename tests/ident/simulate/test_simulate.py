@@ -17,6 +17,7 @@ from ident.simulate.sizing import activate
 from ident.simulate.trajectories import fourier, reach
 from ident.simulate.twin import make_twin, run_twin
 from modelgen.effects import catalogue, effect
+from modelgen.errors import ModelgenError
 from modelgen.robot_file import load_robot
 
 SHORT = (
@@ -199,12 +200,15 @@ def test_hysteresis_replaces_the_joints_own_dry_friction():
         ({"seed": -1}, "a seed is not negative"),
         ({"effects": ("sensor_crosstalk:2",)}, "model A records none"),
         ({"effects": ("payload_change::recording=run9",)}, "there is no run9"),
+        ({"effects": ("payload_change::from=50",)}, "is no window of run2, which lasts 12 s"),
+        ({"effects": ("stribeck_friction:2:Fs=-1",)}, "Fs would be negative"),
+        ({"effects": ("joint_elasticity:2:k=0",)}, "values other than zero"),
         ({"effects": ("joint_elasticity:2",), "model": "D"}, "model D .* is blind"),
         ({"effects": ("rotor_inertia:2",), "model": "B"}, "model B does not see rotor_inertia"),
     ],
 )
 def test_what_cannot_be_simulated_is_told(arguments, told):
-    with pytest.raises(IdentError, match=told):
+    with pytest.raises((IdentError, ModelgenError), match=told):
         simulate("kuka_lwr4p", runs=SHORT, **arguments)
 
 
