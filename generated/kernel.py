@@ -28,7 +28,7 @@ class _Samples(ctypes.Structure):
 
 
 class Samples:
-    """q, dq, ddq (N, n), sign (N, n) or None for sign(dq), extra (N, e): float64 of any strides, kept alive."""
+    """q, dq, ddq (N, n), sign (N, n) or None for sign(dq), extra (N, e): float64, any strides, kept alive."""
 
     def __init__(self, q: Array, dq: Array, ddq: Array, sign: Array | None, extra: Array) -> None:
         self.arrays = (q, dq, ddq, sign, extra)
@@ -80,7 +80,7 @@ class Kernel:
         target: Array,
         past_caches: bool,
     ) -> None:
-        """W (N, width) row after row: non-zero k of a sample is source[k] and stands at target[k] (int32 both)."""
+        """W (N, width) row after row: non-zero k of a sample is source[k] and stands at target[k] (int32)."""
         width = W[0].size
         zeros = np.zeros(width)
         self._dense(
@@ -94,7 +94,7 @@ class Kernel:
 
 
 class Block:
-    """A block buffer's pointers, made once: `fill(samples, first, last)` writes the entries of these samples."""
+    """A block buffer's pointers, made once: `fill(samples, first, last)` writes those samples' entries."""
 
     def __init__(self, kernel: Kernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]]) -> None:
         self._keep = (rows, copies)

@@ -28,8 +28,8 @@ class Evaluator(Protocol):
 class Model:
     """One model of one robot, compiled. Rows are channels, columns base parameters; SI units, joint side.
 
-    `nonzeros` (nnz, 2) holds the (channel, parameter) of the entries of W that are not zero for all motions, in
-    the order of `nonzero_blocks`.
+    `nonzeros` (nnz, 2) holds the (channel, parameter) of the entries of W that are not zero for all motions,
+    in the order of `nonzero_blocks`.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Model:
             or not (out.flags.c_contiguous and out.flags.writeable and out.flags.aligned)
         ):
             raise GeneratedError(
-                f"out is not a writable C-contiguous float64 array of shape {shape}; make it with numpy.empty."
+                f"out is not a writable C-contiguous float64 array of shape {shape}; use numpy.empty."
             )
         past_caches = out.nbytes > CACHES
 
@@ -146,7 +146,7 @@ class Model:
         extra: Mapping[str, Any] | None = None,
         threads: int = 1,
     ) -> Array:
-        """(N, len(channels)) in N m (N on prismatic joints) of base parameters chi (b,), without forming W."""
+        """(N, len(channels)) in N m (N on prismatic joints) of base parameters chi (b,); W is not formed."""
         samples = self._samples(q, dq, ddq, sign, extra)
         chi = np.ascontiguousarray(_numbers("chi", chi), dtype=np.float64)
         if chi.shape != (len(self.parameters),):
@@ -199,13 +199,13 @@ class Model:
         return _blocks(samples, buffer, lambda values, count: values[:, :count], threads)
 
     def casadi(self, name: str) -> Any:
-        """The CasADi Function "regressor" (q, dq, ddq) -> W or "torque" (q, dq, ddq, chi) -> tau, (n,) each."""
+        """The CasADi Function "regressor" (q, dq, ddq) -> W or "torque" (q, dq, ddq, chi) -> tau."""
         if name not in ("regressor", "torque"):
             raise GeneratedError(f"there is no CasADi function {name!r}; choose 'regressor' or 'torque'.")
         return self._functions()[name]
 
     def _filler(self, buffer: Array, place: Any) -> Any:
-        """A block of the kernel that puts non-zero k into buffer[place[k]]; constants are written once, here."""
+        """A block of the kernel that puts non-zero k into buffer[place[k]]; constants are written here."""
         entries, one = self._description["columns"], self._description["columns"] + 3 * self.n
         rows: dict[int, Array] = {}
         copies = []

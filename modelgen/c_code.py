@@ -1,7 +1,7 @@
 """CasADi functions -> one C99 file per model, for a controller and (compiled for vectors) for batches.
 
 The bodies are CasADi's. Around them stand the functions a controller calls, which take q and find cos and
-sin with libm. `REAL`, `CONSTANT`, `OUTPUT` and `STORE` are plain doubles here; `generated/vector.h` has others.
+sin with libm. `REAL`, `CONSTANT`, `OUTPUT` and `STORE` are plain doubles here; see `generated/vector.h`.
 """
 
 from __future__ import annotations

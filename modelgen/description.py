@@ -20,7 +20,7 @@ FORMAT = 1  # of the description; a cache entry of another format is rebuilt
 
 @dataclass(frozen=True, slots=True)
 class Derived:
-    """`description` is what `generated` reads beside the C; `derive` tells the programs' inputs and outputs."""
+    """`description` is what `generated` reads with the C; `derive` tells the programs' inputs and outputs."""
 
     description: dict[str, Any]
     columns: Program
