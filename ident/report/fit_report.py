@@ -71,10 +71,10 @@ def verdict(document: Mapping[str, Any]) -> str:
     """The result in one sentence: how well the torque is explained, and by how many parameters."""
     errors = document["relative_error_percent"]
     count = f"{document['essential_parameters']} of {document['base_parameters']} base parameters"
-    fitted = percent(errors["identify"]["total"]).replace(" %", "\u00a0%")
+    fitted = percent(errors["identify"]["total"])
     for role in ("test", "validate"):
         if role in errors:
-            unseen = percent(errors[role]["total"]).replace(" %", "\u00a0%")
+            unseen = percent(errors[role]["total"])
             return (
                 f"{count} explain the torque to {unseen} on {ROLES[role]} ({fitted} where they were fitted)."
             )

@@ -196,7 +196,11 @@ def comparison_html(results: Mapping[str, FitResult]) -> str:
     warnings = tuple(
         f"model {model}: {text}" for model, result in results.items() for text in result.warnings
     )
-    curves = [(model, curve) for model, result in results.items() for curve in curves_of(result, documents[model])[:2]]
+    curves = [
+        (model, curve)
+        for model, result in results.items()
+        for curve in curves_of(result, documents[model])[:2]
+    ]
     page = ReportPage(
         title=f"{first['robot']}, models {', '.join(results)}",
         kind="Comparison of models",

@@ -3,6 +3,7 @@
 import math
 import re
 
+NO_BREAK = "\u00a0"
 _MEANINGS = {
     "Iam": "drive inertia (rotor and gear)",
     "Fvm": "viscous friction, motor side",
@@ -38,12 +39,12 @@ def meaning(name: str) -> str:
 def readable_rule(rule: str) -> str:
     """A rule as it is written by hand: `rl3**2*(M3 + M4)` -> `rl3² (M3 + M4)`."""
     rule = re.sub(r"\*\*(\d)(?!\d)", lambda power: "⁰¹²³⁴⁵⁶⁷⁸⁹"[int(power[1])], rule)
-    return rule.replace("*", " ")  # a no-break space between factors
+    return rule.replace("*", NO_BREAK)
 
 
 def readable_unit(unit: str) -> str:
     """`kg m^2` -> `kg m²`, never broken over two lines."""
-    return unit.replace("^2", "²").replace("^3", "³").replace(" ", " ")
+    return unit.replace("^2", "²").replace("^3", "³").replace(" ", NO_BREAK)
 
 
 def number(value: float | None, digits: int = 4) -> str:
@@ -63,7 +64,7 @@ def percent(value: float | None) -> str:
     return (
         "–"
         if value is None or not math.isfinite(value)
-        else f"{number(value, 2 if abs(value) < 10 else 3)} %"
+        else f"{number(value, 2 if abs(value) < 10 else 3)}{NO_BREAK}%"
     )
 
 
