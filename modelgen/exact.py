@@ -1,10 +1,10 @@
 """Exact numbers of a robot's geometry, and the little linear algebra that regrouping needs.
 
-A number is a rational, or a rational function over QQ of the geometry's generators: its named lengths and those
-cos, sin and square roots that are not rational (cos(3/10), sin(3/10), sqrt(3), rl3, ...). Sums and products are
-therefore exact and keep their names. Whether a number is zero is asked of its value: the numerator, evaluated
-with 100 digits at the generators' values, must cancel to 60 digits below its largest term. So relations between
-generators that no one listed (an angle that is the sum of two others, a length that equals another) count too.
+A number is a rational, or a rational function over QQ of the geometry's generators: its named lengths and
+those cos, sin and square roots that are not rational (cos(3/10), sin(3/10), sqrt(3), rl3, ...). Sums and
+products are therefore exact and keep their names. Whether a number is zero is asked of its value: the numerator,
+evaluated with 100 digits at the generators' values, must cancel to 60 digits below its largest term. So relations
+between generators that no one listed (an angle that is the sum of two others, a length that equals another) count.
 """
 
 from __future__ import annotations
@@ -85,14 +85,32 @@ class Exact:
         if not number:
             return True
         with mpmath.workdps(DIGITS):
-            total = largest = mpmath.mpf(0)
-            for monomial, coefficient in number.numer.terms():
-                term = mpmath.mpf(int(coefficient.numerator)) / int(coefficient.denominator)
-                for value, power in zip(self._values, monomial, strict=True):
-                    term *= value**power
-                total += term
-                largest = max(largest, abs(term))
-            return abs(total) <= CANCELLED * largest
+            terms = self._terms(number.numer)
+            return abs(sum(terms)) <= CANCELLED * max(map(abs, terms))
+
+    @property
+    def irrational(self) -> bool:
+        """True if a generator is more than a named length."""
+        return any(not g.is_Symbol for g in self.generators)
+
+    def digits(self, number: Number) -> mpmath.mpf:
+        """The value of a number with 100 digits."""
+        with mpmath.workdps(DIGITS):
+            if isinstance(number, FracElement):
+                return sum(self._terms(number.numer)) / sum(self._terms(number.denom))
+            return _digits(number)
+
+    def _terms(self, polynomial: Any) -> list[mpmath.mpf]:
+        return [
+            mpmath.fprod(
+                [_digits(coefficient), *(v**n for v, n in zip(self._values, monomial, strict=True) if n)]
+            )
+            for monomial, coefficient in polynomial.terms()
+        ]
+
+
+def _digits(rational: Number) -> mpmath.mpf:
+    return mpmath.mpf(int(rational.numerator)) / int(rational.denominator)
 
 
 def _generators(expression: sp.Expr) -> set[sp.Expr]:

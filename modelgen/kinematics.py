@@ -8,7 +8,7 @@ built here holds no multiplication by the zeros and ones of the robot's geometry
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import sympy as sp
@@ -112,6 +112,19 @@ class Geometry:
     def moving(self) -> tuple[int, ...]:
         """Indices (from 0) of the moving rows, in the order of q."""
         return tuple(j for j, row in enumerate(self.rows) if row.sigma != 2)
+
+    def mapped(self, convert: Callable[[Number], Number]) -> Geometry:
+        """The same geometry in another number type; structural integers stay as they are."""
+
+        def lift(x: Number) -> Number:
+            return x if isinstance(x, int) else convert(x)
+
+        rows = tuple(
+            Row(r.antecedent, r.sigma, *(lift(getattr(r, f.name)) for f in fields(Row)[2:]))
+            for r in self.rows
+        )
+        x, y, z = self.gravity
+        return Geometry(rows, (lift(x), lift(y), lift(z)))
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,10 @@ so its own cannot either; being constant in q_n they equal their average over q_
 at q_n = 0), which is the energy of one body held by a(n). Replace it and repeat on the smaller tree; a body held
 by the base has no kinetic and a constant potential energy, and is dropped. No step divides or rounds.
 
-So everything is decided link by link, from the space S_a of functionals (V'V and G of link a, in Sym(4)) and the
-space L_a of velocities V that a's motion can produce. Both follow exactly from the antecedent's, because T'ST is
-a trigonometric polynomial of degree 2 in q (five points of the circle span its coefficients) or a polynomial of
-degree 2 (three points), and because four quarter turns average it exactly.
+So everything is decided link by link, from the functionals V'V and G and the velocities V that a's motion can
+produce: two spaces that follow exactly from the antecedent's, because J'SJ is a trigonometric polynomial of
+degree 2 in q (five points of the circle span its coefficients) or a polynomial of degree 2 (three points), and
+because four quarter turns average it exactly.
 """
 
 from __future__ import annotations
@@ -45,6 +45,7 @@ KEPT_FIRST = {
     1: ("M", "MX", "MY", "MZ", "Iam", "ZZ", "YZ", "YY", "XZ", "XY", "XX"),
     2: INERTIAL,
 }
+PAYLOAD_KEPT_FIRST = ("M", "MX", "MY", "MZ", "ZZ", "XX", "YY", "XY", "XZ", "YZ")
 QUARTER_TURNS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 CIRCLE = (*QUARTER_TURNS, (QQ(3, 5), QQ(4, 5)))
 LINE = (0, 1, -1)
@@ -60,6 +61,7 @@ class InertialRegrouping:
 
     exact: Exact
     columns: dict[str, Coordinates]
+    reach: tuple[Reach, ...]  # by row number
 
     @property
     def kept(self) -> tuple[str, ...]:
@@ -68,10 +70,15 @@ class InertialRegrouping:
 
 
 @dataclass(frozen=True, slots=True)
-class _Reach:
-    """What the motion of one link spans: S, functionals on bodies in Sym(4); L, velocities in se(3)."""
+class Reach:
+    """What the motion of one link can show of a body that it holds, in the axes of one frame.
 
-    S: Span
+    shown: the span in Sym(4) of its kinetic functionals V'V and of the differences of its G between two states;
+    weight: G at one state (upper triangle); L: the span in se(3) of its velocities V.
+    """
+
+    shown: Span
+    weight: list[Number]
     L: Span
 
 
@@ -83,18 +90,37 @@ def regroup_inertial(robot: Robot, rotors: bool) -> InertialRegrouping:
     geometry, exact = exact_geometry(robot)
     gx, gy, gz = geometry.gravity
     weight = [[0, 0, 0, gx], [0, 0, 0, gy], [0, 0, 0, gz], [gx, gy, gz, 0]]
-    base = _Reach(Span(10, exact.settle, [_upper(weight)]), Span(6, exact.settle))
-    reach = [base]  # by row number; 0 is the base
+    reach = [
+        Reach(Span(10, exact.settle), _upper(weight), Span(6, exact.settle))
+    ]  # by row number; 0 is the base
     label = dict(zip(robot.moving, robot.joint_labels, strict=True))
     columns: dict[str, Coordinates] = {}
     for j, row in enumerate(geometry.rows, 1):
         a = row.antecedent + 1
         F = _frame(geometry, j - 1)
-        held = _Reach(_congruent(reach[a].S, F), _conjugate(reach[a].L, F))
+        held = _behind(F, reach[a])
         rotor = label.get(j) if rotors else None
         columns.update(_link_columns(j, a, row, F, held, rotor, columns, exact))
         reach.append(_moved(held, row.sigma))
-    return InertialRegrouping(exact, columns)
+    return InertialRegrouping(exact, columns, tuple(reach))
+
+
+def regroup_payload(inertial: InertialRegrouping, label: str, row: int) -> dict[str, Coordinates]:
+    """The ten columns of a payload held by link `row`, in terms of those kept.
+
+    The payload is there in the loaded runs only, so what the link's motion shows of it is told apart from the
+    robot; a robot of few joints does not show all ten.
+    """
+    shown = inertial.reach[row].shown
+    functionals = (_on_parameters(_full(upper)) for upper in shown.rows.values())
+    seen = Span(10, shown.settle, ([f[kind] for kind in PAYLOAD_KEPT_FIRST] for f in functionals))
+    names = [f"{kind}{label}" for kind in PAYLOAD_KEPT_FIRST]
+    result: dict[str, Coordinates] = {name: {name: 1} for name in names}
+    for given_up, relation in seen.annihilator().items():
+        result[names[given_up]] = {
+            n: -c for n, c in zip(names, relation, strict=True) if c and n != names[given_up]
+        }
+    return result
 
 
 def exact_geometry(robot: Robot) -> tuple[Geometry, Exact]:
@@ -115,7 +141,7 @@ def _link_columns(
     a: int,
     row: Row,
     F: Matrix,
-    held: _Reach,
+    held: Reach,
     rotor: str | None,
     columns: dict[str, Coordinates],
     exact: Exact,
@@ -145,7 +171,7 @@ def _accumulate(total: Coordinates, column: Coordinates, factor: Number) -> None
         total[name] = total.get(name, 0) + factor * coefficient
 
 
-def _observed(held: _Reach, sigma: int) -> Iterator[dict[str, Number]]:
+def _observed(held: Reach, sigma: int) -> Iterator[dict[str, Number]]:
     """Functionals on a body of the link (and its rotor) that must vanish for it not to depend on q and dq."""
     if sigma == 2:
         return
@@ -155,46 +181,45 @@ def _observed(held: _Reach, sigma: int) -> Iterator[dict[str, Number]]:
         for V in held.L.rows.values():  # the part in dq
             W = product(_inverse(J), product(_twist(V), J))
             yield _on_parameters(_symmetric(product(transposed(E), W)))
-    for upper in held.S.rows.values():  # the part that changes with q
-        S = _full(upper)
-        for J in _joint(sigma)[1:]:
-            moved = product(transposed(J), product(S, J))
-            yield _on_parameters(
-                [[x - y for x, y in zip(u, v, strict=True)] for u, v in zip(moved, S, strict=True)]
-            )
+    for upper in (*held.shown.rows.values(), held.weight):  # the part that changes with q
+        yield from map(_on_parameters, _changes(_full(upper), sigma))
 
 
-def _moved(held: _Reach, sigma: int) -> _Reach:
+def _changes(S: Matrix, sigma: int) -> Iterator[Matrix]:
+    """J(q)' S J(q) - S at the positions that span it."""
+    for J in _joint(sigma)[1:]:
+        moved = product(transposed(J), product(S, J))
+        yield [[x - y for x, y in zip(u, v, strict=True)] for u, v in zip(moved, S, strict=True)]
+
+
+def _behind(F: Matrix, a: Reach) -> Reach:
+    """The same motion, seen at a frame that F places on the link: F'SF and F^-1 V F."""
+    back, Ft = _inverse(F), transposed(F)
+
+    def seen(upper: list[Number]) -> list[Number]:
+        return _upper(product(Ft, product(_full(upper), F)))
+
+    shown, L = a.shown, a.L
+    if not shown.full:
+        shown = Span(10, shown.settle, map(seen, shown.rows.values()))
+    if not L.full:
+        L = Span(6, L.settle, (_coordinates(product(back, product(_twist(v), F))) for v in L.rows.values()))
+    return Reach(shown, [shown.settle(x) for x in seen(a.weight)], L)
+
+
+def _moved(held: Reach, sigma: int) -> Reach:
     """What the link beyond the joint can do, given what its antecedent can (both seen at the joint's frame)."""
     if sigma == 2:
         return held
     E, joint = _axis(sigma), _joint(sigma)
     velocities = [product(_inverse(J), product(_twist(V), J)) for J in joint for V in held.L.rows.values()]
-    L = Span(6, held.L.settle, [_coordinates(W) for W in [E, *velocities]])
-    if held.S.full:
-        return _Reach(held.S, L)
-    S = Span(10, held.S.settle, [_upper(product(transposed(E), E))])
-    S.extend(_upper(_symmetric(product(transposed(E), W))) for W in velocities)
-    S.extend(
-        _upper(product(transposed(J), product(_full(v), J))) for J in joint for v in held.S.rows.values()
-    )
-    return _Reach(S, L)
-
-
-def _congruent(S: Span, F: Matrix) -> Span:
-    """Functionals F'SF of the bodies behind F."""
-    if S.full:
-        return S
-    Ft = transposed(F)
-    return Span(10, S.settle, [_upper(product(Ft, product(_full(v), F))) for v in S.rows.values()])
-
-
-def _conjugate(L: Span, F: Matrix) -> Span:
-    """Velocities F^-1 V F of the bodies behind F."""
-    if L.full:
-        return L
-    back = _inverse(F)
-    return Span(6, L.settle, [_coordinates(product(back, product(_twist(v), F))) for v in L.rows.values()])
+    L = Span(6, held.L.settle, map(_coordinates, [E, *velocities]))
+    shown = Span(10, held.shown.settle, held.shown.rows.values())
+    shown.extend([_upper(product(transposed(E), E))])
+    shown.extend(_upper(_symmetric(product(transposed(E), W))) for W in velocities)
+    for upper in (*held.shown.rows.values(), held.weight):
+        shown.extend(map(_upper, _changes(_full(upper), sigma)))
+    return Reach(shown, held.weight, L)
 
 
 def _transferred(body: dict[str, Number], F: Matrix, sigma: int) -> dict[str, Number]:

@@ -14,17 +14,16 @@ from dataclasses import dataclass
 
 import sympy as sp
 
-from modelgen.exact import Exact, Span
+from modelgen.exact import Exact
 from modelgen.kinematics import Number
 from modelgen.models import Model, model
 from modelgen.newton_euler import INERTIAL
-from modelgen.regrouping import Coordinates, InertialRegrouping, regroup_inertial
+from modelgen.regrouping import Coordinates, regroup_inertial, regroup_payload
 from modelgen.robot import Robot
 from modelgen.robot_file import check_payload_label
 from modelgen.standard_parameters import StandardParameter
 
 SAME_SIGNAL = {"Fvl": "Fvm", "Fcl": "Fcm", "Offl": "Offm"}
-PAYLOAD_KEPT_FIRST = ("M", "MX", "MY", "MZ", "ZZ", "XX", "YY", "XY", "XZ", "YZ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +88,7 @@ def derive_rules(robot: Robot, model_name: str, payload: str | None = None) -> R
             name = f"{partner}{p.label}" if shared else p.name
             columns[p.name] = {name: 1}
     if payload is not None and inertial is not None:
-        columns.update(_payload_columns(inertial, payload, robot.payload_link(payload)))
+        columns.update(regroup_payload(inertial, payload, robot.payload_link(payload)))
     return _assemble(robot, chosen, payload, standard, columns, inertial.exact if inertial else Exact((), {}))
 
 
@@ -101,21 +100,6 @@ def derive_all(robot: Robot, payload: str | None = None) -> dict[str, Rules]:
 def declared_payload(robot: Robot) -> str | None:
     """The payload that the robot file declares (the first, if several): counts include it."""
     return next(iter(robot.payloads), None)
-
-
-def _payload_columns(inertial: InertialRegrouping, label: str, row: int) -> dict[str, Coordinates]:
-    """The payload's columns by those it keeps: its link's columns, without the unloaded robot's in the basis."""
-    link = {kind: inertial.columns[f"{kind}{row}"] for kind in PAYLOAD_KEPT_FIRST}
-    names = dict.fromkeys(name for column in link.values() for name in column)
-    shown = Span(10, inertial.exact.settle, ([link[kind].get(n, 0) for kind in link] for n in names))
-    result: dict[str, Coordinates] = {f"{kind}{label}": {f"{kind}{label}": 1} for kind in INERTIAL}
-    for given_up, relation in shown.annihilator().items():
-        result[f"{PAYLOAD_KEPT_FIRST[given_up]}{label}"] = {
-            f"{kind}{label}": -c
-            for i, (kind, c) in enumerate(zip(PAYLOAD_KEPT_FIRST, relation, strict=True))
-            if c and i != given_up
-        }
-    return result
 
 
 def _assemble(
