@@ -41,7 +41,7 @@ def parse_effect(text: str, robot: Robot) -> EffectRequest:
         joint_text, values_text = "", joint_text
     known = catalogue()
     if name not in known:
-        close = difflib.get_close_matches(name, known, n=1)
+        close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
         hint = f"did you mean {close[0]}?" if close else f"the effects are {', '.join(known)}."
         raise EffectRequestError(f"--effect {text}: no effect is called {name!r}; {hint}")
     effect = known[name]

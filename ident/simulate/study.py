@@ -275,7 +275,12 @@ def _truth(
         joints = [] if e.request.joint is None else [int(labels[e.request.joint])]
         visible = float(f"{100 * e.visible:.3g}")
         hidden.append(
-            {"effect": e.name, "joints": joints, "parameters": parameters, "visible_percent": visible}
+            {
+                "effect": e.request.effect.finding_name,
+                "joints": joints,
+                "parameters": parameters,
+                "visible_percent": visible,
+            }
         )
     return {
         "robot": twin.robot.name,

@@ -109,7 +109,7 @@ def run_twin(
     carried = _chi(twin.link, twin.standard, payload)
     link_state = _behind_backlash(motion, effects, dt)
     tau_link = twin.link.torque(*link_state, carried)
-    extra = _link_effects(twin, t, link_state, effects, payload or {})
+    extra = _link_effects(twin, t, link_state, tau_link, effects, payload or {})
     tau_link += extra
     motor_state = motion
     elastic = [e for e in effects if e.name == "joint_elasticity"]
@@ -202,9 +202,14 @@ def _column_torque(e: ActiveEffect, t: Array, state: State, tau_link: Array) -> 
 
 
 def _link_effects(
-    twin: Twin, t: Array, state: State, effects: tuple[ActiveEffect, ...], payload: Mapping[str, float]
+    twin: Twin,
+    t: Array,
+    state: State,
+    tau_link: Array,
+    effects: tuple[ActiveEffect, ...],
+    payload: Mapping[str, float],
 ) -> Array:
-    """(N, n) torques of effects beyond the gear: springs, loads, contacts, tilted gravity."""
+    """(N, n) torques of effects beyond the gear: springs, loads, contacts, tilted gravity, open gaps."""
     row = twin.robot.payload_link(PAYLOAD)
     heavy = dict(twin.standard)
     for name in ("M", "MX", "MY", "MZ"):
@@ -214,7 +219,7 @@ def _link_effects(
         effect, request = e.request.effect, e.request
         inside = gate(t - t[0], request.start, request.stop)[:, None]
         if effect.kind == "column" and effect.channel == "link":
-            extra[:, request.joint] += _column_torque(e, t, state, extra)
+            extra[:, request.joint] += _column_torque(e, t, state, tau_link)
         elif effect.name == "payload_change":
             chi = _chi(twin.link, {}, e.linear)
             extra += inside * twin.link.torque(*state, chi)

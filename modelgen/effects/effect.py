@@ -135,7 +135,13 @@ class Effect:
     sizes: tuple[str, ...] = ()  # reported parameters that say how large it is; see `size_names`
     typical: Mapping[str, float] = field(default_factory=dict)  # reported values of a usual robot
     shared: bool = False  # all joints may have it with one value (joints [])
+    told_as: str = ""  # the name a finding bears, where two mechanisms have one cause
     common: bool = True  # False: rarer than its rivals, to be preferred only when it fits clearly better
+
+    @property
+    def finding_name(self) -> str:
+        """What the user is told: contract 7's name of the cause."""
+        return self.told_as or self.name
 
     @property
     def linear_names(self) -> tuple[str, ...]:
