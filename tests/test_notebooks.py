@@ -35,6 +35,31 @@ def test_outputs_are_not_committed_and_the_last_cell_is_the_claim(name):
 def test_regrouped_parameters(tmp_path):
     claim = executed("1_regrouped_parameters.ipynb", tmp_path)
     assert claim["counts"] == {"A": 79, "B": 74, "C": 102, "D": 28}
-    assert claim["rank_of_all_joints"] == claim["base_parameters_of_the_bare_arm"] == 69 > claim["rank_of_ten_poses"]
+    assert (
+        claim["rank_of_all_joints"]
+        == claim["base_parameters_of_the_bare_arm"]
+        == 69
+        > claim["rank_of_ten_poses"]
+    )
     assert claim["separate_in_C"] == 28
     assert claim["rotors_mixed_in_A"] == ["Iam1", "Iam2"]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_the_paper_on_a_twin(tmp_path):
+    claim = executed("2_the_paper_on_a_twin.ipynb", tmp_path)
+    assert claim["base_parameters"] == {"A": 79, "B": 74, "C": 102, "D": 28}
+    assert all(abs(error) < 1 for error in claim["payload_error_percent"].values())
+    # the twin has the paper's Iam2 = 3.05; 2 % is some five of its standard deviations
+    assert all(abs(value / 3.05 - 1) < 0.02 for value in claim["Iam2"].values())
+    assert abs(claim["ZZ2R_A_minus_C_is_Iam2"] / 3.05 - 1) < 0.05
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_the_regressor_in_your_own_code(tmp_path):
+    claim = executed("4_regressor_in_your_code.ipynb", tmp_path)
+    assert claim["chi_error"] < 1e-8  # of numbers of size 1, through normal equations
+    assert claim["c_against_python"] < 1e-9
+    assert claim["rms_torque"]["optimal"] < 0.8 * claim["rms_torque"]["quintic"]
