@@ -73,7 +73,8 @@ def main() -> None:
     sensors = Sensors(noise_correlation_s=chosen.correlation, noise_percent=chosen.noise)
     silent = replace(sensors, noise_percent=0.0, noise_floor=0.0)
     tallies = {kind: Tally() for kind in ("full honest", "full white", "essential honest", "essential white",
-                                          "nonzero essential honest")}  # fmt: skip
+                                          "nonzero essential honest", "essential chi, full std",
+                                          "nonzero essential chi, full std")}  # fmt: skip
     each: dict[str, list[float]] = {}
     errors_mass = []
     for motion in range(chosen.motions):
@@ -99,6 +100,11 @@ def main() -> None:
             essential = reduce(full, study.alpha, share).estimate
             score(full, noisy, truth, tallies, "full", {})
             score(essential, noisy, truth, tallies, "essential", each)
+            wide = np.sqrt(np.diag(honest_covariance(noisy, full, noises)))
+            k = np.flatnonzero(essential.active)
+            z = np.abs(essential.chi[k] - truth[k]) / wide[k]
+            tallies["essential chi, full std"].add(z < 1.96)
+            tallies["nonzero essential chi, full std"].add(z[truth[k] != 0] < 1.96)
             if "ML" in full.parameters:
                 k = full.parameters.index("ML")
                 errors_mass.append(100 * (essential.chi[k] / truth[k] - 1))

@@ -27,6 +27,7 @@ from ident.reading import RecordingStream
 
 STACK = 512     # decimated rows gathered before a factor takes them in
 LEAST = 0.1     # share of a row's samples that must count
+HELD = 2_000_000    # decimated entries of a recording that are held in double precision; longer ones in single
 Tick = Callable[[int], None]
 
 
@@ -151,6 +152,7 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
     growing = [_Growing(np.unique(column[free & (channel == j)])) for j in range(n_channels)]
     segments: list[DecimatedSegment] = []
     samples = 0
+    few = stream.survey.rows / every * len(channel) < HELD      # R is double in any case
 
     parts_t: list[np.ndarray] = []
     parts_W: list[np.ndarray] = []
@@ -184,7 +186,7 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
             rows[:, -1] = Y[j]
             factor.add(rows[weight[j] > 0])
         parts_t.append(t_first + (np.arange(kept, kept + m) + 1) * every / stream.rate_hz)
-        parts_W.append(W)
+        parts_W.append(W if few else W.astype(np.float32))
         parts_Y.append(Y)
         parts_weight.append(weight)
         kept += m

@@ -6,7 +6,8 @@ grows by chi_i^2 / Sigma_ii, and if
     F = (||rho_c||^2 - ||rho||^2) / (||rho||^2 / (r - b)) <= F_d(alpha; 1, r - b)
 
 the parameter is cancelled and the rest is estimated again; the process ends with the first F that is larger.
-Decimated rows can stay correlated: with `effective_rows` F is scaled by r_eff / r and F_d read at r_eff - b.
+Decimated rows can stay correlated: F is scaled by r_eff / r and F_d read at r_eff - b, unless a study says
+`effective_rows: false` and so asks for the paper's own test.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """`fit.json` (contract 5) and the tables beside it, from a FitResult. Nothing is estimated here.
 
 A cancelled parameter has the value 0, as in the reduced model whose errors are quoted; what the full model gave
-for it stands in `full_value`. `std` is the honest standard deviation (noise.py), `std_white` that of eq. 15.
+for it stands in `full_value`. `std` is the honest standard deviation (noise.py, FitResult.std), `std_selected`
+the one that takes the cancelled parameters as known to be zero, `std_white` that of eq. 15.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ Row = tuple[str, ...]
 def fit_document(result: FitResult) -> dict[str, Any]:
     """The content of fit.json as plain values."""
     columns, estimate, full = result.columns, result.estimate, result.full
-    free = max(result.effective_rows - estimate.b, 1.0)
+    free = max(result.effective_rows - full.b, 1.0)
     channels = columns.channels
     return {
         "robot": columns.model.robot_name,
@@ -67,7 +68,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
 
 def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
     columns, estimate, full, std = result.columns, result.estimate, result.full, result.std
-    full_std = np.sqrt(np.diag(result.full_covariance))
+    selected = np.sqrt(np.diag(result.covariance))
     rows = []
     for k, name in enumerate(columns.parameters):
         essential = bool(estimate.active[k])
@@ -83,13 +84,13 @@ def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
             "std_white": float(estimate.std[k] if essential else full.std[k]),
             "interval_95": [value - half_width * float(std[k]), value + half_width * float(std[k])] if essential else None,
             "full_value": float(full.chi[k]) if full.active[k] else None,
-            "full_std": float(full_std[k]) if full.active[k] else None,
+            "std_selected": float(selected[k]) if essential else None,
         }  # fmt: skip
         rows.append(row)
     for name, value in columns.known.items():
         rows.append({"name": name, "value": value, "std": 0.0, "relative_std_percent": 0.0, "essential": True,
                      "unit": "kg", "regroups": f"{name} (given)", "std_white": 0.0, "interval_95": [value, value],
-                     "full_value": value, "full_std": 0.0})  # fmt: skip
+                     "full_value": value, "std_selected": 0.0})  # fmt: skip
     return rows
 
 

@@ -126,7 +126,7 @@ class Study(_Strict):
     robust: Literal["huber"] | None = None
     reduction: bool = True
     alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.05
-    effective_rows: bool = False
+    effective_rows: bool = True
     trim_rest: bool = True
     drop_rest: bool = False
     folder: str | None = None
