@@ -90,9 +90,7 @@ def regroup_inertial(robot: Robot, rotors: bool) -> InertialRegrouping:
     geometry, exact = exact_geometry(robot)
     gx, gy, gz = geometry.gravity
     weight = [[0, 0, 0, gx], [0, 0, 0, gy], [0, 0, 0, gz], [gx, gy, gz, 0]]
-    reach = [
-        Reach(Span(10, exact.settle), _upper(weight), Span(6, exact.settle))
-    ]  # by row number; 0 is the base
+    reach = [Reach(Span(10), _upper(weight), Span(6))]  # by row number; 0 is the base
     label = dict(zip(robot.moving, robot.joint_labels, strict=True))
     columns: dict[str, Coordinates] = {}
     for j, row in enumerate(geometry.rows, 1):
@@ -113,7 +111,7 @@ def regroup_payload(inertial: InertialRegrouping, label: str, row: int) -> dict[
     """
     shown = inertial.reach[row].shown
     functionals = (_on_parameters(_full(upper)) for upper in shown.rows.values())
-    seen = Span(10, shown.settle, ([f[kind] for kind in PAYLOAD_KEPT_FIRST] for f in functionals))
+    seen = Span(10, ([f[kind] for kind in PAYLOAD_KEPT_FIRST] for f in functionals))
     names = [f"{kind}{label}" for kind in PAYLOAD_KEPT_FIRST]
     result: dict[str, Coordinates] = {name: {name: 1} for name in names}
     for given_up, relation in seen.annihilator().items():
@@ -149,7 +147,7 @@ def _link_columns(
     """Columns of link j: those kept, and the others in terms of them and of the columns of link a."""
     kinds = KEPT_FIRST[row.sigma] if rotor else tuple(k for k in KEPT_FIRST[row.sigma] if k != "Iam")
     names = {kind: f"{kind}{rotor if kind == 'Iam' else j}" for kind in kinds}
-    shown = Span(len(kinds), exact.settle, ([f[kind] for kind in kinds] for f in _observed(held, row.sigma)))
+    shown = Span(len(kinds), ([f[kind] for kind in kinds] for f in _observed(held, row.sigma)))
     result: dict[str, Coordinates] = {name: {name: 1} for name in names.values()}
     for given_up, relation in shown.annihilator().items():
         body = dict.fromkeys(("Iam", *INERTIAL), 0) | dict(zip(kinds, relation, strict=True))
@@ -160,7 +158,7 @@ def _link_columns(
         if a:
             for kind, coefficient in _transferred(body, F, row.sigma).items():
                 _accumulate(total, columns[f"{kind}{a}"], coefficient)
-        result[names[kinds[given_up]]] = {n: s for n, c in total.items() if (s := exact.settle(c))}
+        result[names[kinds[given_up]]] = {n: c for n, c in total.items() if c}
     return result
 
 
@@ -201,10 +199,10 @@ def _behind(F: Matrix, a: Reach) -> Reach:
 
     shown, L = a.shown, a.L
     if not shown.full:
-        shown = Span(10, shown.settle, map(seen, shown.rows.values()))
+        shown = Span(10, map(seen, shown.rows.values()))
     if not L.full:
-        L = Span(6, L.settle, (_coordinates(product(back, product(_twist(v), F))) for v in L.rows.values()))
-    return Reach(shown, [shown.settle(x) for x in seen(a.weight)], L)
+        L = Span(6, (_coordinates(product(back, product(_twist(v), F))) for v in L.rows.values()))
+    return Reach(shown, seen(a.weight), L)
 
 
 def _moved(held: Reach, sigma: int) -> Reach:
@@ -213,8 +211,8 @@ def _moved(held: Reach, sigma: int) -> Reach:
         return held
     E, joint = _axis(sigma), _joint(sigma)
     velocities = [product(_inverse(J), product(_twist(V), J)) for J in joint for V in held.L.rows.values()]
-    L = Span(6, held.L.settle, map(_coordinates, [E, *velocities]))
-    shown = Span(10, held.shown.settle, held.shown.rows.values())
+    L = Span(6, map(_coordinates, [E, *velocities]))
+    shown = Span(10, held.shown.rows.values())
     shown.extend([_upper(product(transposed(E), E))])
     shown.extend(_upper(_symmetric(product(transposed(E), W))) for W in velocities)
     for upper in (*held.shown.rows.values(), held.weight):

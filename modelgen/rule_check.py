@@ -12,10 +12,9 @@ from __future__ import annotations
 import random
 from collections.abc import Callable, Sequence
 
-import mpmath
 from sympy.polys.domains import QQ
 
-from modelgen.exact import CANCELLED, DIGITS
+from modelgen.exact import CANCELLED, MP, digits
 from modelgen.kinematics import Number, State
 from modelgen.models import standard_regressor
 from modelgen.regrouping import exact_geometry
@@ -46,26 +45,25 @@ def broken_columns(rules: Rules, seed: int = 0, states: int = 2) -> tuple[str, .
     For all chi_st, W_st chi_st = W chi exactly when every column agrees.
     """
     geometry, exact = exact_geometry(rules.robot)
-    lift: Callable[[Number], Number] = exact.digits if exact.irrational else lambda x: x
+    lift: Callable[[Number], Number] = digits if exact.irrational else lambda x: x
     geometry = geometry.mapped(lift)
     claims = {
         p.name: {kept: lift(exact.number(c)) for kept, c in rules.columns[p.name].items()}
         for p in rules.standard
     }
     broken = []
-    with mpmath.workdps(DIGITS):
-        for k in range(states):
-            state = rational_state(rules.robot, seed + k, lift)
-            sign = [1 if rate > 0 else -1 for rate in state.dq]
-            W = standard_regressor(rules.robot, geometry, rules.model, state, sign, rules.standard)
-            largest = max(abs(x) for column in W.values() for x in column) if exact.irrational else 0
-            for name, combination in claims.items():
-                terms = [W[name], *([-c * x for x in W[kept]] for kept, c in combination.items())]
-                if not all(_cancel(row, largest) for row in zip(*terms, strict=True)):
-                    broken.append(name)
+    for k in range(states):
+        state = rational_state(rules.robot, seed + k, lift)
+        sign = [1 if rate > 0 else -1 for rate in state.dq]
+        W = standard_regressor(rules.robot, geometry, rules.model, state, sign, rules.standard)
+        largest = max(abs(x) for column in W.values() for x in column) if exact.irrational else 0
+        for name, combination in claims.items():
+            terms = [W[name], *([-c * x for x in W[kept]] for kept, c in combination.items())]
+            if not all(_cancel(row, largest) for row in zip(*terms, strict=True)):
+                broken.append(name)
     return tuple(dict.fromkeys(broken))
 
 
 def _cancel(terms: Sequence[Number], largest: Number) -> bool:
     total = sum(terms)
-    return abs(total) <= CANCELLED * largest if isinstance(total, mpmath.mpf) else not total
+    return abs(total) <= CANCELLED * largest if isinstance(total, MP.mpf) else not total

@@ -18,6 +18,9 @@ class _Printer(StrPrinter):
     def _print_Rational(self, expr: sp.Rational) -> str:
         return decimal(expr)
 
+    def _print_Float(self, expr: sp.Float) -> str:
+        return repr(float(expr))
+
 
 def decimal(number: sp.Rational) -> str:
     """A rational as a decimal if it has one of at most 15 digits, else as a fraction."""
