@@ -1,7 +1,7 @@
 """How large a hidden effect is when the user does not say: large enough to be clearly there, not gross.
 
 The part of the effect's torque that the study's own model cannot absorb is made a stated share of the joint's
-torque, on the recording where the effect acts. The share is what the joint's error rises to, noise apart.
+torque, see yardstick.py. The share is about what the joint's error rises to, noise apart.
 """
 
 from collections.abc import Mapping
@@ -9,29 +9,25 @@ from dataclasses import replace
 
 import numpy as np
 
-import generated
 from ident.simulate.requests import EffectRequest
-from ident.simulate.sensors import smooth
 from ident.simulate.trajectories import Motion
-from ident.simulate.twin import ActiveEffect, SimulationError, Twin, channels_of, run_twin
-
-Array = np.ndarray
-RATE_HZ = 250.0
-KEEP = 10  # one row in ten: the residual is looked at below 10 Hz
-FILTER_S = 0.015  # Gaussian, about 10 Hz
-REST_S = 1.5  # cut at both ends, as a fit does with rest
+from ident.simulate.twin import ActiveEffect, SimulationError, Twin, channels_of
+from ident.simulate.yardstick import Yardstick
 
 
 def activate(
-    request: EffectRequest, twin: Twin, model: str, motion: Motion, share: float | None = None
+    request: EffectRequest, twin: Twin, model: str, motions: Mapping[str, Motion], share: float | None = None
 ) -> ActiveEffect:
-    """Give a request all its numbers. The user's stand; the effect's size is set if he did not fix it."""
+    """Give a request all its numbers. The user's stand; the effect's size is set if he did not fix it.
+
+    `motions`: the runs that the study fits, by label.
+    """
     effect = request.effect
     share = share or (0.03 if effect.kind == "motion" else 0.05)
     values, context = _usual(request, twin)
     channels_of(request, model)  # refuses what the study could not show
     active = _active(request, values, context)
-    yardstick = _Yardstick(twin, model, motion)
+    yardstick = Yardstick(twin, model, motions)
     _refuse_impossible(active)
     active = replace(active, visible=yardstick(active))
     if set(request.values) & {*effect.size_names, "force"}:
@@ -134,37 +130,3 @@ def _with_linear(
     report = active.request.effect.report(linear, active.nonlinear, None, context)
     reported = {name: float(f"{entry['value']:.12g}") for name, entry in report.items()}
     return replace(active, linear=linear, reported=reported)
-
-
-class _Yardstick:
-    """Share of a joint's torque that an effect adds and the study's model cannot absorb."""
-
-    def __init__(self, twin: Twin, model: str, motion: Motion) -> None:
-        self.twin, self.model = twin, model
-        self.t = np.arange(0.0, motion.duration, 1.0 / RATE_HZ)
-        self.rows = np.flatnonzero((self.t >= REST_S) & (self.t <= motion.duration - REST_S))[::KEEP]
-        self.state = motion.at(self.t)
-        self.recorded = {"A": ("tau_m",), "B": ("tau_l",), "C": ("tau_m", "tau_l"), "D": ("tau_m",)}[model]
-        self.clean = self._torque(())
-        self.rms = np.maximum(np.sqrt(np.mean(self.clean**2, axis=0)), 1e-3)  # N m
-        W = generated.load(twin.source, model).regressor(*(part[self.rows] for part in self.state))
-        W = W / self.rms[None, : W.shape[1], None]
-        self.basis = np.linalg.qr(W.reshape(-1, W.shape[2]))[0]
-
-    def _torque(self, effects: tuple[ActiveEffect, ...]) -> Array:
-        effects = tuple(replace(e, request=replace(e.request, recording=None)) for e in effects)
-        run = run_twin(self.twin, self.t, self.state, effects, None, self.model)
-        tau = np.concatenate([getattr(run, name) for name in self.recorded], axis=1)
-        if self.model == "D":
-            tau = run.tau_m - run.tau_l
-        return smooth(tau, 1.0 / RATE_HZ, FILTER_S)[self.rows]
-
-    def __call__(self, effect: ActiveEffect) -> float:
-        added = (self._torque((effect,)) - self.clean) / self.rms
-        flat = added.reshape(-1)
-        left = (flat - self.basis @ (self.basis.T @ flat)).reshape(added.shape)
-        share = np.sqrt(np.mean(left**2, axis=0))
-        joint = effect.request.joint
-        if joint is None:
-            return float(share.max())
-        return float(max(share[k] for k in range(joint, len(share), self.twin.n)))

@@ -114,12 +114,13 @@ def simulate(
     space = reach(description)
     motions = {run.label: _motion(run, space, seed) for run in runs}
     body = payload_body(payload_kg, known.payload) if payload_kg is not None else None
+    fitted = {run.label: motions[run.label] for run in runs if run.use == "identify" and not run.loaded}
     active = []
     for request in requests:
         progress(f"sizing {request.effect.name}")
         request = _windowed(request, runs)
-        where = request.recording or max(runs, key=lambda run: (run.use == "identify", run.points == 0)).label
-        active.append(activate(request, twin, model, motions[where]))
+        where = {request.recording: motions[request.recording]} if request.recording else {}
+        active.append(activate(request, twin, model, fitted | where))
     recordings = []
     for number, run in enumerate(runs):
         progress(f"simulating {run.label}", number / len(runs))

@@ -153,7 +153,7 @@ def test_an_elastic_joint_obeys_its_own_differential_equation():
     twin = make_twin(robot, ARM, standard)
     motion = fourier(reach(robot), 10.0, np.random.default_rng(0))
     request = parse_effect("joint_elasticity:1:k=400", robot)
-    e = activate(request, twin, "A", motion)
+    e = activate(request, twin, "A", {"run1": motion})
     t = np.arange(0, 10, 1e-3)
     run = run_twin(twin, t, motion.at(t), (e,))
     gravity = 1.5 * 9.81
@@ -177,7 +177,10 @@ def test_hysteresis_replaces_the_joints_own_dry_friction():
     standard = {"Fcm2": 8.0, "Iam2": 1.0}
     motion = fourier(reach(robot), 20.0, np.random.default_rng(0))
     e = activate(
-        parse_effect("hysteresis:2:sigma=200", robot), make_twin(robot, "kuka_lwr4p", standard), "A", motion
+        parse_effect("hysteresis:2:sigma=200", robot),
+        make_twin(robot, "kuka_lwr4p", standard),
+        "A",
+        {"run1": motion},
     )
     assert e.reported == {"sigma": 200.0, "Fc": 8.0}
     t = np.arange(0, 20, 1e-3)
