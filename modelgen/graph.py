@@ -19,7 +19,10 @@ Number = int | float | Fraction
 
 
 class Node(NamedTuple):
-    """One operation: kind "input" (name), "number" (value), "+", "-", "*" (two node indices) or "call"."""
+    """One operation: kind "input" (name), "number" (value), "+", "-", "*" (two node indices) or "call".
+
+    @private (inside the graph only; also, pdoc cannot read the annotations of a NamedTuple)
+    """
 
     kind: str
     a: Any
