@@ -95,3 +95,15 @@ def finish(warnings: list[str], output: Path) -> None:
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     print(f"wrote {output / 'report.html'}")
+
+
+def demo(output: Path, verbose: bool) -> None:
+    """`ident demo`: record a simulated robot that hides an effect, identify it, show what is left."""
+    from ident.demo import OPENING, answer, record
+
+    writable(output)
+    print(f"{OPENING}\n")
+    with progress_bar(verbose) as progress:
+        recorded = record(output, progress)
+    fit(recorded.study, output / "results", (), verbose)
+    print(f"What was hidden: {answer(recorded)}.")
