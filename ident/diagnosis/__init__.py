@@ -1,4 +1,8 @@
 """Trace what a fit leaves over to the physical effects that the model lacks.
 
-rows -> candidates -> scoring -> (generic rival, events) -> refine -> verdict; `loop` runs it, `document` writes it.
+rows -> candidates -> scoring -> (generic rival, events) -> state (refined together) -> loop -> diagnosis -> document.
 """
+
+from ident.diagnosis.diagnosis import Diagnosis, Finding, Unexplained, diagnose_study
+
+__all__ = ["Diagnosis", "Finding", "Unexplained", "diagnose_study"]

@@ -16,7 +16,14 @@ from ident.diagnosis.terms import Context, Term, columns, fine_columns
 from modelgen.effects import Effect, catalogue
 
 OWN_TERMS = ("coulomb_friction", "viscous_friction", "offset", "rotor_inertia")
-DYNAMIC = ("load_dependent_friction", "drive_gain_error", "sensor_crosstalk", "time_delay", "joint_elasticity", "backlash")
+DYNAMIC = (
+    "load_dependent_friction",
+    "drive_gain_error",
+    "sensor_crosstalk",
+    "time_delay",
+    "joint_elasticity",
+    "backlash",
+)
 ONE_BY_ONE = ("joint_coupling",)  # its linear parameters are candidates alone and in pairs
 SPECIFIC_FIRST_WAVE = 6.0  # 1/rad; below it ripple is compared column by column
 CONTRACT = (
@@ -196,7 +203,9 @@ def screen_columns(term: Term, cols, system: System) -> Ranked:
     return _gain(term, G - A.T @ A, G, v, share)
 
 
-def ripple_peaks(effect: Effect, context: Context, system: System, channel: int, count: int = 4) -> list[float]:
+def ripple_peaks(
+    effect: Effect, context: Context, system: System, channel: int, count: int = 4
+) -> list[float]:
     """Wavenumbers where the residual's spectrum over the joint's position is largest, relative to the filter's gain."""
     rows: Rows = context.rows
     joint = context.view.joint_of[channel]

@@ -42,7 +42,9 @@ def load_terms(context: Context, tilt: bool = True) -> list[Term]:
     return out
 
 
-def window_terms(context: Context, system: System, usable_runs: Sequence[int], count: int = 3) -> list[Ranked]:
+def window_terms(
+    context: Context, system: System, usable_runs: Sequence[int], count: int = 3
+) -> list[Ranked]:
     """Best windows of a payload from a moment on and of a contact, run by run."""
     known = catalogue()
     every = tuple(range(len(context.view.channels)))
@@ -58,7 +60,9 @@ def window_terms(context: Context, system: System, usable_runs: Sequence[int], c
     return out
 
 
-def _search(term: Term, context: Context, system: System, r: int, shortest: float, to_end: bool) -> list[Ranked]:
+def _search(
+    term: Term, context: Context, system: System, r: int, shortest: float, to_end: bool
+) -> list[Ranked]:
     rows = context.rows
     inside = (rows.run == r) & (system.folds.sets >= 0)
     if inside.sum() < 20:

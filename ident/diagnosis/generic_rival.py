@@ -29,6 +29,7 @@ class Rival:
     variables: tuple[str, ...]
     columns: np.ndarray  # (M, p)
     score: Score
+    share_percent: float  # of the channel's residual energy
 
 
 def build_generic(fine: Fine, low_pass: scipy.sparse.csr_array) -> GenericLibrary:
@@ -98,7 +99,8 @@ def best_rival(library: GenericLibrary, system: System, channel: int, size: int 
         columns = library.values[:, chosen]
         score = system.score({channel: columns})
         if best is None or score.held_out > best.score.held_out:
-            best = Rival(channel, _variables(library, chosen), columns, score)
+            share = 100 * (1 - score.rss[channel] / max(system.rss[channel], 1e-30))
+            best = Rival(channel, _variables(library, chosen), columns, score, float(np.clip(share, 0, 100)))
         # partial the chosen column out of the others
         z = L[:, k]
         cross = L.T @ z - XtL.T @ XtL[:, k]

@@ -102,7 +102,8 @@ def geometry_of(robot) -> Geometry:
         return float(robot.value(expression))
 
     table = [
-        [number(x) for x in (link.gamma, link.b, link.alpha, link.d, link.theta, link.r)] for link in robot.links
+        [number(x) for x in (link.gamma, link.b, link.alpha, link.d, link.theta, link.r)]
+        for link in robot.links
     ]
     return Geometry(
         np.array([link.sigma for link in robot.links]),

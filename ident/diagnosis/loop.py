@@ -56,8 +56,7 @@ class Step:
     after: State
     gain: float
     held_out: float
-    rivals: tuple[Rival, ...] = ()
-    reason: str = ""
+    event: bool = False
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,10 @@ class Search:
 
 
 def run_loop(
-    first: State, without: Sequence[str], progress: Callable[[str, float | None], None], max_terms: int = MAX_TERMS
+    first: State,
+    without: Sequence[str],
+    progress: Callable[[str, float | None], None],
+    max_terms: int = MAX_TERMS,
 ) -> Outcome:
     context = first.context
     rows = context.rows
@@ -149,7 +151,11 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
         events = rank_events(state, search)
     best: dict[tuple, Ranked] = {}
     for r in ranked:
-        if not r.positive or r.gain < 0.5 * HELD_GAIN or (r.term.key in done and r.term.effect.name != "torque_ripple"):
+        if (
+            not r.positive
+            or r.gain < 0.5 * HELD_GAIN
+            or (r.term.key in done and r.term.effect.name != "torque_ripple")
+        ):
             continue
         if len(r.term.channels) == 1 and r.term.channels[0] in blocked:
             continue
@@ -193,6 +199,11 @@ def _refined(term: Term, state: State) -> Candidate | None:
             term = term.at(**{p.name: best})
     cols = columns(term, context)
     score = system.score(cols, share=np.ones(len(system.y)))
+    if effect.name == "backlash":  # the travel through the gap is the gap
+        for _ in range(3):
+            term = term.at(travel=float(np.clip(score.coefficients[0], 2e-5, 0.05)))
+            cols = columns(term, context)
+            score = system.score(cols, share=np.ones(len(system.y)))
     signs = {q.name: q.sign for q in effect.linear}
     if any(signs[n] == "positive" and a < 0 for n, a in zip(term.terms, score.coefficients)):
         return None
@@ -212,8 +223,8 @@ def _bracket(name: str, p, value: float, context: Context, term: Term) -> tuple[
 def rank_events(state: State, search: Search) -> list[Candidate]:
     """Payloads and contacts, judged on alternating blocks of all runs (see `events`)."""
     context = state.context
-    matrix = stack_columns(state.base, [f.columns for f in state.found])
-    system = make_system(matrix, context.rows.y, context.rows.keep, search.event_folds)
+    matrix = stack_columns(state.base, [f.columns for f in state.found if not f.lent])
+    system = make_system(matrix, state.system.y, context.rows.keep, search.event_folds)
     usable = [i for i, r in enumerate(context.rows.runs) if r.role != "test"]
     taken = {(t.effect.name, t.run) for t in state.terms}
     ranked = [
@@ -221,7 +232,9 @@ def rank_events(state: State, search: Search) -> list[Candidate]:
         for t in load_terms(context, tilt=False)
         if (t.effect.name, t.run) not in taken
     ]
-    ranked += [r for r in window_terms(context, system, usable) if (r.term.effect.name, r.term.run) not in taken]
+    ranked += [
+        r for r in window_terms(context, system, usable) if (r.term.effect.name, r.term.run) not in taken
+    ]
     ranked = [r for r in ranked if r.positive and r.gain > HELD_GAIN]
     ranked.sort(key=lambda r: -r.gain)
     out = []
@@ -245,11 +258,13 @@ def try_candidate(state: State, candidate: Candidate, ranking, strongest: float)
         gain, held = share * candidate.score.identify, share * candidate.score.held_out
     if gain < FIRST_GAIN or held < HELD_GAIN or gain < SMALLEST_SHARE * strongest:
         return None
-    if held < 0.15 * gain * (1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)):
+    if held < 0.15 * gain * (
+        1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)
+    ):
         return None
     if at_bound(after.found[-1].term):
         return None
-    return Step(candidate.term, tuple(ranking[:12]), state, after, gain, held)
+    return Step(after.found[-1].term, tuple(ranking[:12]), state, after, gain, held, candidate.event)
 
 
 def _balance(system: System) -> float:

@@ -14,6 +14,7 @@ from ident.diagnosis.geometry import Geometry
 from ident.diagnosis.rows import Fine
 
 DRIVE = ("Iam", "Fvm", "Fcm", "Offm", "Fvl", "Fcl", "Offl")
+COUPLED = ("Iac", "Fvc", "Fcc")
 LEFT_OUT = {
     "coulomb_friction": ("Fcm", "Fcl"),
     "viscous_friction": ("Fvm", "Fvl"),
@@ -52,7 +53,7 @@ class ModelView:
 
     def link_torque(self, chi: np.ndarray) -> np.ndarray:
         """(n, N) torque that the gears pass on: the rigid body part of each joint's first channel."""
-        rigid = np.where([split_name(p)[0] in DRIVE for p in self.parameters], 0.0, chi)
+        rigid = np.where([split_name(p)[0] in DRIVE or p[:3] in COUPLED for p in self.parameters], 0.0, chi)
         out = np.zeros((self.n, len(self.entries[0][1])))
         for c in reversed(range(len(self.channels))):
             index, values = self.entries[c]
@@ -77,7 +78,13 @@ class ModelView:
 
 
 def build_view(
-    model, fine: Fine, geometry: Geometry, runs: Sequence, payload_models: dict, without: Sequence[str] = ()
+    model,
+    fine: Fine,
+    geometry: Geometry,
+    runs: Sequence,
+    payload_models: dict,
+    without: Sequence[str] = (),
+    coupled_drives: Sequence[tuple[int, int]] = (),
 ) -> ModelView:
     """Evaluate the model's columns. `payload_models[label]` is the generated model with that payload appended."""
     names = list(model.parameters)
@@ -102,6 +109,7 @@ def build_view(
                     if k >= first:
                         blocks[c].setdefault(k, np.zeros(N))[piece] = values
         payload_columns[label] = blocks
+    joint_of = tuple(int(re.sub(r"\D", "", name)) - 1 for name in model.channels)
     for c in range(len(model.channels)):
         index = [position[k] for k in base[c] if k in position]
         values = [base[c][k] for k in base[c] if k in position]
@@ -112,12 +120,22 @@ def build_view(
                 index.append(offset + k - first)
                 values.append(column)
             offset += len(payload_models[label].parameters) - first
+        for pair, (first_joint, second_joint) in enumerate(coupled_drives):
+            a, b = first_joint - 1, second_joint - 1
+            here = joint_of[c]
+            if here in (a, b) and not model.channels[c].startswith("tau_l"):
+                other = b if here == a else a
+                total = np.tanh((fine.dq[:, a] + fine.dq[:, b]) / max(fine.sign_width[a], fine.sign_width[b]))
+                for k, column in enumerate((fine.ddq[:, other], fine.dq[:, other], total)):
+                    index.append(offset + 3 * pair + k)
+                    values.append(column)
         entries.append((np.array(index, dtype=int), np.ascontiguousarray(np.stack(values, axis=1))))
     for label in labels:
         parameters += list(payload_models[label].parameters[len(names) :])
+    for _, second_joint in coupled_drives:
+        parameters += [f"{kind}{second_joint}" for kind in ("Iac", "Fvc", "Fcc")]
     row = max(range(len(geometry.sigma)), key=lambda j: len(geometry.ancestors(j)))
     payload_map = np.stack([model.regroup({f"{kind}{row + 1}": 1.0}) for kind in INERTIAL], axis=1)
-    joint_of = tuple(int(re.sub(r"\D", "", name)) - 1 for name in model.channels)
     return ModelView(
         model,
         geometry.n,

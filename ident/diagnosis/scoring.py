@@ -204,9 +204,7 @@ def make_system(columns: np.ndarray, y: np.ndarray, keep: np.ndarray, folds: Fol
     C, M, _k = columns.shape
     sigma2 = np.array([np.var(y[c, identify & keep[c]]) + 1e-12 for c in range(C)])
     weight = 1.0 / sigma2
-    H = sum(
-        weight[c] * columns[c, identify & keep[c]].T @ columns[c, identify & keep[c]] for c in range(C)
-    )
+    H = sum(weight[c] * columns[c, identify & keep[c]].T @ columns[c, identify & keep[c]] for c in range(C))
     basis = _orthonormal(H)
     X = columns @ basis
     S = folds.count
@@ -237,7 +235,22 @@ def make_system(columns: np.ndarray, y: np.ndarray, keep: np.ndarray, folds: Fol
     residual = y - X @ solution
     share = np.array([effective_share(residual[c], folds, keep[c]) for c in range(C)])
     return System(
-        X, y, keep, folds, basis, gram, xy, yy, count, weight, solution, rss, tuple(betas), held, residual, share
+        X,
+        y,
+        keep,
+        folds,
+        basis,
+        gram,
+        xy,
+        yy,
+        count,
+        weight,
+        solution,
+        rss,
+        tuple(betas),
+        held,
+        residual,
+        share,
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.model_view import ModelView
+from ident.diagnosis.model_view import ModelView, split_name
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Columns, Folds, System, make_system
 from ident.diagnosis.terms import Context, Term, columns
@@ -24,6 +24,7 @@ class Found:
     columns: Columns
     coefficients: np.ndarray
     label: str = ""
+    lent: bool = False  # estimated on identify and validate rows together: identify alone cannot see it
 
 
 @dataclass(frozen=True)
@@ -51,10 +52,77 @@ def base_columns(rows: Rows, view: ModelView) -> np.ndarray:
 
 def first_state(rows: Rows, view: ModelView, folds: Folds) -> State:
     base = base_columns(rows, view)
+    rows, view, base = settle_sign(rows, view, base, folds)
     system = make_system(base, rows.y, rows.keep, folds)
     low_pass = [rows.low_pass] * len(view.channels)
     context = _context(rows, view, system.coefficients, low_pass, (), {})
     return State(context, system, (), base, folds)
+
+
+SIGN_WIDTHS = (0.001, 0.002, 0.004, 0.008, 0.015, 0.03, 0.05)  # rad/s
+
+
+def settle_sign(
+    rows: Rows, view: ModelView, base: np.ndarray, folds: Folds
+) -> tuple[Rows, ModelView, np.ndarray]:
+    """Choose one width of the smoothed sign for all joints by the likelihood of the model alone.
+
+    The joint that cares most is left out of the vote: it may have an effect. Too sharp or too soft a sign leaves
+    pulses at every reversal that look like hysteresis.
+    """
+    places = []
+    for k, name in enumerate(view.parameters):
+        kind, row = split_name(name)
+        if kind in ("Fcm", "Fcl"):
+            places.append((k, row - 1, [c for c, (index, _) in enumerate(view.entries) if k in index]))
+    if not places:
+        return rows, view, base
+    fine = rows.fine
+    floor = float(np.max(2.0 * fine.velocity_noise))
+    widths = [w for w in SIGN_WIDTHS if w > floor] or [floor]
+    sets = list(folds.identify)
+
+    def likelihood(width: float) -> np.ndarray:
+        trial = base.copy()
+        for k, joint, channels in places:
+            column = rows.low_pass @ np.tanh(fine.dq[:, joint] / width)
+            for c in channels:
+                trial[c, :, k] = column
+        system = make_system(trial, rows.y, rows.keep, folds)
+        return -0.5 * system.count[sets].sum(axis=0) * np.log(system.rss)
+
+    table = {w: likelihood(w) for w in widths}
+    for _ in range(3):  # halve the steps around the best one
+        order = sorted(table)
+        best = order.index(_vote(table)[0])
+        for a, b in zip(order[max(best - 1, 0) : best + 1], order[max(best - 1, 0) + 1 : best + 2]):
+            table[float(np.sqrt(a * b))] = likelihood(float(np.sqrt(a * b)))
+    width = _vote(table)[1]
+    sign = np.tanh(fine.dq / width)
+    fine = replace(fine, sign=sign, sign_width=np.full(view.n, width))
+    rows = replace(rows, fine=fine)
+    entries = [(index, values.copy()) for index, values in view.entries]
+    base = base.copy()
+    for k, joint, channels in places:
+        for c in channels:
+            index, fine_values = entries[c]
+            fine_values[:, int(np.flatnonzero(index == k)[0])] = sign[:, joint]
+            base[c, :, k] = rows.low_pass @ sign[:, joint]
+    return rows, replace(view, entries=tuple(entries)), base
+
+
+def _vote(table: dict[float, np.ndarray]) -> tuple[float, float]:
+    """Width of the table with the largest sum over channels but the one that cares most; the parabola's top there."""
+    widths = sorted(table)
+    values = np.array([table[w] for w in widths])
+    if values.shape[1] > 2:
+        values = np.delete(values, int(np.argmax(np.ptp(values, axis=0))), axis=1)
+    total = values.sum(axis=1)
+    k = int(np.argmax(total))
+    if k in (0, len(widths) - 1):
+        return widths[k], widths[k]
+    a, b, _ = np.polyfit(np.log(widths[k - 1 : k + 2]), total[k - 1 : k + 2] - total[k], 2)
+    return widths[k], float(np.exp(-b / (2 * a))) if a < 0 else widths[k]
 
 
 def _context(rows, view, chi, low_pass, found: tuple[Found, ...], size) -> Context:
@@ -89,6 +157,7 @@ def refit(state: State, found: list[Found], folds: Folds | None = None, turns: i
     moving = any(f.term is not None and (f.term.effect.kind in MOVING or _follows(f.term)) for f in found)
     current = list(found)
     system = state.system
+    current = [replace(f, lent=f.term is not None and _needs_validation(f.term, rows)) for f in current]
     if turns is None:
         turns = 4 if moving else 1
     previous = None
@@ -100,18 +169,10 @@ def refit(state: State, found: list[Found], folds: Folds | None = None, turns: i
             f.columns if f.term is None or (_turn == 0 and _static(f)) else columns(f.term, context)
             for f in current
         ]
-        matrix = stack_columns(state.base, cols)
-        system = make_system(matrix, rows.y, rows.keep, folds)
-        solution = system.coefficients
-        a = solution[b:]
-        updated = []
-        at = 0
-        for f, c in zip(current, cols):
-            p = next(iter(c.values())).shape[1]
-            updated.append(replace(f, columns=c, coefficients=a[at : at + p]))
-            at += p
-        current = updated
-        context = replace(context, chi=solution[:b])
+        current = [replace(f, columns=c) for f, c in zip(current, cols)]
+        system, current = solve(state.base, rows, current, folds)
+        context = replace(context, chi=system.coefficients[:b])
+        a = np.concatenate([f.coefficients for f in current]) if current else np.zeros(0)
         if previous is not None and np.allclose(previous, a, rtol=1e-3, atol=1e-12):
             break
         previous = a
@@ -125,6 +186,44 @@ def refit(state: State, found: list[Found], folds: Folds | None = None, turns: i
 def _lasting(cache: dict) -> dict:
     """Parts of a cache that outlive a new estimate: exact ones, and the sensitivities that only rank."""
     return {k: v for k, v in cache.items() if k[0] in ("payload", "wrench", "sensitivity")}
+
+
+def _needs_validation(term: Term, rows: Rows) -> bool:
+    """True for a load on a validate run, and for one on the whole of the only identify run."""
+    if term.run is None or rows.runs[term.run].role == "test":
+        return False
+    fitted = [i for i, r in enumerate(rows.runs) if r.role == "identify"]
+    return rows.runs[term.run].role == "validate" or (term.window is None and fitted == [term.run])
+
+
+def solve(base: np.ndarray, rows: Rows, found: list[Found], folds: Folds) -> tuple[System, list[Found]]:
+    """Fit everything; lent terms are estimated first on all runs that may be looked at, then taken off the torque."""
+    y = rows.y
+    out = list(found)
+    if any(f.lent for f in found):
+        roles = np.array([r.role for r in rows.runs])[rows.run]
+        both = Folds(np.where(roles != "test", 0, -1), (0,), (), False)
+        joint = make_system(stack_columns(base, [f.columns for f in found]), y, rows.keep, both)
+        out = _with_coefficients(out, joint.coefficients[base.shape[2] :])
+        y = y.copy()
+        for f in out:
+            if f.lent:
+                for c, values in f.columns.items():
+                    y[c] -= values @ f.coefficients
+    own = [i for i, f in enumerate(out) if not f.lent]
+    system = make_system(stack_columns(base, [out[i].columns for i in own]), y, rows.keep, folds)
+    for i, f in zip(own, _with_coefficients([out[i] for i in own], system.coefficients[base.shape[2] :])):
+        out[i] = f
+    return system, out
+
+
+def _with_coefficients(found: list[Found], a: np.ndarray) -> list[Found]:
+    out, at = [], 0
+    for f in found:
+        p = next(iter(f.columns.values())).shape[1]
+        out.append(replace(f, coefficients=a[at : at + p]))
+        at += p
+    return out
 
 
 def _static(f: Found) -> bool:
@@ -163,14 +262,17 @@ def refine(state: State, steps: int = 2) -> State:
     """Gauss-Newton over the nonlinear parameters of every found term at once, with halved steps on failure."""
     for _ in range(steps):
         places = [
-            (i, p) for i, f in enumerate(state.found) if f.term is not None for p in f.term.effect.nonlinear
+            (i, p)
+            for i, f in enumerate(state.found)
+            if f.term is not None and f.term.effect.name != "backlash"
+            for p in f.term.effect.nonlinear
         ]
         if not places:
             return state
-        cols = [f.columns for f in state.found]
+        cols = [f.columns for f in state.found if not f.lent]
         extra = [sensitivity(state.found[i], p.name, state.context) for i, p in places]
         matrix = stack_columns(state.base, cols + extra)
-        system = make_system(matrix, state.context.rows.y, state.context.rows.keep, state.folds)
+        system = make_system(matrix, state.system.y, state.context.rows.keep, state.folds)
         delta = system.coefficients[-len(extra) :]
         now = _objective(state)
         scale, better = 1.0, None
@@ -184,7 +286,9 @@ def refine(state: State, steps: int = 2) -> State:
                 value = float(np.clip(value + scale * np.clip(d, -limit, limit), p.low, p.high))
                 found[i] = replace(found[i], term=term.at(**{p.name: value}), columns={})
             found = [
-                replace(f, columns=columns(f.term, state.context)) if f.term is not None and not f.columns else f
+                replace(f, columns=columns(f.term, state.context))
+                if f.term is not None and not f.columns
+                else f
                 for f in found
             ]
             trial = refit(state, found, turns=1)

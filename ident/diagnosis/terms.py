@@ -51,7 +51,9 @@ class Context:
     torque: np.ndarray  # (channels, N) current predicted torque, found terms included
     tau_link: np.ndarray  # (n, N)
     low_pass: list[scipy.sparse.csr_array]  # per channel
-    size: Mapping[tuple, np.ndarray] = field(default_factory=dict)  # last coefficients of measurement/motion terms
+    size: Mapping[tuple, np.ndarray] = field(
+        default_factory=dict
+    )  # last coefficients of measurement/motion terms
     cache: dict = field(default_factory=dict)
 
     def signals(self, joint: int | None, source: int | None = None) -> dict[str, np.ndarray]:

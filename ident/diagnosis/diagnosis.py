@@ -1,0 +1,360 @@
+"""The diagnosis as a value, and the way to it from a study. Pure of printing; recordings are read at the edge.
+
+error_percent is 100 ||rho||/||Y|| of the filtered torque. It is summed over the kept instants, 2.5 times as many a
+second as the filter's cut-off in Hz: a band-limited signal sampled above its Nyquist rate keeps its mean square, so
+this is the error at the full filtered rate. Joints at rest are left out, their friction is undetermined.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import scipy.stats
+
+from ident.diagnosis.geometry import geometry_of
+from ident.diagnosis.intervals import covariances
+from ident.diagnosis.loop import Candidate, Outcome, Step, run_loop
+from ident.diagnosis.model_view import build_view
+from ident.diagnosis.noise_floor import noise_floor
+from ident.diagnosis.rows import build_rows
+from ident.diagnosis.scoring import make_folds
+from ident.diagnosis.state import Found, State, first_state
+from ident.diagnosis.terms import Term
+from ident.progress import Progress, silent
+
+Percent = dict[str, dict[str, float]]
+ALTERNATIVE_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A candidate that explains nearly the same."""
+
+    effect: str
+    joints: tuple[int, ...]
+    error_drop_percent: float
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One effect that the model lacked."""
+
+    effect: str
+    joints: tuple[int, ...]
+    channel: str
+    parameters: dict[str, dict[str, Any]]
+    p_value: float
+    error_drop_percent: float  # of the worst channel, on rows that were not fitted
+    gain: float
+    held_out_gain: float
+    alternatives: tuple[Rival, ...]
+    term: Term
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Structure that no known effect explains."""
+
+    joints: tuple[int, ...]
+    channel: str
+    depends_on: tuple[str, ...]
+    share_of_residual_percent: float
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """Everything that diagnosis.json, plots and the report need."""
+
+    robot: str
+    model: str
+    channels: tuple[str, ...]
+    verdict: str  # effect | none | unexplained
+    findings: tuple[Finding, ...]
+    unexplained: tuple[Unexplained, ...]
+    before: Percent
+    after: Percent
+    noise_floor_percent: dict[str, float]
+    outcome: Outcome
+    study: Any = None
+    notes: tuple[str, ...] = ()
+
+    def document(self) -> dict[str, Any]:
+        """The content of diagnosis.json."""
+        from ident.diagnosis.document import diagnosis_document
+
+        return diagnosis_document(self)
+
+
+def diagnose_study(study, progress: Progress = silent, max_terms: int | None = None) -> Diagnosis:
+    """Fit, trace the residual to what the model lacks, add it, fit again. Raises IdentError and its relatives."""
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(1, "blas"):
+        return _diagnose(study, progress, max_terms)
+
+
+def _diagnose(study, progress: Progress, max_terms: int | None) -> Diagnosis:
+    import generated
+    from ident.reading import load_recordings, need_of
+    from modelgen.robot_file import load_robot
+
+    progress("loading the model", 0.0)
+    effects = tuple(study.effects)
+    model = generated.load(study.robot_source, study.model)
+    payload_models = {
+        label: generated.load(study.robot_source, study.model, payload=label) for label in study.payloads
+    }
+    robot = load_robot(study.robot_source)
+    need = need_of(study.model, tuple(model.channels), study.positions)
+    progress("reading the recordings", 0.03)
+    recordings = joined_runs(load_recordings(study, need))
+    if study.drive_gains == "identify":
+        recordings = _with_identified_gains(study, recordings)
+    notes = ("effects of the study are not in the model that is diagnosed",) if effects else ()
+    cutoff = study.filter.position_cutoff_hz
+    return diagnose_recordings(
+        recordings,
+        model,
+        geometry_of(robot),
+        payload_models,
+        tuple(study.without),
+        cutoff,
+        progress,
+        study,
+        notes,
+        max_terms,
+        tuple(study.coupled_drives),
+    )
+
+
+@dataclass(frozen=True)
+class Run:
+    """A recording with its segments one after the other."""
+
+    label: str
+    role: str
+    payload: str | None
+    t: np.ndarray
+    q: np.ndarray
+    tau_m: np.ndarray | None
+    tau_l: np.ndarray | None
+
+
+def joined_runs(segments: Sequence) -> list[Run]:
+    """Segments of one recording as one run; the gap between them stays in the time stamps."""
+    labels = list(dict.fromkeys(s.label for s in segments))
+    out = []
+    for label in labels:
+        parts = [s for s in segments if s.label == label]
+
+        def joined(name: str, parts=parts):
+            values = [getattr(p, name) for p in parts]
+            return None if values[0] is None else np.concatenate(values)
+
+        first = parts[0]
+        out.append(
+            Run(label, first.role, first.payload, joined("t"), joined("q"), joined("tau_m"), joined("tau_l"))
+        )
+    return out
+
+
+def _with_identified_gains(study, recordings: list[Run]) -> list[Run]:
+    """Motor signals in N m with the gains that a fit of the study identifies."""
+    from ident.fit import fit_study
+
+    result = fit_study(study.with_(reduction=False))
+    gains = {name: float(v) for name, v in zip(result.columns.parameters, result.full.chi) if name[0] == "g"}
+    values = np.array([gains[f"g{k + 1}"] for k in range(recordings[0].q.shape[1])])
+    return [r if r.tau_m is None else replace(r, tau_m=r.tau_m * values) for r in recordings]
+
+
+def diagnose_recordings(
+    recordings: Sequence,
+    model,
+    geometry,
+    payload_models: dict,
+    without: Sequence[str] = (),
+    position_cutoff_hz: float | None = None,
+    progress: Progress = silent,
+    study=None,
+    notes: tuple[str, ...] = (),
+    max_terms: int | None = None,
+    coupled_drives: Sequence[tuple[int, int]] = (),
+) -> Diagnosis:
+    """The loop on recordings in memory (label, role, payload, t, q, tau_m, tau_l)."""
+    progress("filtering", 0.05)
+    rows = build_rows(recordings, tuple(model.channels), position_cutoff_hz)
+    view = build_view(model, rows.fine, geometry, rows.runs, payload_models, without, coupled_drives)
+    folds = make_folds(rows.run, rows.t, [r.role for r in rows.runs])
+    first = first_state(rows, view, folds)
+    outcome = run_loop(first, without, progress, **({} if max_terms is None else {"max_terms": max_terms}))
+    progress("uncertainties", 0.97)
+    findings = _findings(outcome)
+    unexplained = _unexplained(outcome)
+    verdict = "effect" if findings else ("unexplained" if unexplained else "none")
+    floor = noise_floor(outcome.last.context.rows, outcome.last.context.torque)
+    rms = np.sqrt(np.mean(outcome.last.context.rows.y**2, axis=1))
+    return Diagnosis(
+        getattr(model, "robot_name", ""),
+        getattr(study, "model", getattr(model, "model", "")),
+        tuple(view.channels),
+        verdict,
+        findings,
+        unexplained,
+        errors(outcome.first),
+        errors(outcome.last),
+        {c: float(100 * f / max(r, 1e-30)) for c, f, r in zip(view.channels, floor, rms)},
+        outcome,
+        study,
+        notes,
+    )
+
+
+def errors(state: State) -> Percent:
+    """{role: {"total" | channel: percent}} with everything frozen at the identify fit."""
+    rows = state.context.rows
+    roles = np.array([r.role for r in rows.runs])[rows.run]
+    out: Percent = {}
+    for role in ("identify", "validate", "test"):
+        use = (roles == role) & rows.keep
+        if not use.any():
+            continue
+        rho, y = state.system.residual * use, rows.y * use
+        own = {"total": 100 * float(np.linalg.norm(rho) / max(np.linalg.norm(y), 1e-30))}
+        for c, name in enumerate(rows.channels):
+            own[name] = 100 * float(np.linalg.norm(rho[c]) / max(np.linalg.norm(y[c]), 1e-30))
+        out[role] = own
+    return out
+
+
+def _joints(term: Term) -> tuple[int, ...]:
+    return () if term.joint is None else (term.joint + 1,)
+
+
+def _findings(outcome: Outcome) -> tuple[Finding, ...]:
+    state = outcome.last
+    spread = covariances(state)
+    kept = {f.term.key: f for f in state.found if f.term is not None}
+    out = []
+    for step in outcome.steps:
+        term = step.accepted
+        if term is None or term.key not in kept:
+            continue
+        found = kept[term.key]
+        assert found.term is not None
+        p = len(found.term.terms) + len(found.term.effect.nonlinear)
+        drop, _ = error_drop(step)
+        out.append(
+            Finding(
+                term.effect.name,
+                _joints(term),
+                _channel_name(term, state),
+                parameters(found, spread.get(term.key), state),
+                float(scipy.stats.chi2.sf(2 * max(step.gain, 0.0), p)),
+                drop,
+                step.gain,
+                step.held_out,
+                alternatives(step),
+                found.term,
+            )
+        )
+    out.sort(key=lambda f: -(f.gain + f.held_out_gain))
+    return tuple(out)
+
+
+def error_drop(step: Step) -> tuple[float, int]:
+    """Percent by which the held-out error of the channel that gains most falls, and that channel."""
+    if step.event or step.after.system.rss_held.sum() == 0:
+        before, after = step.before.system.residual, step.after.system.residual
+        use = step.before.system.keep & (step.before.system.folds.sets >= 0)
+        a, b = np.sum((before * use) ** 2, axis=1), np.sum((after * use) ** 2, axis=1)
+    else:
+        a, b = step.before.system.rss_held, step.after.system.rss_held
+    ratio = b / np.maximum(a, 1e-30)
+    c = int(np.argmin(ratio))
+    return float(100 * (1 - np.sqrt(ratio[c]))), c
+
+
+def alternatives(step: Step) -> tuple[Rival, ...]:
+    """Candidates of other names or places with more than a share of the chosen one's gain."""
+    chosen = next(
+        (c for c in step.ranking if step.accepted is not None and c.term.key == step.accepted.key), None
+    )
+    if chosen is None:
+        return ()
+    own = {(chosen.term.effect.name, _joints(chosen.term))}
+    out = []
+    for c in sorted(step.ranking, key=lambda c: -c.total):
+        place = (c.term.effect.name, _joints(c.term))
+        if place in own or c.total < ALTERNATIVE_SHARE * chosen.total or c.total <= 0:
+            continue
+        own.add(place)
+        out.append(Rival(*place, _candidate_drop(c, step)))
+    return tuple(out[:5])
+
+
+def _candidate_drop(c: Candidate, step: Step) -> float:
+    before = step.before.system.rss_held if not c.event else None
+    if before is None or before.sum() == 0:
+        return float(100 * (1 - np.exp(-c.total / max(step.before.system.count.sum() / 2, 1))))
+    return float(100 * (1 - np.sqrt(np.min(c.score.rss_held / np.maximum(before, 1e-30)))))
+
+
+def _channel_name(term: Term, state: State) -> str:
+    names = [state.context.view.channels[c][:5] for c in term.channels]
+    return names[-1] if term.effect.channel in ("link", "sensor") else names[0]
+
+
+def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[str, dict[str, Any]]:
+    """{name: {value, std, unit}} of a finding as contract 7 names them."""
+    term, view = found.term, state.context.view
+    assert term is not None
+    effect = term.effect
+    theta = effect.complete(term.theta)
+    values = {name: float(a) for name, a in zip(term.terms, found.coefficients)}
+    full = np.zeros((len(effect.linear) + len(effect.nonlinear),) * 2)
+    order = [effect.linear_names.index(n) for n in term.terms]
+    nonlinear = [k for k, p in enumerate(effect.nonlinear) if p.name != "travel"]
+    order += [len(effect.linear) + k for k in nonlinear]
+    if spread is not None:
+        m = min(len(order), len(spread)) if len(spread) <= len(order) else len(order)
+        full[np.ix_(order[:m], order[:m])] = spread[:m, :m]
+    context = {}
+    for name in effect.context:
+        k = view.number((f"{name}m", f"{name}l"), term.joint) if term.joint is not None else None
+        context[name] = float(state.context.chi[k]) if k is not None else float("nan")
+    for name in effect.linear_names:
+        values.setdefault(name, 0.0)
+    out: dict[str, dict[str, Any]] = {}
+    for name, item in effect.report(values, theta, full, context).items():
+        if np.isfinite(item["value"]) and np.isfinite(item["std"]):  # type: ignore[arg-type]
+            out[name] = dict(item)
+    if effect.name == "joint_coupling":
+        out = {k: v for k, v in out.items() if k in term.terms}
+    if effect.name == "spring":  # a model with an offset cannot see where the spring rests
+        out.pop("q0", None)
+    if term.source is not None:
+        out["source_joint"] = {"value": term.source + 1, "std": 0.0, "unit": ""}
+    if effect.windowed:
+        run = state.context.rows.runs[term.run] if term.run is not None else None
+        window = term.window or (0.0, np.inf)
+        start = run.start if run is not None else 0.0
+        step = 0.1
+        out["from"] = {"value": start + max(window[0], 0.0), "std": step if term.window else 0.0, "unit": "s"}
+        if np.isfinite(window[1]):
+            out["to"] = {"value": start + window[1], "std": step, "unit": "s"}
+        if run is not None:
+            out["recording"] = {"value": run.label, "std": 0.0, "unit": ""}
+    return out
+
+
+def _unexplained(outcome: Outcome) -> tuple[Unexplained, ...]:
+    state = outcome.last
+    out = []
+    for rival in outcome.unexplained:
+        name = state.context.view.channels[rival.channel]
+        joint = state.context.view.joint_of[rival.channel] + 1
+        share = rival.share_percent
+        out.append(Unexplained((joint,), name[:5], rival.variables, share))
+    return tuple(out)

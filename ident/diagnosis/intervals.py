@@ -1,0 +1,83 @@
+"""Uncertainty of the found terms: linear and nonlinear parameters together, noise correlated in time and joints.
+
+With every column of the final fit (nonlinear parameters by their sensitivities), the estimate's error is
+H^-1 sum_t u_t, u_t = sum_c omega_c x_ct e_ct. Its covariance takes the series u_t with Bartlett's weights (Newey and
+West, Econometrica 55, 1987), so neither a coloured torque noise nor joints that share it make intervals too short.
+"""
+
+import numpy as np
+
+from ident.diagnosis.scoring import make_system
+from ident.diagnosis.state import State, sensitivity, stack_columns
+
+LAG_SECONDS = 1.5
+
+
+def covariances(state: State) -> dict[tuple, np.ndarray]:
+    """Covariance (linear used, then nonlinear) of every found term, by the term's key."""
+    rows = state.context.rows
+    own = [f for f in state.found if not f.lent]
+    extra, layout = [], []
+    for f in own:
+        p = next(iter(f.columns.values())).shape[1]
+        names = [] if f.term is None else [q.name for q in f.term.effect.nonlinear if q.name != "travel"]
+        layout.append((f, p, len(names)))
+        extra += [sensitivity(f, name, state.context) for name in names]
+    out = {}
+    if own:
+        system = make_system(
+            stack_columns(state.base, [f.columns for f in own] + extra),
+            state.system.y,
+            rows.keep,
+            state.folds,
+        )
+        C = _sandwich(system, rows.filter.cutoff_hz)
+        b = state.base.shape[2]
+        at, tail = b, b + sum(p for _, p, _ in layout)
+        for f, p, k in layout:
+            pick = [*range(at, at + p), *range(tail, tail + k)]
+            if f.term is not None:
+                out[f.term.key] = C[np.ix_(pick, pick)]
+            at, tail = at + p, tail + k
+    for f in state.found:
+        if f.lent and f.term is not None:
+            out[f.term.key] = _lent(state, f)
+    return out
+
+
+def _sandwich(system, cutoff_hz: float) -> np.ndarray:
+    """(columns, columns) covariance of the coefficients."""
+    use = system.rows_of(system.folds.identify)
+    U = np.zeros((system.X.shape[1], system.X.shape[2]))
+    for c in range(len(system.y)):
+        inside = use & system.keep[c]
+        U[inside] += system.weight[c] * system.X[c, inside] * system.residual[c, inside, None]
+    U = U[use]
+    lags = max(4, int(LAG_SECONDS * 2.5 * cutoff_hz))
+    S = U.T @ U
+    for k in range(1, min(lags, len(U) // 4) + 1):
+        G = U[k:].T @ U[:-k]
+        S += (1 - k / (lags + 1)) * (G + G.T)
+    H = np.linalg.pinv(np.tensordot(system.weight, system.gram[list(system.folds.identify)].sum(0), 1))
+    C = H @ S @ H
+    rows = float(use.sum())
+    C *= rows / max(rows - system.X.shape[2] / max(len(system.y), 1), 1.0)
+    return system.basis @ C @ system.basis.T
+
+
+def _lent(state: State, f) -> np.ndarray:
+    """The same for a term estimated on identify and validate runs together."""
+    from ident.diagnosis.scoring import Folds
+
+    rows = state.context.rows
+    roles = np.array([r.role for r in rows.runs])[rows.run]
+    both = Folds(np.where(roles != "test", 0, -1), (0,), (), False)
+    system = make_system(stack_columns(state.base, [g.columns for g in state.found]), rows.y, rows.keep, both)
+    C = _sandwich(system, rows.filter.cutoff_hz)
+    at = state.base.shape[2]
+    for g in state.found:
+        p = next(iter(g.columns.values())).shape[1]
+        if g is f:
+            return C[at : at + p, at : at + p]
+        at += p
+    raise AssertionError
