@@ -35,6 +35,7 @@ from ident.progress import Progress, silent
 from ident.reading import RecordingStream, need_of, open_recordings
 from ident.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
 from ident.study import Study
+from ident.suspicions import BAD_PERCENT, suspected_mix_ups
 
 Percent = dict[str, dict[str, float]]
 
@@ -220,6 +221,11 @@ def fit_systems(prepared: Prepared, systems: tuple[RecordingSystem, ...], cutoff
     notes += _payload_notes(study, estimate, covariance)
     compared = compare_torques(prepared.streams, prepared.banks, columns, estimate.chi, full.chi, cutoff_hz,
                                study.filter.order, progress)  # fmt: skip
+    worst = max(compared.decimated.by_role()["identify"].values())
+    if worst > BAD_PERCENT:
+        progress("asking why the fit is bad")
+        warnings += suspected_mix_ups(prepared.streams, prepared.banks, columns)
+    warnings += _implausible(estimate)
     progress("done", 1.0)
     return FitResult(study, columns, prepared.streams, systems, cutoff_hz, trials, full, reduction, estimate, covariance,
                      full_covariance, noises, durbin_watson(normalised, used), normality,
@@ -267,6 +273,16 @@ def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]
         if blind:
             out.append(f"{system.label} does not excite {', '.join(blind[:8])}{' ...' if len(blind) > 8 else ''}")
     return out
+
+
+def _implausible(estimate: Estimate) -> list[str]:
+    """Masses of tonnes and friction of kilonewton metres: torque is in N mm, or in drive units."""
+    heavy = [name for name, value in zip(estimate.parameters, estimate.chi)
+             if abs(value) > 5e4 or name[0] == "M" and name[1:2] not in "XYZ" and abs(value) > 2e3]  # fmt: skip
+    if not heavy:
+        return []
+    return [f"parameters such as {heavy[0]} come out larger than robots are; torque looks recorded in N mm or in drive "
+            "units, if so give scale: 0.001 or drive_gains in the study"]
 
 
 def _payload_notes(study: Study, estimate: Estimate, covariance: np.ndarray) -> list[str]:

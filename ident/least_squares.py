@@ -80,22 +80,27 @@ class Estimate:
 
 
 def channel_sigma(factors: Sequence[ChannelFactor]) -> np.ndarray:
-    """sigma_j of eq. 12: each channel by ordinary least squares alone, residual over rows minus rank -> (channels,)."""
-    sigma = np.empty(len(factors))
+    """sigma_j of eq. 12: each channel by ordinary least squares alone, residual over rows minus rank -> (channels,).
+
+    A channel with no more rows than its own parameters (its joint hardly moves) takes the mean of the others.
+    """
+    sigma = np.full(len(factors), np.nan)
     for j, factor in enumerate(factors):
         W, Y = factor.R[:, :-1], factor.R[:, -1]
         scale = np.linalg.norm(W, axis=0)
         scale[scale == 0] = 1.0
-        _, _, rank, singular = np.linalg.lstsq(W / scale, Y, rcond=DEPENDENT)
-        solution = np.linalg.lstsq(W / scale, Y, rcond=DEPENDENT)[0]
-        rss = float(np.sum((Y - W / scale @ solution) ** 2))
-        free = factor.rows - int(rank)
-        if free < 1:
-            raise NotEnoughDataError(f"channel {j + 1} has {factor.rows} decimated rows for {rank} parameters; "
-                                     "record longer or raise decimation_cutoff_hz")
-        sigma[j] = np.sqrt(rss / free)
-    floor = max(float(sigma.max()), 1e-12) * 1e-6      # a channel that is fitted exactly keeps a finite weight
-    return np.maximum(sigma, floor)
+        solution, _, rank, _ = np.linalg.lstsq(W / scale, Y, rcond=DEPENDENT)
+        if factor.rows > rank:
+            sigma[j] = np.sqrt(np.sum((Y - W / scale @ solution) ** 2) / (factor.rows - int(rank)))
+    rows = sum(factor.rows for factor in factors)
+    if rows == 0:
+        raise NotEnoughDataError("no joint moves in the identify recordings, so nothing can be identified; "
+                                 "record the robot moving")  # fmt: skip
+    if np.isnan(sigma).all():
+        raise NotEnoughDataError(f"{rows} decimated rows are fewer than each channel has parameters; record longer or "
+                                 "raise decimation_cutoff_hz")  # fmt: skip
+    sigma = np.where(np.isnan(sigma), np.nanmean(sigma), sigma)
+    return np.maximum(sigma, max(float(sigma.max()), 1e-12) * 1e-6)      # an exact fit keeps a finite weight
 
 
 def joint_sigma(factors: Sequence[ChannelFactor], chi: np.ndarray, covariance: np.ndarray, sigma: np.ndarray
@@ -180,7 +185,7 @@ def _independent(W: np.ndarray, names: tuple[str, ...], allowed: np.ndarray) -> 
         for number, column in enumerate(order[rank:]):
             per_unit = combine[:, number] * norm[column] / norm[order[:rank]]
             strong = sorted((k for k in range(rank) if abs(combine[k, number]) > 1e-3),
-                            key=lambda k: -abs(combine[k, number]))  # noqa: B023
+                            key=lambda k: -abs(combine[k, number]))
             dependent.append(Dependence(names[columns[column]],
                                         tuple((names[columns[order[k]]], float(per_unit[k])) for k in strong)))
     return active, tuple(dependent)

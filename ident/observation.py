@@ -122,6 +122,8 @@ class _Growing:
             self._take_in()
 
     def _take_in(self) -> None:
+        if not self.pending:
+            return
         self.R = triangular(np.vstack([self.R, *self.pending]))
         self.pending, self.waiting = [], 0
 

@@ -358,7 +358,7 @@ def _survey(stream: RecordingStream, study: Study) -> Survey:
             intervals = np.diff(t)
             positive = intervals[intervals > 0]
             if (intervals < 0).any() or not len(positive):
-                _refuse_time(stream, t, intervals, rows)
+                _refuse_time(stream, t[1:], intervals, rows + 1)
             first_interval = float(np.median(positive))
             gap_s = max(5 * first_interval, 0.15 / settings.position_cutoff_hz)
             dt, before = intervals, values[:-1]
