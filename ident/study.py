@@ -21,7 +21,15 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from ident.errors import StudyError
 
@@ -264,6 +272,10 @@ def _as_study_error(error: ValidationError, file: Path) -> StudyError:
         keys = _known_keys(owner)
         hint = _did_you_mean(str(where[-1]), keys) or f"; the keys are {', '.join(keys)}"
         problem = f"unknown key{hint}"
+    elif kind != "value_error" and kind != "missing" and len(where) == 1 and str(where[0]) in _EXPECTED:
+        problem = f"{given!r} does not fit; give {_EXPECTED[str(where[0])]}"
+    elif key == "filter.decimation_cutoff_hz" and isinstance(given, str):
+        problem = f"{given!r} does not fit; give a frequency in Hz or auto"
     elif kind == "missing":
         problem = "this key is missing; add it"
     elif kind == "literal_error":
@@ -275,4 +287,7 @@ def _as_study_error(error: ValidationError, file: Path) -> StudyError:
     return StudyError(str(file), key, problem)
 
 
+_EXPECTED = {"drive_gains": "a list of N m/A, one per joint, or identify", "recordings": "a list of {file: ..., use: ...}",
+             "stiffness": "a list of N m/rad, one per joint", "without": "a list such as [coulomb_friction]",
+             "filter": "{position_cutoff_hz: 10, decimation_cutoff_hz: 0.8}", "payload_mass": "{L: 4.6}"}  # fmt: skip
 _TAGS = {"float", "int", "str", "tuple", "list", "function-before"}
