@@ -115,19 +115,21 @@ static inline const vector *signals_of(const state *x) /* dq, ddq, sign, one sta
     return (const vector *)((const char *)x + offsetof(state, dq));
 }
 
-/* Entry k of sample i goes to row[k][i - first]; then copies: source copy_of[k] goes to copy_row[k][i - first]. */
-void dynident_entries(const samples *in, ptrdiff_t first, ptrdiff_t last, double *const *row, ptrdiff_t copies,
-                      const int32_t *copy_of, double *const *copy_row)
+/* Blocks of `block` samples (a multiple of LANES), `apart` doubles from each other. In a block, entry k of its sample
+   i goes to row[k][i]; then copies: source copy_of[k] goes to copy_row[k][i]. */
+void dynident_entries(const samples *in, ptrdiff_t first, ptrdiff_t last, ptrdiff_t block, ptrdiff_t apart,
+                      double *const *row, ptrdiff_t copies, const int32_t *copy_of, double *const *copy_row)
 {
     for (ptrdiff_t i = first; i < last; i += LANES) {
         state x;
         read_state(in, i, last, &x);
-        columns_of(&x, (entries){row, i - first});
+        ptrdiff_t at = (i - first) / block * apart + (i - first) % block;
+        columns_of(&x, (entries){row, at});
         const vector *signal = signals_of(&x);
         for (ptrdiff_t k = 0; k < copies; ++k) {
             int32_t from = copy_of[k];
-            loose_vector *to = (loose_vector *)(copy_row[k] + (i - first));
-            if (from < ENTRIES) *to = *(const loose_vector *)(row[from] + (i - first));
+            loose_vector *to = (loose_vector *)(copy_row[k] + at);
+            if (from < ENTRIES) *to = *(const loose_vector *)(row[from] + at);
             else *to = signal[from - ENTRIES];
         }
     }

@@ -49,7 +49,7 @@ class Kernel:
             lib.dynident_dense,
             lib.dynident_torque,
         )
-        self._entries.argtypes = [pointer, size, size, pointer, size, pointer, pointer]
+        self._entries.argtypes = [pointer, size, size, size, size, pointer, size, pointer, pointer]
         self._dense.argtypes = [
             pointer,
             size,
@@ -66,9 +66,12 @@ class Kernel:
         for function in (self._entries, self._dense, self._torque):
             function.restype = None
 
-    def block(self, rows: Sequence[Array], copies: Sequence[tuple[int, Array]]) -> Block:
-        """Where entries go: entry k to rows[k][:count]; then source s of each (s, row) to that row."""
-        return Block(self, rows, copies)
+    def block(self, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int) -> Block:
+        """Where entries go: entry k to rows[k][g, :width], then source s of each (s, row) to that row.
+
+        A row is (groups, width or more): block g of `width` samples goes to row[g].
+        """
+        return Block(self, rows, copies, width)
 
     def dense(
         self,
@@ -94,10 +97,14 @@ class Kernel:
 
 
 class Block:
-    """A block buffer's pointers, made once: `fill(samples, first, last)` writes those samples' entries."""
+    """A buffer's pointers, made once: `fill(samples, first, last)` writes those samples' entries."""
 
-    def __init__(self, kernel: Kernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]]) -> None:
+    def __init__(
+        self, kernel: Kernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int
+    ) -> None:
         self._keep = (rows, copies)
+        self._width = width
+        self._apart = next((row.strides[0] // 8 for row in (*rows, *(row for _, row in copies))), 0)
         self._entries = kernel._entries
         self._rows = (ctypes.c_void_p * max(len(rows), 1))(*(row.ctypes.data for row in rows))
         self._count = len(copies)
@@ -106,6 +113,8 @@ class Block:
         self._pointers = tuple(ctypes.addressof(x) for x in (self._rows, self._of, self._copy_rows))
 
     def fill(self, samples: Samples, first: int, last: int) -> None:
-        """Entries of samples first .. last - 1 into the first places of each row."""
+        """Entries of samples first .. last - 1, block after block from each row's first."""
         rows, of, copy_rows = self._pointers
-        self._entries(samples.pointer, first, last, rows, self._count, of, copy_rows)
+        self._entries(
+            samples.pointer, first, last, self._width, self._apart, rows, self._count, of, copy_rows
+        )

@@ -45,8 +45,8 @@ def load(
 ) -> Model:
     """The model "A", "B", "C" or "D" of a built-in robot or of a robot file.
 
-    `payload="L"` appends the ten parameters of that payload, `effects=("stribeck_friction:2",)` the columns
-    of those effects. What is not built in is derived, compiled and cached on first use. Raises GeneratedError.
+    `payload="L"` appends the ten parameters of that payload, `effects=("stribeck_friction:2",)` an effect's
+    columns. What is not built in is derived, compiled and cached on first use. Raises GeneratedError.
     """
     if model not in MODELS:
         raise GeneratedError(f"there is no model {model!r}; choose A, B, C or D.")

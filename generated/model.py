@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
@@ -14,13 +15,14 @@ from generated.kernel import LANES, Samples
 
 Array = np.ndarray
 BLOCK = 256  # samples: the block buffer stays in the second-level cache
+GROUP = 8  # blocks that a thread fills at one go
 CACHES = 8 << 20  # bytes: a larger W is written past the caches
 
 
 class Evaluator(Protocol):
     """What evaluates samples: the compiled `Kernel`, or `NumpyKernel` where there is no compiler."""
 
-    def block(self, rows: Any, copies: Any) -> Any: ...
+    def block(self, rows: Any, copies: Any, width: int) -> Any: ...
     def dense(self, *arguments: Any) -> None: ...
     def torque(self, *arguments: Any) -> None: ...
 
@@ -173,9 +175,10 @@ class Model:
         samples = self._samples(q, dq, ddq, sign, extra)
         shape = (len(self.channels), len(self.parameters))
 
-        def buffer() -> tuple[Any, Array]:
-            W = _rows(shape[0] * shape[1])
-            return self._filler(W, self._target), W[:, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1)
+        def buffer(groups: int) -> Buffer:
+            W = _rows(groups, shape[0] * shape[1])
+            views = [W[g, :, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1) for g in range(groups)]
+            return Buffer(self._filler(W, self._target), views)
 
         return _blocks(samples, buffer, lambda view, count: view[:count], threads)
 
@@ -192,9 +195,9 @@ class Model:
         """(rows, values (nnz, len(rows))) of the entries in `nonzeros`, valid until the next turn."""
         samples = self._samples(q, dq, ddq, sign, extra)
 
-        def buffer() -> tuple[Any, Array]:
-            values = _rows(len(self._source))
-            return self._filler(values, range(len(self._source))), values
+        def buffer(groups: int) -> Buffer:
+            values = _rows(groups, len(self._source))
+            return Buffer(self._filler(values, range(len(self._source))), [*values[:, :, :BLOCK]])
 
         return _blocks(samples, buffer, lambda values, count: values[:, :count], threads)
 
@@ -205,18 +208,18 @@ class Model:
         return self._functions()[name]
 
     def _filler(self, buffer: Array, place: Any) -> Any:
-        """A block of the kernel that puts non-zero k into buffer[place[k]]; constants are written here."""
+        """The kernel's writer of non-zero k into buffer[:, place[k]]; constants are written here."""
         entries, one = self._description["columns"], self._description["columns"] + 3 * self.n
         rows: dict[int, Array] = {}
         copies = []
         for source, k in zip(self._source.tolist(), place):
             if source == one:
-                buffer[k] = 1.0
+                buffer[:, k] = 1.0
             elif source < entries and source not in rows:
-                rows[source] = buffer[k]
+                rows[source] = buffer[:, k]
             else:
-                copies.append((source, buffer[k]))
-        return self._kernel.block([rows[k] for k in range(entries)], copies)
+                copies.append((source, buffer[:, k]))
+        return self._kernel.block([rows[k] for k in range(entries)], copies, BLOCK)
 
     def _samples(self, q: Any, dq: Any, ddq: Any, sign: Any, extra: Mapping[str, Any] | None) -> Samples:
         arrays = [self._table(name, value) for name, value in (("q", q), ("dq", dq), ("ddq", ddq))]
@@ -268,35 +271,38 @@ def _numbers(name: str, value: Any) -> Array:
     return array
 
 
-def _rows(count: int) -> Array:
-    """(count, BLOCK + LANES) zeros whose rows start on cache lines but not in the same cache set."""
+@dataclass(frozen=True, slots=True)
+class Buffer:
+    """Room for some blocks: what fills it, and what each block looks like to the consumer."""
+
+    writer: Any
+    views: list[Array]
+
+
+def _rows(groups: int, count: int) -> Array:
+    """(groups, count, BLOCK + LANES) zeros whose rows start on cache lines but not in the same cache set."""
     width = BLOCK + LANES
-    flat = np.zeros(count * width + LANES)
+    flat = np.zeros(groups * count * width + LANES)
     start = -(flat.ctypes.data // 8) % LANES
-    return flat[start : start + count * width].reshape(count, width)
+    return flat[start : start + groups * count * width].reshape(groups, count, width)
 
 
 def _blocks(
-    samples: Samples,
-    buffer: Callable[[], tuple[Any, Array]],
-    shown: Callable[[Array, int], Array],
-    threads: int,
+    samples: Samples, buffer: Callable[[int], Buffer], shown: Callable[[Array, int], Array], threads: int
 ) -> Iterator[tuple[slice, Array]]:
-    """Blocks in order; with threads, the next ones are filled while one is consumed."""
+    """Blocks in order; with threads, the next groups of blocks are filled while one is consumed."""
     _check_threads(threads)
     if threads == 1:
-        return _serial_blocks(samples, buffer, shown)
+        return _serial_blocks(samples, buffer(1), shown)
     return _threaded_blocks(samples, buffer, shown, threads)
 
 
-def _serial_blocks(samples: Samples, buffer: Any, shown: Any) -> Iterator[tuple[slice, Array]]:
-    block, view = buffer()
-    fill, rows = block.fill, samples.rows
-    whole = shown(view, BLOCK)
+def _serial_blocks(samples: Samples, buffer: Buffer, shown: Any) -> Iterator[tuple[slice, Array]]:
+    fill, rows, view = buffer.writer.fill, samples.rows, buffer.views[0]
     for first in range(0, rows - BLOCK + 1, BLOCK):
         last = first + BLOCK
         fill(samples, first, last)
-        yield slice(first, last), whole
+        yield slice(first, last), view
     first = rows - rows % BLOCK
     if first < rows:
         fill(samples, first, rows)
@@ -304,23 +310,25 @@ def _serial_blocks(samples: Samples, buffer: Any, shown: Any) -> Iterator[tuple[
 
 
 def _threaded_blocks(
-    samples: Samples, buffer: Any, shown: Any, threads: int
+    samples: Samples, buffer: Callable[[int], Buffer], shown: Any, threads: int
 ) -> Iterator[tuple[slice, Array]]:
-    buffers = [buffer() for _ in range(threads + 1)]
-    starts = range(0, samples.rows, BLOCK)
+    size = GROUP * BLOCK
+    buffers = [buffer(GROUP) for _ in range(threads + 1)]
+    starts = range(0, samples.rows, size)
     with ThreadPoolExecutor(threads) as pool:
 
         def submit(k: int) -> Any:
-            block = buffers[k % len(buffers)][0]
-            return pool.submit(block.fill, samples, starts[k], min(starts[k] + BLOCK, samples.rows))
+            last = min(starts[k] + size, samples.rows)
+            return pool.submit(buffers[k % len(buffers)].writer.fill, samples, starts[k], last)
 
         waiting = {k: submit(k) for k in range(min(threads, len(starts)))}
-        for k, first in enumerate(starts):
+        for k, start in enumerate(starts):
             waiting.pop(k).result()
-            last = min(first + BLOCK, samples.rows)
             if k + threads < len(starts):
                 waiting[k + threads] = submit(k + threads)
-            yield slice(first, last), shown(buffers[k % len(buffers)][1], last - first)
+            for view, first in zip(buffers[k % len(buffers)].views, range(start, samples.rows, BLOCK)):
+                last = min(first + BLOCK, samples.rows)
+                yield slice(first, last), shown(view, last - first)
 
 
 def _in_parts(part: Callable[[int, int], None], rows: int, threads: int) -> None:

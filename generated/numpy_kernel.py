@@ -31,8 +31,8 @@ class NumpyKernel:
         symbols = [sp.Symbol(name, real=True) for name in names]
         self._terms = sp.lambdify(symbols, list(derived.terms), "numpy") if derived.terms else None
 
-    def block(self, rows: Sequence[Array], copies: Sequence[tuple[int, Array]]) -> _NumpyBlock:
-        return _NumpyBlock(self, rows, copies)
+    def block(self, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int) -> _NumpyBlock:
+        return _NumpyBlock(self, rows, copies, width)
 
     def sources(self, samples: Samples, first: int, last: int) -> tuple[list[Any], dict[str, Array]]:
         """Entries, then dq, ddq, sign of each joint and 1, as in batch.c; and the inputs by name."""
@@ -83,12 +83,14 @@ class NumpyKernel:
 
 class _NumpyBlock:
     def __init__(
-        self, kernel: NumpyKernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]]
+        self, kernel: NumpyKernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int
     ) -> None:
-        self._kernel = kernel
+        self._kernel, self._width = kernel, width
         self._places = [*enumerate(rows), *copies]
 
     def fill(self, samples: Samples, first: int, last: int) -> None:
-        sources, _ = self._kernel.sources(samples, first, last)
-        for source, row in self._places:
-            row[: last - first] = sources[source]
+        for g, start in enumerate(range(first, last, self._width)):
+            stop = min(start + self._width, last)
+            sources, _ = self._kernel.sources(samples, start, stop)
+            for source, row in self._places:
+                row[g, : stop - start] = sources[source]

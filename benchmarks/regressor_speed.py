@@ -1,0 +1,215 @@
+"""Speed of regressor and torque beside Pinocchio's C++ in a compiled loop; same run, same arrays, medians.
+
+    python benchmarks/regressor_speed.py [--samples 90000] [--repeats 15] [--json]
+
+Needs the `bench` extra (pin; its C++ headers come with the wheel), a C++ compiler and Eigen (libeigen3-dev).
+The rounds of all contestants are interleaved, so that a noisy machine is noisy for all of them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import os
+import shutil
+import statistics
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import generated
+from generated import cache, compiling
+from generated.kernel import Kernel, Samples
+from generated.model import BLOCK, _rows
+
+HERE = Path(__file__).parent
+PEER_FLAGS = (
+    *("-std=c++17", "-O3", "-march=native", "-DNDEBUG", "-w", "-shared", "-fPIC"),
+    *("-DBOOST_FUSION_INVOKE_MAX_ARITY=10", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS"),
+    *("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"),
+)
+JOINTS, ROBOT = 7, "kuka_lwr4p"
+
+
+def peer_library() -> ctypes.CDLL:
+    """Pinocchio's loops, compiled once (a minute) and cached."""
+    import pinocchio
+
+    compiler = os.environ.get("CXX") or shutil.which("c++") or shutil.which("g++")
+    eigen = next((p for p in ("/usr/include/eigen3", "/usr/local/include/eigen3") if Path(p).is_dir()), None)
+    if compiler is None or eigen is None:
+        sys.exit("the comparison needs a C++ compiler and Eigen: apt-get install g++ libeigen3-dev")
+    prefix = next(p for p in Path(pinocchio.__file__).parents if p.name == "cmeel.prefix")
+    source = (HERE / "pinocchio_peer.cpp").read_text()
+
+    def build(place: Path) -> None:
+        (place / "peer.cpp").write_text(source)
+        print("compiling Pinocchio's loop: a minute, once ...", file=sys.stderr)
+        include = ["-I", str(prefix / "include"), "-I", eigen]
+        subprocess.run([compiler, *PEER_FLAGS, *include, "peer.cpp", "-o", "peer.so"], cwd=place, check=True)
+
+    name = "peer-" + cache.key(source, pinocchio.__version__, *PEER_FLAGS, compiler, compiling.cpu())[:40]
+    return ctypes.CDLL(str(cache.entry(name, build) / "peer.so"))
+
+
+class Peer:
+    """The LWR in Pinocchio, with random inertias."""
+
+    def __init__(self) -> None:
+        from modelgen.kinematics import geometry, state, transforms
+        from modelgen.robot_file import load_robot
+
+        robot = load_robot(ROBOT)
+        self.lib = peer_library()
+        self.lib.peer_regressor.restype = ctypes.c_double
+        zero = np.zeros(JOINTS)
+        frames = transforms(geometry(robot), state(robot, zero, zero, zero))
+        R = np.array([np.array([f.to_antecedent(axis) for axis in np.eye(3)], float).T for f in frames])
+        p = np.array([f.p for f in frames], dtype=float)
+        rng = np.random.default_rng(1)
+        self.standard = {}
+        inertia = np.empty((JOINTS, 10))
+        for j in range(JOINTS):
+            mass, c = rng.uniform(1, 4), rng.uniform(-0.1, 0.1, 3)
+            A = rng.normal(size=(3, 3)) * 0.1
+            about_c = np.trace(A @ A.T) * np.eye(3) - A @ A.T
+            about_o = about_c + mass * (c @ c * np.eye(3) - np.outer(c, c))
+            inertia[j] = [
+                mass,
+                *(mass * c),
+                *(about_o[i, k] for i, k in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))),
+            ]
+            names = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
+            self.standard |= {f"{name}{j + 1}": value for name, value in zip(names, inertia[j])}
+        gravity = np.array([0, 0, -9.81])
+        self.lib.peer_robot(JOINTS, *(_pointer(np.ascontiguousarray(x)) for x in (R, p, inertia, gravity)))
+
+    def regressor(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        last = np.empty((JOINTS, 10 * JOINTS))
+        self.lib.peer_regressor(ctypes.c_long(len(q)), *map(_pointer, (q, dq, ddq, last)))
+        return last
+
+    def rnea(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        tau = np.empty_like(q)
+        self.lib.peer_rnea(ctypes.c_long(len(q)), *map(_pointer, (q, dq, ddq, tau)))
+        return tau
+
+
+def _pointer(array: np.ndarray) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def inertial_blocks(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Callable[[], None]:
+    """The 7 x 43 inertial base regressor alone: its non-zero entries, block by block, in a cached buffer."""
+    m = generated.load(ROBOT, "B")
+    kernel = m._kernel
+    assert isinstance(kernel, Kernel), "no compiler"
+    entries = m._description["columns"]
+    rows = _rows(1, entries)
+    block, samples = (
+        kernel.block([rows[:, k] for k in range(entries)], [], BLOCK),
+        Samples(q, dq, ddq, None, np.empty((len(q), 0))),
+    )
+
+    def run() -> None:
+        for first in range(0, len(q), BLOCK):
+            block.fill(samples, first, min(first + BLOCK, len(q)))
+
+    return run
+
+
+def consume(blocks) -> None:
+    for _ in blocks:
+        pass
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--samples", type=int, default=90_000)
+    parser.add_argument("--repeats", type=int, default=15)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    N = options.samples
+    rng = np.random.default_rng(0)
+    q, dq, ddq = (
+        rng.uniform(-3, 3, (N, JOINTS)),
+        rng.uniform(-2, 2, (N, JOINTS)),
+        rng.uniform(-5, 5, (N, JOINTS)),
+    )
+    peer, m = Peer(), generated.load(ROBOT, "B")
+    chi = m.regroup(peer.standard)
+    agreement = float(
+        np.abs(m.torque(q[:999], dq[:999], ddq[:999], chi) - peer.rnea(q[:999], dq[:999], ddq[:999])).max()
+    )
+    if agreement > 1e-9:
+        sys.exit(f"the torques differ from Pinocchio's by {agreement} N m")
+    out = np.zeros((N, JOINTS, len(m.parameters)))
+    part = N // 3  # Pinocchio's loops are long enough on a third of the samples
+    contestants: dict[str, tuple[int, Callable[[], object]]] = {
+        "pinocchio regressor": (part, lambda: peer.regressor(q[:part], dq[:part], ddq[:part])),
+        "pinocchio rnea": (part, lambda: peer.rnea(q[:part], dq[:part], ddq[:part])),
+        "inertial blocks": (N, inertial_blocks(q, dq, ddq)),
+        "model B blocks": (N, lambda: consume(m.regressor_blocks(q, dq, ddq))),
+        "model B non-zero blocks": (N, lambda: consume(m.nonzero_blocks(q, dq, ddq))),
+        "model B dense out": (N, lambda: m.regressor(q, dq, ddq, out)),
+        "torque": (N, lambda: m.torque(q, dq, ddq, chi)),
+        "model B dense out, 2 threads": (N, lambda: m.regressor(q, dq, ddq, out, threads=2)),
+        "model B blocks, 2 threads": (N, lambda: consume(m.regressor_blocks(q, dq, ddq, threads=2))),
+        "torque, 2 threads": (N, lambda: m.torque(q, dq, ddq, chi, threads=2)),
+    }
+    times: dict[str, list[float]] = {name: [] for name in contestants}
+    for _ in range(options.repeats + 1):
+        for name, (count, run) in contestants.items():
+            start = time.perf_counter()
+            run()
+            times[name].append((time.perf_counter() - start) / count * 1e9)
+    ns = {name: statistics.median(values[1:]) for name, values in times.items()}
+    best = {name: min(values[1:]) for name, values in times.items()}
+    report(options, m, ns, best, agreement)
+
+
+def report(options, m, ns: dict[str, float], best: dict[str, float], agreement: float) -> None:
+    def beside(rival: str, name: str) -> float:
+        return ns[rival] / ns[name]
+
+    regressor, rnea = "pinocchio regressor", "pinocchio rnea"
+    rows = [
+        ("7 x 43 inertial entries, blocks", beside(regressor, "inertial blocks"), 20),
+        ("model B, regressor_blocks", beside(regressor, "model B blocks"), 15),
+        ("model B, nonzero_blocks", beside(regressor, "model B non-zero blocks"), 15),
+        ("model B, W whole into out", beside(regressor, "model B dense out"), 4),
+        ("torque", beside(rnea, "torque"), 15),
+        ("W whole, 2 threads / 1", beside("model B dense out", "model B dense out, 2 threads"), 1.8),
+        ("blocks, 2 threads / 1", beside("model B blocks", "model B blocks, 2 threads"), 1.8),
+        ("torque, 2 threads / 1", beside("torque", "torque, 2 threads"), 1.8),
+    ]
+    if options.json:
+        print(
+            json.dumps(
+                {"median_ns": ns, "best_ns": best, "ratios": {name: ratio for name, ratio, _ in rows}},
+                indent=1,
+            )
+        )
+        return
+    print(f"{options.samples} samples, medians of {options.repeats} interleaved rounds; ns per sample")
+    print(
+        f"operations of the inertial regressor, given cos and sin: {m.operations['add']} add, {m.operations['mul']} mul"
+    )
+    print(f"torques agree with Pinocchio's within {agreement:.1e} N m\n")
+    print(f"{'':42}{'median':>9}{'best':>9}")
+    for name in ns:
+        print(f"{name:42}{ns[name]:9.1f}{best[name]:9.1f}")
+    print(f"\n{'':42}{'ratio':>9}{'target':>9}")
+    for name, ratio, target in rows:
+        print(f"{name:42}{ratio:8.1f}x{target:8}x")
+
+
+if __name__ == "__main__":
+    main()
