@@ -13,6 +13,7 @@ from ident.simulate.requests import EffectRequest
 from ident.simulate.trajectories import Motion
 from ident.simulate.twin import ActiveEffect, SimulationError, Twin, channels_of
 from ident.simulate.yardstick import Yardstick
+from modelgen.effects import Effect
 
 
 def activate(
@@ -23,7 +24,7 @@ def activate(
     `motions`: the runs that the study fits, by label.
     """
     effect = request.effect
-    share = share or (0.03 if effect.kind == "motion" else 0.05)
+    share = share or usual_share(effect)
     values, context = _usual(request, twin)
     channels_of(request, model)  # refuses what the study could not show
     active = _active(request, values, context)
@@ -48,6 +49,13 @@ def activate(
         if abs(active.visible / share - 1) < 0.15:
             break
     return active
+
+
+def usual_share(effect: Effect) -> float:
+    """Rise of the joint's error, of its torque: what a realistic spring, gap or bristle gives, else 5 %."""
+    if effect.kind == "motion":
+        return 0.03
+    return 0.1 if effect.state is not None else 0.05
 
 
 def _scaled(

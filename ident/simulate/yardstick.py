@@ -14,7 +14,7 @@ Array = np.ndarray
 RATE_HZ = 250.0
 KEEP = 10  # one row in ten: the residual is looked at below 10 Hz
 FILTER_S = 0.015  # Gaussian, about 10 Hz
-REST = 0.01  # rad/s; rows at which all joints are slower do not count
+REST = 0.01  # rad/s; a slower joint does not count, there dry friction can be anything
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,7 @@ class _Run:
     state: State
     rows: Array
     clean: Array  # (rows, channels) torque without the effect
+    counts: Array  # (rows, channels) 1 where the channel's joint moves, else 0
 
 
 class Yardstick:
@@ -36,15 +37,17 @@ class Yardstick:
         self.rms = np.maximum(np.sqrt(np.mean(clean**2, axis=0)), 1e-3)  # N m
         kernel = generated.load(twin.source, model)
         W = np.concatenate([kernel.regressor(*(x[run.rows] for x in run.state)) for run in self.runs])
-        W /= self.rms[None, :, None]
+        self.weight = np.concatenate([run.counts for run in self.runs]) / self.rms
+        W *= self.weight[:, :, None]
         self.basis = np.linalg.qr(W.reshape(-1, W.shape[2]))[0]
 
     def _run(self, label: str, motion: Motion) -> _Run:
         t = np.arange(0.0, motion.duration, 1.0 / RATE_HZ)
         state = motion.at(t)
         rows = np.arange(KEEP, len(t) - KEEP, KEEP)
-        rows = rows[np.abs(state[1][rows]).max(axis=1) > REST]
-        return _Run(label, t, state, rows, self._torque(label, t, state, ())[rows])
+        clean = self._torque(label, t, state, ())[rows]
+        moves = np.abs(state[1][rows]) > REST
+        return _Run(label, t, state, rows, clean, np.tile(moves, clean.shape[1] // self.twin.n).astype(float))
 
     def _torque(self, label: str, t: Array, state: State, effects: tuple[ActiveEffect, ...]) -> Array:
         run = run_twin(self.twin, t, state, effects, None, self.model, label)
@@ -61,7 +64,7 @@ class Yardstick:
         for run in self.runs:
             parts.append(self._torque(run.label, run.t, run.state, (effect,))[run.rows] - run.clean)
             acts.append(np.full(len(run.rows), effect.acts_in(run.label)))
-        added = np.concatenate(parts) / self.rms
+        added = np.concatenate(parts) * self.weight
         flat = added.reshape(-1)
         left = (flat - self.basis @ (self.basis.T @ flat)).reshape(added.shape)
         inside = np.concatenate(acts)
