@@ -1,11 +1,11 @@
 """Exact numbers of a robot's geometry, and the little linear algebra that regrouping needs.
 
-A number is a rational wherever the geometry is (lengths of the robot file, twists of right angles). Otherwise it
-is a `Real`: its value with 100 digits, and its closed form in the geometry's generators, which are the named
-lengths and those cos, sin and square roots that are not rational: rl3, cos(3/10), sqrt(3), ... A sum is zero if
-it cancels to 60 digits, so relations between generators that nobody listed count too (an angle that is the sum
-of two others, a length that equals another), and a decision never depends on how a form was simplified. A form
-that outgrows reading is dropped, and the number is then shown by its digits.
+A number is a rational wherever the geometry is (lengths of the robot file, twists of right angles).
+Otherwise it is a `Real`: its value with 100 digits, and its closed form in the geometry's generators, which
+are the named lengths and those cos, sin and square roots that are not rational: rl3, cos(3/10), sqrt(3), ...
+A sum is zero if it cancels to 60 digits, so relations between generators that nobody listed count too (an
+angle that is the sum of two others, a length that equals another), and a decision never depends on how a
+form was simplified. A form that outgrows reading is dropped, and the number is then shown by its digits.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class Exact:
         return Real(_digits(rational), self._field(QQ(rational)), self)
 
     def shortened(self, value: Any, form: FracElement | None) -> Number:
-        """A Real with the known relations applied to its form, a rational if it is one; no form if it is long."""
+        """A Real whose form obeys the known relations and is short, or none; a rational if it is one."""
         if form is not None:
             if self._relations:
                 form = self._field.new(form.numer.rem(self._relations), form.denom.rem(self._relations))
@@ -139,7 +139,11 @@ class Exact:
     def expression(self, number: Number) -> sp.Expr:
         """The number as a SymPy expression of the geometry, or by its digits where its form is long."""
         if isinstance(number, Real):
-            return sp.Float(MP.nstr(number.value, DIGITS), DIGITS) if number.form is None else number.form.as_expr()
+            return (
+                sp.Float(MP.nstr(number.value, DIGITS), DIGITS)
+                if number.form is None
+                else number.form.as_expr()
+            )
         return sp.Rational(int(number.numerator), int(number.denominator))
 
     def _evaluated(self, polynomial: Any) -> Any:
@@ -195,9 +199,9 @@ class Span:
         v = vector
         for pivot, row in self.rows.items():
             v = self._eliminated(v, row, pivot)
-        pivot = next((i for i, x in enumerate(v) if x), None)
-        if pivot is None:
+        if not any(v):
             return
+        pivot = next(i for i, x in enumerate(v) if x)
         scale = v[pivot]
         v = [_divided(x, scale) for x in v]
         v[pivot] = 1

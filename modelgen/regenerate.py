@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from modelgen import rules_text
+from modelgen import paper_comparison, paper_rules, rules_text
 from modelgen.errors import ModelgenError
 from modelgen.robot import Robot
 from modelgen.robot_file import load_robot
@@ -96,6 +96,8 @@ def files(plan: Plan, tell: Progress) -> dict[str, str]:
         result[f"{stem}.json"] = _json(c_code.described(derived, made_of))
     if not plan.effects:
         result["rules.md"] = _rules_document(plan)
+        if plan.robot.name == paper_rules.ROBOT and plan.payload:
+            result["paper_comparison.md"] = paper_comparison.document(plan.robot)
     return result
 
 

@@ -3,8 +3,8 @@
 Points of the unit circle can be rational, c = (1 - t^2)/(1 + t^2) and s = 2t/(1 + t^2), and so can rates and
 accelerations; the Newton-Euler recursion then gives W_st in the field of the robot's geometry, named lengths
 included, and the check is == 0. Where the geometry has irrational numbers (a twist of pi/3, or of 0.3) it is
-evaluated with 100 digits instead and must cancel to 60. Either way it is independent of how the rules were found
-(energies, in `regrouping`).
+evaluated with 100 digits instead and must cancel to 60. Either way it is independent of how the rules were
+found (energies, in `regrouping`).
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ def rational_state(robot: Robot, seed: int, lift: Callable[[Number], Number] = l
 
 
 def broken_columns(rules: Rules, seed: int = 0, states: int = 2) -> tuple[str, ...]:
-    """Standard parameters whose column is not the combination of kept columns that the rules claim; () is right.
+    """Standard parameters whose column is not what the rules claim; () if all are right.
 
     For all chi_st, W_st chi_st = W chi exactly when every column agrees.
     """

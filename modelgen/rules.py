@@ -1,10 +1,10 @@
 """Regrouping rules of a model: its base parameters, each a combination of standard parameters.
 
-Inertial parameters and rotors are regrouped in `regrouping`; what is left is plain. Where both sides of a drive
-act in the same rows (model A), link-side friction joins the motor side's (Fvm1R = Fvm1 + Fvl1); where the sensor
-separates them (C), Iam stays apart from the links too. A payload moves with its link, but only in the loaded
-runs, so its ten parameters stand beside the robot's own; a robot of few joints shows fewer than ten of them, and
-then the payload's are regrouped among themselves.
+Inertial parameters and rotors are regrouped in `regrouping`; what is left is plain. Where both sides of a
+drive act in the same rows (model A), link-side friction joins the motor side's (Fvm1R = Fvm1 + Fvl1); where
+the sensor separates them (C), Iam stays apart from the links too. A payload moves with its link, but only in
+the loaded runs, so its ten parameters stand beside the robot's own; a robot of few joints shows fewer than
+ten of them, and then the payload's are regrouped among themselves.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SAME_SIGNAL = {"Fvl": "Fvm", "Fcl": "Fcm", "Offl": "Offm"}
 
 @dataclass(frozen=True, slots=True)
 class BaseParameter:
-    """One base parameter: chi = sum of coefficient x standard parameter, the kept one first with coefficient 1."""
+    """One base parameter: a sum of coefficient x standard parameter, the kept one first, with 1."""
 
     keeps: StandardParameter
     combination: Mapping[str, sp.Expr]

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import sympy as sp
+from sympy.printing.latex import LatexPrinter
 from sympy.printing.str import StrPrinter
 
 from modelgen.rules import BaseParameter, Rules
@@ -15,8 +16,23 @@ from modelgen.rules import BaseParameter, Rules
 class _Printer(StrPrinter):
     """Rationals that end are written as decimals: 0.1521, not 1521/10000."""
 
+    def _print_Mul(self, expr: sp.Mul) -> str:
+        factor, rest = expr.as_coeff_Mul()
+        if factor.is_Integer or "/" in decimal(factor):
+            return super()._print_Mul(expr)
+        return f"{decimal(factor)}*" + (f"({self._print(rest)})" if rest.is_Add else self._print(rest))
+
     def _print_Rational(self, expr: sp.Rational) -> str:
         return decimal(expr)
+
+    def _print_Float(self, expr: sp.Float) -> str:
+        return repr(float(expr))
+
+
+class _LatexPrinter(LatexPrinter):
+    def _print_Rational(self, expr: sp.Rational) -> str:
+        text = decimal(expr)
+        return text if "/" not in text else super()._print_Rational(expr)
 
     def _print_Float(self, expr: sp.Float) -> str:
         return repr(float(expr))
@@ -36,7 +52,12 @@ def decimal(number: sp.Rational) -> str:
 
 def regroups(base: BaseParameter) -> str:
     """The combination as text: "ZZ2 + Iam2 + YY3 + 2*rl3*MZ3 + rl3**2*(M3 + M4 + M5 + M6 + M7)"."""
-    return combination(base.combination, _Printer({"order": "lex"}).doprint, "*")
+    return combination(base.combination, as_text, "*")
+
+
+def as_text(coefficient: sp.Expr) -> str:
+    """A coefficient in Python's arithmetic."""
+    return _Printer({"order": "lex"}).doprint(coefficient)
 
 
 def combination(
@@ -46,21 +67,20 @@ def combination(
     name: Callable[[str], str] = str,
 ) -> str:
     """Sum of coefficient x parameter; parameters that share a coefficient are put in one bracket."""
-    shared: dict[sp.Expr, list[str]] = {}
+    shared: dict[tuple[sp.Expr, str], list[str]] = {}
     for parameter, coefficient in terms.items():
-        shared.setdefault(coefficient, []).append(name(parameter))
+        alone = (
+            parameter if abs(coefficient) == 1 else ""
+        )  # a bracket only saves writing where there is a factor
+        shared.setdefault((coefficient, alone), []).append(name(parameter))
     text = ""
-    for coefficient, names in shared.items():
+    for (coefficient, _), names in shared.items():
         negative = coefficient.could_extract_minus_sign()
         size = -coefficient if negative else coefficient
-        sign = (" - " if text else "-") if negative else (" + " if text else "")
-        if size == 1:
-            text += sign + (" - " if negative else " + ").join(names)
-            continue
-        factor = write(size)
-        if size.is_Add:
-            factor = f"({factor})"
-        text += sign + factor + times + (names[0] if len(names) == 1 else f"({' + '.join(names)})")
+        text += (" - " if text else "-") if negative else (" + " if text else "")
+        if size != 1:
+            text += (f"({write(size)})" if size.is_Add else write(size)) + times
+        text += names[0] if len(names) == 1 else f"({' + '.join(names)})"
     return text or "0"
 
 
@@ -81,7 +101,7 @@ def latex_name(name: str) -> str:
 
 
 def _latex(base: BaseParameter) -> str:
-    return combination(base.combination, lambda e: sp.latex(e, order="lex"), r"\,", latex_name)
+    return combination(base.combination, _LatexPrinter({"order": "lex"}).doprint, r"\,", latex_name)
 
 
 def as_markdown(rules: Rules) -> str:
@@ -101,4 +121,5 @@ def as_latex(rules: Rules) -> str:
     """The regrouped parameters as an align* environment."""
     rows = [f"{latex_name(b.name)} &= {_latex(b)}" for b in rules.base if len(b.combination) > 1]
     body = " \\\\\n".join(rows) or "&"
-    return f"% Model {rules.model.name}: {len(rules.base)} base parameters\n\\begin{{align*}}\n{body}\n\\end{{align*}}\n"
+    head = f"% Model {rules.model.name}: {len(rules.base)} base parameters"
+    return f"{head}\n\\begin{{align*}}\n{body}\n\\end{{align*}}\n"

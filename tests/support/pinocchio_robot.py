@@ -80,7 +80,7 @@ class PinocchioRobot:
 
 
 def _moved(place: pin.SE3) -> np.ndarray:
-    """10 x 10: parameters about a fixed frame -> the same body's about its joint's frame, by pseudo-inertias."""
+    """10 x 10: parameters about a fixed frame -> the same body's about its joint's frame."""
     result = np.zeros((10, 10))
     T = place.homogeneous
     for k in range(10):

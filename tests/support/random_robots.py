@@ -1,7 +1,8 @@
-"""Random robots of the family that the derivation must handle, as a seeded generator and hypothesis strategies.
+"""Random robots of the family that the derivation must handle, seeded, and as a hypothesis strategy.
 
-Chains and trees of 2 to 9 moving joints, revolute and prismatic, with fixed links anywhere; twists 0, +-pi/2, pi,
-+-pi/3 and arbitrary; Khalil's gamma and b on branches; gravity along, across or oblique to the first axis, or none.
+Chains and trees of 2 to 9 moving joints, revolute and prismatic, with fixed links anywhere; twists 0,
++-pi/2, pi, +-pi/3 and arbitrary; Khalil's gamma and b on branches; gravity along, across or oblique to the
+first axis, or none.
 """
 
 from __future__ import annotations
