@@ -18,35 +18,35 @@
    Rows: tau_m1, tau_m2, tau_m3, tau_m4, tau_m5, tau_m6, tau_m7, tau_l1, tau_l2, tau_l3, tau_l4, tau_l5, tau_l6, tau_l7.
    Parameters chi:
      0 ZZ1R = ZZ1 + YY2
-     1 XX2R = XX2 + YY3 - YY2 + 2*rl3*MZ3 + rl3**2*(M3 + M4 + M5 + M6 + M7)
+     1 XX2R = XX2 - YY2 + YY3 + 2*rl3*MZ3 + rl3**2*(M3 + M4 + M5 + M6 + M7)
      2 XY2
      3 XZ2
      4 YZ2
      5 ZZ2R = ZZ2 + YY3 + 2*rl3*MZ3 + rl3**2*(M3 + M4 + M5 + M6 + M7)
      6 MX2
      7 MY2R = MY2 + MZ3 + rl3*(M3 + M4 + M5 + M6 + M7)
-     8 XX3R = XX3 + YY4 - YY3
+     8 XX3R = XX3 - YY3 + YY4
      9 XY3
     10 XZ3
     11 YZ3
     12 ZZ3R = ZZ3 + YY4
     13 MX3
     14 MY3R = MY3 + MZ4
-    15 XX4R = XX4 + YY5 - YY4 + 2*rl5*MZ5 + rl5**2*(M5 + M6 + M7)
+    15 XX4R = XX4 - YY4 + YY5 + 2*rl5*MZ5 + rl5**2*(M5 + M6 + M7)
     16 XY4
     17 XZ4
     18 YZ4
     19 ZZ4R = ZZ4 + YY5 + 2*rl5*MZ5 + rl5**2*(M5 + M6 + M7)
     20 MX4
     21 MY4R = MY4 - MZ5 - rl5*(M5 + M6 + M7)
-    22 XX5R = XX5 + YY6 - YY5
+    22 XX5R = XX5 - YY5 + YY6
     23 XY5
     24 XZ5
     25 YZ5
     26 ZZ5R = ZZ5 + YY6
     27 MX5
     28 MY5R = MY5 - MZ6
-    29 XX6R = XX6 + YY7 - YY6
+    29 XX6R = XX6 - YY6 + YY7
     30 XY6
     31 XZ6
     32 YZ6
