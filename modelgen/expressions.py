@@ -90,7 +90,7 @@ def _divided(a: sp.Expr, b: sp.Expr, text: str) -> sp.Expr:
 
 
 def _number(number: int | float, text: object) -> sp.Expr:
-    if not math.isfinite(number):
+    if isinstance(number, float) and not math.isfinite(number):
         raise ExpressionError(text, "is not a finite number; write the length in m or the angle in rad")
     if number and not SMALLEST_NUMBER <= abs(number) <= LARGEST_NUMBER:
         raise ExpressionError(

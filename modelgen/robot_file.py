@@ -69,11 +69,8 @@ def load_robot(name_or_path: str | Path) -> Robot:
     else:
         source = path.name or text
         try:
-            if path.is_file() and path.stat().st_size > LARGEST_FILE:
-                raise RobotFileError(
-                    source, f"is larger than {LARGEST_FILE // 1024} KiB; a robot file is a short table"
-                )
-            data = path.read_bytes()
+            with path.open("rb") as stream:
+                data = stream.read(LARGEST_FILE + 1)
         except FileNotFoundError:
             raise RobotFileError(source, _not_found(text)) from None
         except OSError as error:
@@ -92,6 +89,9 @@ def _not_found(text: str) -> str:
 def parse_robot(data: bytes | str, source: str = "robot") -> Robot:
     """Check the text of a robot file and return the robot; `source` names it in errors."""
     data = data.encode() if isinstance(data, str) else data
+    if len(data) > LARGEST_FILE:
+        size = f"is larger than {LARGEST_FILE // 1024} KiB"
+        raise RobotFileError(source, f"{size}; a robot file is a table of at most {MOST_LINKS} links")
     try:
         table = yaml.load(data.decode(), Loader=_StrictLoader)
     except UnicodeDecodeError:
