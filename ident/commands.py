@@ -1,8 +1,9 @@
 """What the commands of `ident` do: read, call the pure part with a progress bar, write, say what came out."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ident.output import staged, writable
 from ident.terminal import print_table, progress_bar
@@ -97,13 +98,53 @@ def finish(warnings: list[str], output: Path) -> None:
     print(f"wrote {output / 'report.html'}")
 
 
+def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
+    """`ident diagnose`: find what the model lacks, write diagnosis.json, plots and the report, show it."""
+    from ident.diagnosis import diagnose_study
+    from ident.report.diagnosis_report import finding_sentence, unexplained_sentence, verdict
+    from ident.report.diagnosis_result import diagnosis_html
+    from ident.results import write_csv, write_document
+    from ident.study import load_study
+
+    study = load_study(study_file)
+    with staged(output) as stage, progress_bar(verbose) as progress:
+        diagnosis = diagnose_study(study, progress)
+        progress("writing plots and report")
+        document = diagnosis.document()
+        write_document(stage / "diagnosis.json", document)
+        write_csv(stage / "errors.csv", before_and_after(document))
+        (stage / "report.html").write_text(diagnosis_html(diagnosis), encoding="utf-8")
+    print(verdict(document))
+    for finding in document["findings"]:
+        print(finding_sentence(document, finding))
+    for item in document["unexplained"]:
+        print(unexplained_sentence(item))
+    show("error in percent", before_and_after(document))
+    finish(list(document["notes"]), output)
+
+
+def before_and_after(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and rows of the error table: per channel before and after for each role, and the noise floor."""
+    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    floor = document["noise_floor_percent"]
+    header = (
+        "channel",
+        *(f"{role} {when}" for role in before for when in ("before", "after")),
+        "noise floor",
+    )
+    rows = []
+    for channel in next(iter(before.values())):
+        values = [f"{block[role][channel]:.2f}" for role in before for block in (before, after)]
+        rows.append((channel, *values, f"{floor[channel]:.2f}" if channel in floor else ""))
+    return header, rows
+
+
 def demo(output: Path, verbose: bool) -> None:
-    """`ident demo`: record a simulated robot that hides an effect, identify it, show what is left."""
+    """`ident demo`: a simulated robot hides an effect; find it, show the error before and after."""
     from ident.demo import OPENING, answer, record
 
-    writable(output)
     print(f"{OPENING}\n")
     with progress_bar(verbose) as progress:
         recorded = record(output, progress)
-    fit(recorded.study, output / "results", (), verbose)
+    diagnose(recorded.study, output / "results", verbose)
     print(f"What was hidden: {answer(recorded)}.")

@@ -60,27 +60,39 @@ def verdict(document: Mapping[str, Any]) -> str:
 
 
 def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
-    """`Joint 4: stribeck friction, Fs = 3.1 ± 0.1 N m, vs = ...; it lowers the error there by 60 %.`"""
+    """`Joint 4: stribeck friction, Fs = 3.1 ± 0.1 N m; tau_m4 on test 5.0 % -> 2.1 %; noise floor 1.8 %.`"""
     values = []
     for name, item in finding["parameters"].items():
         value = item["value"]
         if isinstance(value, str):
             values.append(f"{name} {value}")
-        elif name in ("source_joint",):
+        elif name == "source_joint":
             values.append(f"from joint {int(value)}")
         else:
             values.append(f"{name} = {with_deviation(value, item.get('std') or 0.0, item.get('unit') or '')}")
     text = f"{place(finding['joints']).capitalize()}: {effect_name(finding['effect'])}"
     if values:
         text += f", {', '.join(values)}"
-    drop = finding["evidence"].get("error_drop_percent")
-    if drop is not None:
-        text += f"; it lowers the error there by {percent(drop)}"
+    text += _error_in_words(document, finding)
     rivals = finding.get("alternatives") or []
     if rivals:
         named = [f"{effect_name(rival['effect'])} on {place(rival['joints'])}" for rival in rivals[:3]]
         text += f". These runs explain it almost as well by {joined(named)}"
     return text + "."
+
+
+def _error_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
+    """Error of the finding's own channel on the runs that were used least, else the drop on adding it."""
+    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    role = _held_out(document)
+    channel = f"{finding['channel']}{finding['joints'][0]}" if finding["joints"] else ""
+    if channel in before[role]:
+        text = f"; error of {channel} on {role} runs {percent(before[role][channel])} → "
+        text += percent(after[role][channel])
+        floor = document.get("noise_floor_percent", {}).get(channel)
+        return text if floor is None else f"{text}, noise floor {percent(floor)}"
+    drop = finding["evidence"].get("error_drop_percent")
+    return "" if drop is None else f"; it lowered the error by {percent(drop)}"
 
 
 def unexplained_sentence(item: Mapping[str, Any]) -> str:
@@ -96,17 +108,22 @@ def diagnosis_page(
     document: Mapping[str, Any],
     title: str,
     views: Sequence[ResidualView] = (),
+    rankings: Mapping[int, Table] | None = None,
+    about: Mapping[str, str] | None = None,
     warnings: Sequence[str] = (),
     details: Sequence[str] = (),
     extra: Sequence[Section] = (),
     footer: str = "",
 ) -> ReportPage:
-    """Verdict, error before and after, then each finding with the residual that gave it away."""
+    """Verdict, error before and after, then each finding with the residual that gave it away.
+
+    `rankings`: a table of candidates for a finding, by its index; `about`: a sentence on an effect, by name.
+    """
     sentences = [finding_sentence(document, finding) for finding in document["findings"]]
     sentences += [unexplained_sentence(item) for item in document["unexplained"]]
     sections = [_error_section(document)]
     for number_, finding in enumerate(document["findings"]):
-        sections.append(_finding_section(finding, number_, views))
+        sections.append(_finding_section(finding, number_, views, rankings or {}, about or {}))
     for number_, item in enumerate(document["unexplained"]):
         blocks = tuple(_view_plot(view) for view in views if view.belongs_to == ("unexplained", number_))
         heading = f"Unexplained: {place(item['joints'])}, {item['channel']}"
@@ -174,7 +191,13 @@ def _error_section(document: Mapping[str, Any]) -> Section:
     return Section("Error before and after", (Table("", tuple(columns), tuple(rows)),), text=text)
 
 
-def _finding_section(finding: Mapping[str, Any], index: int, views: Sequence[ResidualView]) -> Section:
+def _finding_section(
+    finding: Mapping[str, Any],
+    index: int,
+    views: Sequence[ResidualView],
+    rankings: Mapping[int, Table],
+    about: Mapping[str, str],
+) -> Section:
     rows = []
     for name, item in finding["parameters"].items():
         value, std = item["value"], item.get("std")
@@ -190,6 +213,18 @@ def _finding_section(finding: Mapping[str, Any], index: int, views: Sequence[Res
     blocks: list[Block] = [_view_plot(view) for view in views if view.belongs_to == ("findings", index)]
     columns = (Column("parameter"), Column("value", True), Column("σ", True), Column("unit"))
     blocks.append(Table("Parameters of the effect", columns, tuple(rows)))
+    blocks.append(rankings.get(index) or _alternatives(finding))
+    title = f"{index + 1}. {effect_name(finding['effect']).capitalize()}, {place(finding['joints'])}"
+    p_value = finding["evidence"].get("p_value")
+    text = about.get(finding["effect"], "")
+    if p_value is not None:
+        p = "p < 1e-300" if p_value == 0 else f"p = {number(p_value, 2)}"
+        text = f"{text} Channel {finding['channel']}; {p}."
+    return Section(title, tuple(blocks), text=text.strip())
+
+
+def _alternatives(finding: Mapping[str, Any]) -> Table:
+    """Candidates that explain nearly the same, from diagnosis.json alone."""
     ranking = [
         (finding["effect"], finding["joints"], finding["evidence"].get("error_drop_percent"), "chosen")
     ]
@@ -205,11 +240,7 @@ def _finding_section(finding: Mapping[str, Any], index: int, views: Sequence[Res
         for effect, joints, drop, note in ranking
     ]
     columns = (Column("candidate"), Column("where"), Column("error drop", True), Column(""))
-    blocks.append(Table("Ranking of the candidates", columns, tuple(rows)))
-    title = f"{index + 1}. {effect_name(finding['effect']).capitalize()}, {place(finding['joints'])}"
-    p_value = finding["evidence"].get("p_value")
-    text = f"Channel {finding['channel']}; p = {number(p_value, 2)}." if p_value is not None else ""
-    return Section(title, tuple(blocks), text=text)
+    return Table("Ranking of the candidates", columns, tuple(rows))
 
 
 def _view_plot(view: ResidualView) -> Plot:
