@@ -148,9 +148,6 @@ def _gains(study: Study, model: Any, need: Need, parameters: list[str]) -> tuple
     if study.model == "B":
         raise StudyError(str(study.file), "drive_gains", "model B has no motor signal, so gains cannot be identified; "
                                                          "choose C or D")
-    if study.model == "A" and not study.payload_mass:
-        raise StudyError(str(study.file), "drive_gains", "with motor signals alone the scale of all torques is unknown; "
-                         "give payload_mass: {L: kg} of one weighed payload, or record joint torques and choose C or D")  # fmt: skip
     places: dict[int, int] = {}
     extras = []
     for k, joint in enumerate(need.joints):

@@ -280,6 +280,8 @@ def _odd_end(rows: np.ndarray, halo: int) -> np.ndarray:
 def prepare(stream: RecordingStream, settings: FilterSettings) -> FilterBank:
     """The filters of a recording with the velocity noise estimated on its first minute."""
     bank = filter_bank(settings, stream.rate_hz)
+    if settings.sign_velocity is not None:
+        return FilterBank(bank.position, bank.sign, np.full(len(stream.need.joints), settings.sign_velocity))
     q: list[np.ndarray] = []
     rows = 0
     for _, blocks in stream.segments():
@@ -291,7 +293,7 @@ def prepare(stream: RecordingStream, settings: FilterSettings) -> FilterBank:
         if rows > 1000:
             break
     noise = velocity_noise(np.concatenate(q), bank)
-    return FilterBank(bank.position, bank.sign, np.maximum(NOISE_FACTOR * noise, settings.sign_velocity))
+    return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise)
 
 
 def filter_stream(stream: RecordingStream, bank: FilterBank, *, torque_too: bool = False

@@ -18,15 +18,15 @@ import scipy.special
 
 from ident.columns import Columns, study_columns
 from ident.cutoff import CutoffTrial, choose_cutoff, first_cutoff
-from ident.errors import FitFailedError, StudyError
+from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.filtering import FilterBank, prepare
 from ident.full_rate import FullRate, compare_torques
+from ident.gains import estimate_with_gains
 from ident.least_squares import (
     Estimate,
     bounded,
     channel_sigma,
     huber_factors,
-    joint_sigma,
     weighted_least_squares,
 )
 from ident.noise import ChannelNoise, channel_noises, durbin_watson, honest_covariance
@@ -126,7 +126,27 @@ def fit_study(study: Study, *, progress: Progress = silent) -> FitResult:
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, "blas"):
+        if study.model == "A" and study.drive_gains == "identify" and not study.payload_mass:
+            return _with_gains_of_c(study, progress)
         return _fit(study, progress)
+
+
+def _with_gains_of_c(study: Study, progress: Progress) -> FitResult:
+    """Model A with unknown drive gains: motor signals have no scale of their own, joint torque sensors give it."""
+    try:
+        gains = drive_gains(_fit(study.with_(model="C"), progress))
+    except RecordingError as error:
+        raise StudyError(str(study.file), "drive_gains", "with motor signals alone the scale of all torques is unknown; "
+                         "give payload_mass: {L: kg} of one weighed payload, or recordings with joint torques "
+                         f"({error})") from None  # fmt: skip
+    result = _fit(study.with_(drive_gains=tuple(gains)), progress)
+    said = "drive gains as identified by model C: " + ", ".join(f"{gain:.4g}" for gain in gains)
+    return replace(result, notes=(said, *result.notes))
+
+
+def drive_gains(result: FitResult) -> list[float]:
+    """Identified gains [N m per drive unit], one per joint."""
+    return [float(result.estimate.chi[column]) for _, column in sorted(result.columns.gain_columns.items())]
 
 
 def _fit(study: Study, progress: Progress) -> FitResult:
@@ -169,18 +189,15 @@ def estimate_all(systems: Sequence[RecordingSystem], prepared: Prepared
     """WLS of all base parameters on the identify recordings, with the study's options. -> estimate, factors used."""
     study, names = prepared.study, prepared.columns.parameters
     factors = stack(systems)
-    unknown_gain = bool(prepared.columns.gain_columns)
-    sigma = np.ones(len(factors)) if unknown_gain else channel_sigma(factors)
+    if prepared.columns.gain_columns:
+        return estimate_with_gains(factors, prepared.columns), factors
+    sigma = channel_sigma(factors)
     estimate = weighted_least_squares(factors, sigma, names)
-    if unknown_gain:      # Y of a motor channel is zero, so alone it says nothing: weights from the common fit
-        for _ in range(6):
-            sigma = joint_sigma(factors, estimate.chi, estimate.covariance, sigma)
-            estimate = weighted_least_squares(factors, sigma, names)
     if study.robust == "huber":
         for _ in range(30):
             before = estimate.chi
             weighted, _ = huber_factors(systems, sigma, before)
-            sigma = _robust_sigma(systems, before) if not unknown_gain else sigma
+            sigma = _robust_sigma(systems, before)
             estimate = weighted_least_squares(weighted, sigma, names)
             if np.all(np.abs(estimate.chi - before) <= 1e-3 * np.maximum(estimate.std, 1e-12)):
                 break
@@ -308,7 +325,9 @@ def fit_models(study: Study, models: Sequence[str], *, progress: Progress = sile
         def tell(text: str, done: float | None = None, name: str = model, n: int = number) -> None:
             progress(f"model {name}: {text}", None if done is None else (n + done) / len(models))
 
-        results[model] = fit_study(study.with_(model=model), progress=tell)
+        needs_no_gains = model == "B" and study.drive_gains is not None
+        its_study = study.with_(model=model, **({"drive_gains": None} if needs_no_gains else {}))
+        results[model] = fit_study(its_study, progress=tell)
     return results
 
 

@@ -103,14 +103,15 @@ class FilterSettings(_Strict):
     `position_cutoff_hz` smooths positions before they are differentiated, `decimation_cutoff_hz` is the
     parallel decimation of Y and of every column of W; `auto` chooses it by the Durbin-Watson rule.
     `sign_cutoff_hz` (default 4 x position) smooths the velocity whose sign Coulomb friction takes.
-    `sign_velocity` [rad/s or m/s] is the least width of its smooth sign, for joints that creep.
+    `sign_velocity` [rad/s or m/s]: samples of a joint slower than this do not count in its fit; default: what the
+    noise of its velocity asks for, 0: every sample counts, with the plain sign (see filtering.py).
     `resample_hz` is the uniform rate of jittered recordings (default: their own mean rate).
     """
 
     position_cutoff_hz: Annotated[Number, Field(gt=0)] = 10.0
     decimation_cutoff_hz: Annotated[Number, Field(gt=0)] | Literal["auto"] = "auto"
     sign_cutoff_hz: Annotated[Number, Field(gt=0)] | None = None
-    sign_velocity: Annotated[Number, Field(ge=0)] = 0.0
+    sign_velocity: Annotated[Number, Field(ge=0)] | None = None
     order: Annotated[int, Field(ge=1, le=8)] = 4
     resample_hz: Annotated[Number, Field(gt=0)] | None = None
 
