@@ -39,12 +39,12 @@ def diagnose_one(study_path: Path, answer: Path) -> None:
     from ident.diagnosis import diagnose_study
     from ident.study import load_study
 
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     diagnosis: Any = diagnose_study(load_study(study_path))
-    took = time.perf_counter() - begin
+    took, busy = time.perf_counter() - begin, time.process_time() - busy
     document = getattr(diagnosis, "document", diagnosis)
     document = document() if callable(document) else document
-    answer.write_text(json.dumps({"seconds": took, "document": document}, default=float))
+    answer.write_text(json.dumps({"seconds": took, "cpu_seconds": busy, "document": document}, default=float))
 
 
 def examine(study_path: Path, limit: float = TIME_LIMIT_S) -> dict[str, Any]:
@@ -85,15 +85,15 @@ def run_plan(todo: list[tuple[str, list[str], int]], a: argparse.Namespace) -> l
                 continue  # the effect cannot show on what was drawn
             result = {"truth": truth} | examine(folder / "cases" / case / "study.yaml")
         out.append(result)
-        temporary = stored.with_suffix(".part")
-        temporary.write_text(json.dumps(result))
-        os.replace(temporary, stored)
-        if "error" in result:
+        if "error" in result:  # not kept: the next run tries again
             line = "ERROR " + result["error"].strip().splitlines()[-1][:150]
         else:
+            temporary = stored.with_suffix(".part")
+            temporary.write_text(json.dumps(result))
+            os.replace(temporary, stored)
             mark = score(truth, result["document"])
             good = verdict_of(truth, mark)
-            line = f"{'ok  ' if good else 'MISS'} {mark.answer[:150]} ({result['seconds']:.1f} s)"
+            line = f"{'ok  ' if good else 'MISS'} {mark.answer[:150]} ({result['cpu_seconds']:.1f} s)"
         print(f"[{k + 1}/{len(todo)}] {case} {truth['robot']} {truth['model']}: {line}", flush=True)
     return out
 
