@@ -8,6 +8,7 @@ from typing import Any
 
 import sympy as sp
 
+from modelgen.effect_columns import effect_columns
 from modelgen.graph import Operations, Program
 from modelgen.newton_euler import INERTIAL
 from modelgen.programs import SIGNALS, columns_program, torque_program
@@ -65,6 +66,15 @@ def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:
                 elif p.label == k:
                     signal = f"{SIGNALS[p.kind]}{i}" if p.kind in SIGNALS else "one"
                     nonzeros.append([f * robot.n + i, b, signal])
+    added = effect_columns(robot, model, effects, {p.name for p in rules.standard} | set(rules.parameters))
+    terms: list[sp.Expr] = []
+    for column in added:
+        for sign in dict.fromkeys(sign for _, sign in column.channels):
+            place = len(columns.outputs) + len(terms)
+            b = len(kept) + added.index(column)
+            nonzeros += [[channel, b, place] for channel, s in column.channels if s == sign]
+            terms.append(sign * column.term)
+    names = [column.name for column in added]
     torque = torque_program(robot, model, kept)
     description = {
         "format": FORMAT,
@@ -77,20 +87,23 @@ def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:
             for j, k in zip(robot.moving, robot.joint_labels)
         ],
         "channels": list(rules.channels),
-        "parameters": list(rules.parameters),
-        "standard_parameters": [p.name for p in rules.standard],
-        "rules": {base.name: regroups(base) for base in rules.base},
+        "parameters": [*rules.parameters, *names],
+        "standard_parameters": [*(p.name for p in rules.standard), *names],
+        "rules": {**{base.name: regroups(base) for base in rules.base}, **{name: name for name in names}},
         "regroup": {
-            base.name: {name: float(robot.value(c)) for name, c in base.combination.items()}
-            for base in rules.base
+            **{
+                base.name: {name: float(robot.value(c)) for name, c in base.combination.items()}
+                for base in rules.base
+            },
+            **{name: {name: 1.0} for name in names},
         },
         "unidentifiable": list(rules.unidentifiable),
-        "columns": len(columns.outputs),
+        "columns": len(columns.outputs) + len(terms),
         "nonzeros": sorted(nonzeros, key=lambda entry: (entry[0], entry[1])),
-        "extra_inputs": [],
+        "extra_inputs": list(dict.fromkeys(name for column in added for name in column.extra_inputs)),
         "operations": {**_count(columns.operations), "torque": _count(torque.operations)},
     }
-    return Derived(description, columns, (), torque)
+    return Derived(description, columns, tuple(terms), torque)
 
 
 def _count(operations: Operations) -> dict[str, int]:

@@ -1,0 +1,136 @@
+"""Effects as columns of a model: "stribeck_friction:2" -> the columns of its linear parameters, in SymPy.
+
+A term may use the joint's own q, dq, ddq, sign, which the model has. What else it needs (time, the torque in
+the gear, a state, the effect's nonlinear parameters) becomes a named extra input: t, tau_link2, z2, vs2.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+import sympy as sp
+
+from modelgen.effects import Effect, catalogue
+from modelgen.errors import ModelgenError
+from modelgen.models import Model
+from modelgen.robot import Robot
+
+OWN = {"q": "q", "dq": "dq", "ddq": "ddq", "sign_dq": "sign"}
+WHAT = {
+    "motion": "changes the motion of the link",
+    "measurement": "changes what is recorded",
+    "load": "is a load on the whole arm",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class EffectColumn:
+    """One column: its parameter's name, the rows it stands in with their sign, its term, the extra inputs."""
+
+    name: str
+    channels: tuple[tuple[int, int], ...]  # (row, +1 or -1)
+    term: sp.Expr
+    extra_inputs: tuple[str, ...]
+
+
+def effect_columns(
+    robot: Robot, model: Model, requests: Sequence[str], taken: Collection[str]
+) -> tuple[EffectColumn, ...]:
+    """The columns of NAME:JOINT[:source_joint=K] requests. `taken`: parameter names of the model.
+
+    Raises ModelgenError where a request names no column of this model.
+    """
+    columns: list[EffectColumn] = []
+    used = set(taken)
+    for request in dict.fromkeys(requests):
+        effect, k, source = _parse(request, robot)
+        families = _families(effect, model, request)
+        for suffix, channels in families:
+            for name, term in effect.terms.items():
+                column, extra = _term(effect, term, k, source)
+                label = f"{name}{suffix}{k}"
+                if label in used:
+                    label = f"{label}_{effect.name}"
+                if label in used:
+                    raise ModelgenError(f"the effect {request} is there twice; leave one out")
+                used.add(label)
+                row = robot.joint_labels.index(k)
+                rows = tuple((f * robot.n + row, sign) for f, sign in channels)
+                columns.append(EffectColumn(label, rows, column, extra))
+    return tuple(columns)
+
+
+def _parse(request: str, robot: Robot) -> tuple[Effect, str, str | None]:
+    name, _, rest = request.partition(":")
+    joint, _, option = rest.partition(":")
+    known = catalogue()
+    if name not in known:
+        close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
+        hint = f"did you mean {close[0]}?" if close else f"effects are {', '.join(known)}."
+        raise ModelgenError(f"--effect {request}: no effect is called {name!r}; {hint}")
+    effect = known[name]
+    if effect.kind != "column":
+        raise ModelgenError(
+            f"--effect {request}: {name} {WHAT[effect.kind]}, it is no column of a regressor; "
+            "use it in ident simulate or ident diagnose"
+        )
+    labels = robot.joint_labels
+    if joint not in labels:
+        raise ModelgenError(f"--effect {request}: write {name}:JOINT with a joint of {', '.join(labels)}")
+    source = option.removeprefix("source_joint=") if option.startswith("source_joint=") else None
+    if option and (source is None or effect.joints != "pair"):
+        takes = "source_joint=K" if effect.joints == "pair" else "no option"
+        raise ModelgenError(f"--effect {request}: {option!r} is not understood; {name} takes {takes} here")
+    if effect.joints == "pair":
+        here = labels.index(joint)
+        source = source or (labels[here - 1 if here else here + 1] if len(labels) > 1 else joint)
+        if source not in labels or source == joint:
+            raise ModelgenError(
+                f"--effect {request}: source_joint={source} is not another joint of the robot"
+            )
+    return effect, joint, source
+
+
+def _families(effect: Effect, model: Model, request: str) -> list[tuple[str, tuple[tuple[int, int], ...]]]:
+    """[(suffix of the parameter's name, ((row family, sign), ...))]: one parameter for each."""
+    place = {prefix: f for f, (prefix, _) in enumerate(model.families)}
+    if effect.channel == "any":
+        suffix = {"tau_m": "m", "tau_l": "l"} if len(place) > 1 else {}
+        return [(suffix.get(prefix, ""), ((f, 1),)) for prefix, f in place.items()]
+    seen = {
+        "motor": {"tau_m": 1, "tau_d": 1},
+        "link": {"tau_m": 1, "tau_l": 1},
+        "sensor": {"tau_l": 1, "tau_d": -1},
+    }[effect.channel]
+    rows = tuple((f, seen[prefix]) for prefix, f in place.items() if prefix in seen)
+    if not rows:
+        raise ModelgenError(
+            f"--effect {request}: {effect.name} does not act in the torques of model {model.name}; "
+            "choose another model"
+        )
+    return [("", rows)]
+
+
+def _term(effect: Effect, term: sp.Expr, k: str, source: str | None) -> tuple[sp.Expr, tuple[str, ...]]:
+    """The term over the model's inputs, and the extra inputs it needs."""
+
+    def symbol(name: str) -> sp.Symbol:
+        return sp.Symbol(name, real=True)
+
+    replacements: dict[sp.Expr, sp.Expr] = {}
+    extra: list[str] = []
+    for found in sorted(term.free_symbols, key=str):
+        name = str(found)
+        if name in OWN:
+            replacements[found] = symbol(OWN[name] + k)
+        elif name in ("dq_source", "ddq_source"):
+            replacements[found] = symbol(name.removesuffix("_source") + str(source))
+        elif name == "sign_sum":
+            replacements[found] = sp.sign(symbol(f"dq{k}") + symbol(f"dq{source}"))
+        else:
+            label = name if name == "t" else f"tau{source}" if name == "tau_source" else f"{name}{k}"
+            extra.append(label)
+            replacements[found] = symbol(label)
+    return term.xreplace(replacements), tuple(extra)
