@@ -1,4 +1,20 @@
-"""The catalogue of effects that a rigid model lacks: one file per effect, found by being there."""
+"""The catalogue of effects that a rigid model lacks: one file per effect, found by being there.
+
+A new effect is one new file here that defines EFFECT, for example wind.py:
+
+    EFFECT = Effect(
+        name="wind",                                    # the file's name
+        summary="air drags at the link",                # what it is
+        signature="grows with the square of the rate",  # how it shows in a residual
+        source="...",                                   # who described it
+        terms={"Fw": sp.Abs(SIGNALS.dq) * SIGNALS.dq},  # torque per unit of each linear parameter
+        linear=(LinearParameter("Fw", "N m s^2/rad^2", 0.0, 50.0, "positive"),),
+        typical={"Fw": 1.0},
+    )
+
+From then on `ident simulate --effect wind:2` hides it, `ident diagnose` looks for it, `regenerate-model
+--effect wind:2` emits it as C, and the tests ask of it what they ask of every effect.
+"""
 
 import importlib
 import pkgutil
