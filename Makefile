@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN     = $(VENV)/bin
 
-.PHONY: demo test lint regenerate bench docs notebooks clean
+.PHONY: demo test lint regenerate bench docs notebooks picture clean
 
 demo: $(VENV)/.installed
 	$(BIN)/ident demo
@@ -38,6 +38,10 @@ $(VENV)/.installed-test: $(VENV)/.installed
 $(VENV)/.installed-dev: $(VENV)/.installed-test
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	touch $@
+
+picture: $(VENV)/.installed
+	$(BIN)/ident demo -o build/demo
+	mkdir -p notebooks/images && cp build/demo/results/plots/1_*.svg notebooks/images/residual.svg
 
 clean:
 	rm -rf $(VENV) build *.egg-info

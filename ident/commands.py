@@ -101,6 +101,7 @@ def finish(warnings: list[str], output: Path) -> None:
 def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
     """`ident diagnose`: find what the model lacks, write diagnosis.json, plots and the report, show it."""
     from ident.diagnosis import diagnose_study
+    from ident.report.diagnosis_plots import draw_all
     from ident.report.diagnosis_report import finding_sentence, unexplained_sentence, verdict
     from ident.report.diagnosis_result import diagnosis_html
     from ident.results import write_csv, write_document
@@ -113,6 +114,7 @@ def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
         document = diagnosis.document()
         write_document(stage / "diagnosis.json", document)
         write_csv(stage / "errors.csv", before_and_after(document))
+        draw_all(diagnosis, document, stage / "plots")
         (stage / "report.html").write_text(diagnosis_html(diagnosis), encoding="utf-8")
     print(verdict(document))
     for finding in document["findings"]:
