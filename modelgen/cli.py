@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -110,7 +110,7 @@ def regenerate_model(
     from modelgen.terminal import progress
 
     with progress(verbose) as tell:
-        plan = regenerate.plan(robot, names, tuple(effect or ()), tell)
+        plan = regenerate.plan(robot, names, tuple(effect or ()), bool(model), tell)
         status = 0
         if not rules_only:
             folder = output or regenerate.default_folder(plan, robot)
@@ -139,22 +139,42 @@ def regenerate_model(
     raise typer.Exit(status)
 
 
-def main() -> None:
-    """Entry point: errors of this project become one sentence and exit status 2."""
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line and leave with its exit status."""
+    sys.exit(run(arguments))
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run the command line; return the exit status. Every error becomes one sentence on stderr."""
     from modelgen.errors import ModelgenError
 
     try:
-        app(standalone_mode=True)
-    except KeyboardInterrupt:
-        print("stopped; nothing was left half written", file=sys.stderr)
-        sys.exit(STOPPED)
+        status = app(args=arguments, prog_name="regenerate-model", standalone_mode=False) or 0
+        return _stopped() if status == STOPPED else status  # typer turns Ctrl-C into this status itself
+    except (KeyboardInterrupt, typer.Abort):
+        return _stopped()
+    except typer.Exit as leave:
+        return leave.exit_code
+    except BrokenPipeError:
+        sys.stdout = None  # whoever read our output has left, as `head` does
+        return 0
     except ModelgenError as error:
-        fail(error)
+        return _refused(str(error))
     except OSError as error:
-        fail(f"{error.filename or 'a file'}: {error.strerror}; name another file, or another folder with -o")
+        return _refused(
+            f"{error.filename or 'a file'}: {error.strerror}; name another file, or folder with -o"
+        )
+    except Exception as error:
+        if not hasattr(error, "format_message"):  # wrong usage has one; anything else is our mistake
+            raise
+        return _refused(f"{error.format_message().rstrip('.')}; see regenerate-model --help")
 
 
-def fail(problem: Any) -> None:
-    """Say what is wrong and leave with 2."""
-    print(f"regenerate-model: {problem}", file=sys.stderr)
-    sys.exit(2)
+def _refused(sentence: str) -> int:
+    print(f"regenerate-model: {' '.join(sentence.split())}", file=sys.stderr)
+    return 2
+
+
+def _stopped() -> int:
+    print("stopped; nothing was left half written", file=sys.stderr)
+    return STOPPED

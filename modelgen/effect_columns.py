@@ -25,6 +25,10 @@ WHAT = {
 }
 
 
+class EffectNotSeenError(ModelgenError):
+    """An effect acts in none of a model's torques."""
+
+
 @dataclass(frozen=True, slots=True)
 class EffectColumn:
     """One column: its parameter's name, the rows it stands in with their sign, its term, the extra inputs."""
@@ -106,7 +110,7 @@ def _families(effect: Effect, model: Model, request: str) -> list[tuple[str, tup
     }[effect.channel]
     rows = tuple((f, seen[prefix]) for prefix, f in place.items() if prefix in seen)
     if not rows:
-        raise ModelgenError(
+        raise EffectNotSeenError(
             f"--effect {request}: {effect.name} does not act in the torques of model {model.name}; "
             "choose another model"
         )

@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from modelgen import paper_comparison, paper_rules, rules_text
+from modelgen.effect_columns import EffectNotSeenError, effect_columns
 from modelgen.errors import ModelgenError
+from modelgen.models import model
 from modelgen.robot import Robot
 from modelgen.robot_file import load_robot
 from modelgen.rules import Rules, declared_payload, derive_rules
@@ -29,15 +31,30 @@ class Plan:
     rules: Mapping[str, Rules]
 
 
-def plan(robot: str, models: Sequence[str], effects: tuple[str, ...], tell: Progress) -> Plan:
-    """Read the robot and derive its rules. Raises ModelgenError."""
+def plan(
+    robot: str, models: Sequence[str], effects: tuple[str, ...], all_named: bool, tell: Progress
+) -> Plan:
+    """Read the robot and derive its rules; models that do not see the effects are left out unless `all_named`.
+
+    Raises ModelgenError.
+    """
     tell(f"reading {robot}", 0.0)
     value = load_robot(robot)
     payload = declared_payload(value)
     rules = {}
+    unseen: EffectNotSeenError | None = None
     for k, name in enumerate(models):
         tell(f"regrouping model {name}", 0.02 + 0.15 * k / len(models))
+        try:
+            effect_columns(value, model(name), effects, ())
+        except EffectNotSeenError as error:
+            unseen = error
+            if all_named:
+                raise
+            continue
         rules[name] = derive_rules(value, name, payload)
+    if unseen and not rules:
+        raise unseen
     return Plan(value, payload, effects, rules)
 
 
