@@ -12,6 +12,7 @@ from ident.report.wording import joined, number, percent, readable_unit, with_de
 
 POINTS = 1500  # drawn of a residual against a variable; the curve of medians is over all of them
 BINS = 60
+CLOSE = 0.8  # of a finding's error drop: a rival is named in its sentence
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,10 +47,9 @@ def place(joints: Sequence[int]) -> str:
 def verdict(document: Mapping[str, Any]) -> str:
     """The diagnosis in a sentence or two that an engineer can act on."""
     findings, unexplained = document["findings"], document["unexplained"]
-    named = [f"{effect_name(item['effect'])} on {place(item['joints'])}" for item in findings]
     sentences = []
     if findings:
-        sentences.append(f"The model lacks {joined(named)}.")
+        sentences.append(f"The model lacks {_what_is_missing(findings)}.")
     if unexplained:
         where = joined([f"{place(item['joints'])} ({item['channel']})" for item in unexplained])
         opening = "Structure is left that" if findings else "There is structure in the residual that"
@@ -57,6 +57,20 @@ def verdict(document: Mapping[str, Any]) -> str:
     if not sentences:
         sentences.append("The model lacks nothing that these recordings show: what is left looks like noise.")
     return " ".join(sentences)
+
+
+def _what_is_missing(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:
+    """The effects, strongest first, each with all its joints; no more than `most` of them by name."""
+    joints: dict[str, list[int]] = {}
+    for item in findings:
+        joints.setdefault(item["effect"], []).extend(item["joints"])
+    named = [f"{effect_name(name)} on {place(numbers)}" for name, numbers in joints.items()]
+    if len(named) > most:
+        named = [
+            *named[:most],
+            f"{len(named) - most} more effects" if len(named) > most + 1 else "one more effect",
+        ]
+    return joined(named)
 
 
 def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
@@ -74,11 +88,21 @@ def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) ->
     if values:
         text += f", {', '.join(values)}"
     text += _error_in_words(document, finding)
-    rivals = finding.get("alternatives") or []
+    rivals = close_rivals(finding)
     if rivals:
         named = [f"{effect_name(rival['effect'])} on {place(rival['joints'])}" for rival in rivals[:3]]
-        text += f". These runs explain it almost as well by {joined(named)}"
+        text += f". Nearly as good on these runs: {joined(named)}"
     return text + "."
+
+
+def close_rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Alternatives that would lower the error by at least `CLOSE` of what the finding does."""
+    own = finding["evidence"].get("error_drop_percent") or 0.0
+    return [
+        rival
+        for rival in finding.get("alternatives") or []
+        if (rival["error_drop_percent"] or 0.0) >= CLOSE * own
+    ]
 
 
 def _error_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ident.report.diagnosis_report import ResidualView, binned_median, diagnosis_page
+from ident.report.diagnosis_report import ResidualView, binned_median, diagnosis_page, finding_sentence
 from ident.report.diagnosis_report import verdict as diagnosis_verdict
 from ident.report.fit_report import Curve, fit_page
 from ident.report.page import Table
@@ -33,7 +33,8 @@ DIAGNOSIS = {
         {"effect": "stribeck_friction", "joints": [4], "channel": "tau_m",
          "parameters": {"Fs": {"value": 3.12, "std": 0.11, "unit": "N m"}, "recording": {"value": "run2"}},
          "evidence": {"p_value": 1e-30, "error_drop_percent": 61.0},
-         "alternatives": [{"effect": "hysteresis", "joints": [4], "error_drop_percent": 40.0}]},
+         "alternatives": [{"effect": "hysteresis", "joints": [4], "error_drop_percent": 55.0},
+                          {"effect": "spring", "joints": [2], "error_drop_percent": 5.0}]},
         {"effect": "base_tilt", "joints": [], "channel": "tau_m", "parameters": {}, "evidence": {}},
     ],
     "unexplained": [
@@ -95,6 +96,20 @@ def test_a_diagnosis_names_what_is_missing_and_what_nobody_knows():
     assert "no known effect explains" in diagnosis_verdict(unknown) and "lacks" not in diagnosis_verdict(
         unknown
     )
+
+
+def test_many_findings_are_grouped_by_effect_and_only_close_rivals_are_named():
+    def found(name, *joints):
+        return DIAGNOSIS["findings"][1] | {"effect": name, "joints": list(joints)}
+
+    names = [found("hysteresis", 4), found("spring", 1), found("hysteresis", 6), found("offset", 2),
+             found("backlash", 3), found("offset_drift", 5)]  # fmt: skip
+    text = diagnosis_verdict(DIAGNOSIS | {"findings": names, "unexplained": []})
+    assert text == (
+        "The model lacks hysteresis on joints 4 and 6, spring on joint 1, offset on joint 2 and 2 more effects."
+    )
+    sentence = finding_sentence(DIAGNOSIS, DIAGNOSIS["findings"][0])
+    assert "Nearly as good on these runs: hysteresis on joint 4." in sentence
 
 
 def test_a_diagnosis_page_is_complete_without_a_view_and_renders_with_one():
