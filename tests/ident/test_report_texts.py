@@ -106,7 +106,8 @@ def test_many_findings_are_grouped_by_effect_and_only_close_rivals_are_named():
              found("backlash", 3), found("offset_drift", 5)]  # fmt: skip
     text = diagnosis_verdict(DIAGNOSIS | {"findings": names, "unexplained": []})
     assert text == (
-        "The model lacks hysteresis on joints 4 and 6, spring on joint 1, offset on joint 2 and 2 more effects."
+        "The model lacks hysteresis on joints 4 and 6, spring on joint 1, offset on joint 2 "
+        "and 2 more effects."
     )
     sentence = finding_sentence(DIAGNOSIS, DIAGNOSIS["findings"][0])
     assert "Nearly as good on these runs: hysteresis on joint 4." in sentence
