@@ -42,7 +42,7 @@ class Kernel:
 
     def __init__(self, library: Path, entries: int) -> None:
         self.entries = entries
-        lib = ctypes.CDLL(str(library))
+        lib = self._library = ctypes.CDLL(str(library))
         size, pointer = ctypes.c_ssize_t, ctypes.c_void_p
         self._entries, self._dense, self._torque = (
             lib.dynident_entries,
@@ -94,6 +94,14 @@ class Kernel:
     def torque(self, samples: Samples, first: int, last: int, chi: Array, tau: Array) -> None:
         """tau (N, channels)."""
         self._torque(samples.pointer, first, last, chi.ctypes.data, tau.ctypes.data)
+
+    def cos_sin(self, x: Array) -> tuple[Array, Array]:
+        """cos and sin as the kernel takes them, of a multiple of LANES numbers; for tests."""
+        c, s = np.empty_like(x), np.empty_like(x)
+        function = self._library.dynident_cos_sin
+        function.argtypes, function.restype = [ctypes.c_void_p] * 3 + [ctypes.c_ssize_t], None
+        function(x.ctypes.data, c.ctypes.data, s.ctypes.data, len(x))
+        return c, s
 
 
 class Block:

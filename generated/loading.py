@@ -62,8 +62,8 @@ def load(
 
 def _robot_file(robot: str | os.PathLike[str]) -> tuple[str, bytes]:
     """(built-in name or path, content)."""
-    text = os.fspath(robot)
-    if not isinstance(text, str) or not text:
+    text = str(robot) if isinstance(robot, str | os.PathLike) else ""
+    if not text:
         raise GeneratedError(f"{robot!r} is no robot; give a built-in name or the path of a robot file.")
     path = Path(text)
     built_in = _modelgen() / "robots" / f"{text}.yaml"

@@ -263,7 +263,7 @@ def _numbers(name: str, value: Any) -> Array:
     try:
         array = np.asarray(value)
         if array.dtype.kind == "O":
-            array = array.astype(np.float64)
+            array = np.array([float(x) for x in array.flat]).reshape(array.shape)
     except (TypeError, ValueError):
         array = np.empty(0, dtype="S1")
     if array.dtype.kind not in "fiub":

@@ -1,0 +1,226 @@
+"""Compiled models against the plain recursion, Pinocchio, and what users hand in by mistake."""
+
+import numpy as np
+import pytest
+from pinocchio_robot import PinocchioRobot
+
+import generated
+from generated import GeneratedError
+from modelgen.kinematics import geometry, state
+from modelgen.models import MODELS, standard_regressor
+from modelgen.robot_file import built_in_names, load_robot
+
+RTOL = 1e-12  # products of some ten factors, sums of some hundred terms, at 1.1e-16 each
+
+
+def motion(n, rows, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-3, 3, (rows, n)), rng.uniform(-2, 2, (rows, n)), rng.uniform(-5, 5, (rows, n))
+
+
+def slow_standard_regressor(robot, model, payload, q, dq, ddq, sign):
+    """W_st (N, channels, standard parameters) by the plain recursion on NumPy columns."""
+    columns = MODELS[model].standard_parameters(robot, payload)
+    found = standard_regressor(
+        robot, geometry(robot), MODELS[model], state(robot, q, dq, ddq), tuple(sign.T), columns
+    )
+    entries = [[np.broadcast_to(np.asarray(e, float), len(q)) for e in found[p.name]] for p in columns]
+    return np.array(entries).transpose(2, 1, 0), [p.name for p in columns]
+
+
+@pytest.mark.parametrize("model", "ABCD")
+@pytest.mark.parametrize("payload", [None, "L"])
+def test_regressor_and_torque_agree_with_the_plain_recursion(model, payload):
+    robot, m = load_robot("kuka_lwr4p"), generated.load("kuka_lwr4p", model, payload=payload)
+    q, dq, ddq = motion(7, 61)
+    W_standard, names = slow_standard_regressor(robot, model, payload, q, dq, ddq, np.sign(dq))
+    assert tuple(names) == m.standard_parameters
+    rng = np.random.default_rng(1)
+    standard = {name: rng.normal() for name in names}
+    tau = W_standard @ np.array([standard[name] for name in names])
+    chi, scale = m.regroup(standard), np.abs(tau).max()
+    np.testing.assert_allclose(m.regressor(q, dq, ddq) @ chi, tau, rtol=RTOL, atol=RTOL * scale)
+    np.testing.assert_allclose(m.torque(q, dq, ddq, chi), tau, rtol=RTOL, atol=RTOL * scale)
+
+
+@pytest.mark.parametrize("model", "AC")
+def test_a_base_column_is_the_standard_column_it_keeps(model):
+    robot, m = load_robot("kuka_lwr4p"), generated.load("kuka_lwr4p", model)
+    q, dq, ddq = motion(7, 33, seed=2)
+    sign = np.tanh(3 * dq)
+    W_standard, names = slow_standard_regressor(robot, model, None, q, dq, ddq, sign)
+    kept = [names.index(p if p in names else p.removesuffix("R")) for p in m.parameters]
+    W = m.regressor(q, dq, ddq, sign=sign)
+    expected = W_standard[:, :, kept]
+    np.testing.assert_allclose(W, expected, rtol=RTOL, atol=RTOL * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", built_in_names())
+def test_built_in_robots_agree_with_pinocchio(name):
+    robot, m = load_robot(name), generated.load(name, "B")
+    peer = PinocchioRobot(robot)
+    q, dq, ddq = motion(robot.n, 5, seed=3)
+    rng = np.random.default_rng(4)
+    inertial = [p for p in m.standard_parameters if not p.startswith(("F", "O"))]
+    standard = {p: rng.normal() for p in inertial}
+    by_link = {(int(p.lstrip("XYZM")), p.rstrip("0123456789")): value for p, value in standard.items()}
+    tau = np.array([peer.torque(*row, by_link) for row in zip(q, dq, ddq)])
+    np.testing.assert_allclose(
+        m.torque(q, dq, ddq, m.regroup(standard)), tau, rtol=1e-10, atol=1e-10 * np.abs(tau).max()
+    )
+
+
+def test_the_paper_counts():
+    counts = [len(generated.load("kuka_lwr4p", model, payload="L").parameters) for model in "ABCD"]
+    assert counts == [79, 74, 102, 28]
+    m = generated.load("kuka_lwr4p", "A", payload="L")
+    assert m.parameters[-10:] == ("XXL", "XYL", "XZL", "YYL", "YZL", "ZZL", "MXL", "MYL", "MZL", "ML")
+    assert generated.load("kuka_lwr4p", "A").channels == tuple(f"tau_m{k}" for k in range(1, 8))
+
+
+@pytest.mark.parametrize("rows", [0, 1, 7, 8, 9, 255, 256, 257, 2048, 2049, 4500])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_every_way_gives_the_same_numbers_for_every_remainder(rows, threads):
+    m = generated.load("kuka_lwr4p", "A")
+    q, dq, ddq = motion(7, rows)
+    W = m.regressor(q, dq, ddq)
+    assert W.shape == (rows, 7, 69) and W.flags.c_contiguous
+    out = np.full_like(W, np.nan)
+    assert m.regressor(q, dq, ddq, out, threads=threads) is out
+    np.testing.assert_array_equal(out, W)
+    seen = 0
+    for rows_of, block in m.regressor_blocks(q, dq, ddq, threads=threads):
+        assert rows_of.start == seen and block.shape == (rows_of.stop - rows_of.start, 7, 69)
+        np.testing.assert_array_equal(block, W[rows_of])
+        seen = rows_of.stop
+    assert seen == rows
+    at = m.nonzeros
+    for rows_of, values in m.nonzero_blocks(q, dq, ddq, threads=threads):
+        np.testing.assert_array_equal(values, W[rows_of, at[:, 0], at[:, 1]].T)
+    mask = np.ones(W.shape[1:], bool)
+    mask[at[:, 0], at[:, 1]] = False
+    assert not W[:, mask].any()
+    chi = np.random.default_rng(0).normal(size=69)
+    np.testing.assert_array_equal(m.torque(q, dq, ddq, chi, threads=threads), m.torque(q, dq, ddq, chi))
+
+
+def test_arrays_of_any_strides_and_kinds():
+    m = generated.load("kuka_lwr4p", "B")
+    q, dq, ddq = motion(7, 40)
+    W = m.regressor(q, dq, ddq)
+    wide = np.zeros((80, 21))
+    wide[::2, ::3] = q
+    for same in (np.asfortranarray(q), wide[::2, ::3], q[::-1].copy()[::-1], q.tolist(), q.astype(object)):
+        np.testing.assert_array_equal(m.regressor(same, dq, ddq), W)
+    packed = np.zeros(40, dtype=[("pad", "i1"), ("q", "f8", 7)])
+    packed["q"] = q
+    np.testing.assert_array_equal(m.regressor(packed["q"], dq, ddq), W)
+    np.testing.assert_array_equal(m.regressor(q.astype(">f8"), dq, ddq), W)
+    short = q.astype(np.float32)
+    np.testing.assert_array_equal(m.regressor(short, dq, ddq), m.regressor(short.astype(float), dq, ddq))
+    integers = np.ones((40, 7), dtype=int)
+    np.testing.assert_array_equal(
+        m.torque(q, dq, integers, np.ones(64)), m.torque(q, dq, integers * 1.0, np.ones(64))
+    )
+
+
+def test_not_a_number_and_infinity_stay_in_their_sample():
+    m = generated.load("kuka_lwr4p", "A")
+    q, dq, ddq = motion(7, 24)
+    clean = m.regressor(q, dq, ddq)
+    q[3, 2], dq[9, 1], q[17, 6] = np.nan, np.nan, np.inf
+    W = m.regressor(q, dq, ddq)
+    bad = [3, 9, 17]
+    assert np.isnan(W[bad]).any(axis=(1, 2)).all()
+    good = np.setdiff1d(np.arange(24), bad)
+    np.testing.assert_array_equal(W[good], clean[good])
+
+
+def test_the_coulomb_column_is_the_sign_of_the_rate_or_what_is_given():
+    m = generated.load("kuka_lwr4p", "B")
+    q, dq, ddq = motion(7, 9)
+    dq[0, 0] = 0.0
+    column = m.parameters.index("Fcl1")
+    np.testing.assert_array_equal(m.regressor(q, dq, ddq)[:, 0, column], np.sign(dq[:, 0]))
+    smooth = np.tanh(dq)
+    np.testing.assert_array_equal(m.regressor(q, dq, ddq, sign=smooth)[:, 0, column], smooth[:, 0])
+    chi = np.zeros(64)
+    chi[column] = 2.0
+    np.testing.assert_array_equal(m.torque(q, dq, ddq, chi, sign=smooth)[:, 0], 2 * smooth[:, 0])
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"q": np.zeros(7)}, r"q has shape \(7,\); kuka_lwr4p needs \(N, 7\)"),
+        ({"q": np.zeros((4, 6))}, r"q has shape \(4, 6\)"),
+        ({"dq": np.zeros((3, 7))}, "dq has 3 rows and q has 4"),
+        ({"ddq": np.zeros((4, 7), complex)}, "ddq is not an array of real numbers"),
+        ({"q": [["a"] * 7] * 4}, "q is not an array of real numbers"),
+        ({"q": [[None] * 7] * 4}, "q is not an array of real numbers"),
+        ({"q": [[1.0] * 7, [1.0]]}, "q is not an array of real numbers"),
+        ({"sign": np.zeros((4, 1))}, "sign has shape"),
+        ({"out": np.zeros((4, 7, 63))}, "out is not a writable C-contiguous float64 array"),
+        ({"out": np.zeros((4, 7, 64), np.float32)}, "out is not"),
+        ({"out": np.zeros((4, 64, 7)).transpose(0, 2, 1)}, "out is not"),
+        ({"threads": 0}, "threads is 0"),
+        ({"threads": 1.5}, "threads is 1.5"),
+        ({"extra": {"t": 0.0}}, "extra has t; this model needs none"),
+    ],
+)
+def test_wrong_input_is_refused_in_one_sentence(change, says):
+    m = generated.load("kuka_lwr4p", "B")
+    arguments = {name: np.zeros((4, 7)) for name in ("q", "dq", "ddq")} | change
+    with pytest.raises(GeneratedError, match=says) as refused:
+        m.regressor(**arguments)
+    assert "\n" not in str(refused.value)
+
+
+def test_wrong_parameters_and_names_are_refused():
+    m = generated.load("kuka_lwr4p", "B")
+    x = np.zeros((2, 7))
+    with pytest.raises(GeneratedError, match=r"chi has shape \(3,\)"):
+        m.torque(x, x, x, np.zeros(3))
+    with pytest.raises(GeneratedError, match="no standard parameter Iam1"):
+        m.regroup({"Iam1": 1.0})
+    for arguments, says in (
+        (("kuka_lwr4p", "E"), "no model 'E'"),
+        (("no_such_robot",), "built in are"),
+        (("kuka_lwr4p", "A", "LR"), "label"),
+        ((3,), "3 is no robot"),
+        (("",), "'' is no robot"),
+    ):
+        with pytest.raises(GeneratedError, match=says):
+            generated.load(*arguments)
+    with pytest.raises(GeneratedError, match="choose 'regressor' or 'torque'"):
+        m.casadi("inertia")
+
+
+def test_casadi_functions_agree():
+    m = generated.load("kuka_lwr4p", "C")
+    q, dq, ddq = motion(7, 3)
+    chi = np.random.default_rng(5).normal(size=len(m.parameters))
+    for i in range(3):
+        W = np.array(m.casadi("regressor")(q[i], dq[i], ddq[i]).full())
+        tau = np.array(m.casadi("torque")(q[i], dq[i], ddq[i], chi).full())[:, 0]
+        expected = m.regressor(q, dq, ddq)[i]
+        np.testing.assert_allclose(W, expected, rtol=RTOL, atol=RTOL * np.abs(expected).max())
+        np.testing.assert_allclose(tau, expected @ chi, rtol=1e-11, atol=1e-11)
+
+
+def test_effects_bring_their_columns_and_inputs():
+    m = generated.load("kuka_lwr4p", "A", effects=("stribeck_friction:2", "offset_drift:3"))
+    plain = generated.load("kuka_lwr4p", "A")
+    assert m.parameters == (*plain.parameters, "Fs2", "slope3") and m.extra_inputs == ("vs2", "t")
+    q, dq, ddq = motion(7, 20)
+    t = np.linspace(0, 1, 20)
+    W = m.regressor(q, dq, ddq, extra={"vs2": 0.2, "t": t})
+    np.testing.assert_array_equal(W[:, :, :69], plain.regressor(q, dq, ddq))
+    np.testing.assert_allclose(W[:, 1, 69], np.exp(-((dq[:, 1] / 0.2) ** 2)) * np.sign(dq[:, 1]), rtol=1e-12)
+    np.testing.assert_array_equal(W[:, 2, 70], t)
+    chi = np.random.default_rng(6).normal(size=71)
+    np.testing.assert_allclose(
+        m.torque(q, dq, ddq, chi, extra={"vs2": 0.2, "t": t}), W @ chi, rtol=1e-11, atol=1e-11
+    )
+    with pytest.raises(GeneratedError, match="this model needs vs2, t"):
+        m.regressor(q, dq, ddq)
