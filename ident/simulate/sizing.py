@@ -25,7 +25,7 @@ def activate(
     """
     effect = request.effect
     share = share or usual_share(effect)
-    values, context = _usual(request, twin)
+    values, context = _usual(request, twin, model)
     channels_of(request, model)  # refuses what the study could not show
     active = _active(request, values, context)
     yardstick = Yardstick(twin, model, motions)
@@ -73,17 +73,20 @@ def _scaled(
     return _active(active.request, {**values, **rounded}, context)
 
 
-def _usual(request: EffectRequest, twin: Twin) -> tuple[dict[str, float], dict[str, float]]:
+def _usual(request: EffectRequest, twin: Twin, model: str) -> tuple[dict[str, float], dict[str, float]]:
     """Reported values (the user's, else the joint's own, else usual ones) and what they are relative to."""
     effect = request.effect
     values = dict(effect.typical)
     context = {}
     if request.joint is not None:
         label = twin.robot.joint_labels[request.joint]
+        here, there = ("l", "m") if model == "B" else ("m", "l")  # side of the gear that is recorded
         own = {
-            name: twin.standard.get(f"{name}m{label}", 0.0) or twin.standard.get(f"{name}l{label}", 0.0)
+            name: twin.standard.get(f"{name}{here}{label}") or twin.standard.get(f"{name}{there}{label}")
             for name in ("Fc", "Fv")
         }
+        if model == "A":  # which shows the sum of both sides' viscous friction
+            own["Fv"] = sum(twin.standard.get(f"Fv{side}{label}", 0.0) for side in "ml")
         context = {name: own[name] or 1.0 for name in effect.context}
         if effect.name == "hysteresis" and own["Fc"]:  # it replaces the joint's own dry friction
             values["sigma"] *= own["Fc"] / values["Fc"]

@@ -20,7 +20,7 @@ EFFECT = Effect(
     },
     linear=tuple(LinearParameter(name, "N m", -50.0, 50.0) for name in ("As1", "Ac1", "As2", "Ac2")),
     nonlinear=(
-        NonlinearParameter("wavenumber", "1/rad", 1.5, 200.0, tuple(1.5 + 0.25 * i for i in range(195))),
+        NonlinearParameter("wavenumber", "1/rad", 1.5, 125.0, tuple(1.5 + 0.25 * i for i in range(195))),
     ),
     reported=(
         Quantity("A1", "N m", sp.sqrt(As1**2 + Ac1**2)),
