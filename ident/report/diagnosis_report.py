@@ -12,6 +12,7 @@ from ident.report.wording import joined, number, percent, readable_unit, with_de
 
 POINTS = 1500  # drawn of a residual against a variable; the curve of medians is over all of them
 BINS = 60
+FIRST = 3  # sentences above the fold; each finding has its own in its section
 CLOSE = 0.8  # of a finding's error drop: a rival is named in its sentence
 
 
@@ -143,11 +144,13 @@ def diagnosis_page(
 
     `rankings`: a table of candidates for a finding, by its index; `about`: a sentence on an effect, by name.
     """
-    sentences = [finding_sentence(document, finding) for finding in document["findings"]]
-    sentences += [unexplained_sentence(item) for item in document["unexplained"]]
+    sentences = [unexplained_sentence(item) for item in document["unexplained"]]
+    sentences = [finding_sentence(document, finding) for finding in document["findings"]] + sentences
+    if len(sentences) > FIRST + 1:
+        sentences = [*sentences[:FIRST], f"{len(sentences) - FIRST} more below."]
     sections = [_error_section(document)]
     for number_, finding in enumerate(document["findings"]):
-        sections.append(_finding_section(finding, number_, views, rankings or {}, about or {}))
+        sections.append(_finding_section(document, number_, views, rankings or {}, about or {}))
     for number_, item in enumerate(document["unexplained"]):
         blocks = tuple(_view_plot(view) for view in views if view.belongs_to == ("unexplained", number_))
         heading = f"Unexplained: {place(item['joints'])}, {item['channel']}"
@@ -216,12 +219,13 @@ def _error_section(document: Mapping[str, Any]) -> Section:
 
 
 def _finding_section(
-    finding: Mapping[str, Any],
+    document: Mapping[str, Any],
     index: int,
     views: Sequence[ResidualView],
     rankings: Mapping[int, Table],
     about: Mapping[str, str],
 ) -> Section:
+    finding = document["findings"][index]
     rows = []
     for name, item in finding["parameters"].items():
         value, std = item["value"], item.get("std")
@@ -240,10 +244,10 @@ def _finding_section(
     blocks.append(rankings.get(index) or _alternatives(finding))
     title = f"{index + 1}. {effect_name(finding['effect']).capitalize()}, {place(finding['joints'])}"
     p_value = finding["evidence"].get("p_value")
-    text = about.get(finding["effect"], "")
+    text = f"{finding_sentence(document, finding)} {about.get(finding['effect'], '')}"
     if p_value is not None:
         p = "p < 1e-300" if p_value == 0 else f"p = {number(p_value, 2)}"
-        text = f"{text} Channel {finding['channel']}; {p}."
+        text = f"{text} {p}."
     return Section(title, tuple(blocks), text=text.strip())
 
 

@@ -70,6 +70,7 @@ def percent(value: float | None) -> str:
 
 def with_deviation(value: float, std: float, unit: str = "") -> str:
     """`3.1 ± 0.1 N m`: the value to the digit at which its standard deviation has two digits."""
+    unit = "" if unit == "-" else unit
     if not (math.isfinite(std) and std > 0):
         return f"{number(value)} {readable_unit(unit)}".strip()
     decimals = max(1 - math.floor(math.log10(std)), 0)

@@ -153,5 +153,8 @@ def test_numbers_are_short_and_keep_their_digits():
     assert [percent(x) for x in (9.04, 0.382, 12.34, None)] == [
         "9.0\u00a0%", "0.38\u00a0%", "12.3\u00a0%", "–"]  # fmt: skip
     assert with_deviation(3.1234, 0.0312, "N m") == "3.123 ± 0.031 N\u00a0m"
-    assert with_deviation(3.0, 0.0, "kg") == "3.000 kg"
+    assert (
+        with_deviation(3.0, 0.0, "kg") == "3.000 kg"
+        and with_deviation(0.061, 0.002, "-") == "0.0610 ± 0.0020"
+    )
     assert readable_rule("rl3**2*(M3 + M4)") == "rl3²\u00a0(M3 + M4)"
