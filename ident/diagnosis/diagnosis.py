@@ -247,7 +247,7 @@ def _findings(outcome: Outcome) -> tuple[Finding, ...]:
         drop, _ = error_drop(step)
         out.append(
             Finding(
-                term.effect.name,
+                term.effect.finding_name,
                 _joints(term),
                 _channel_name(term, state),
                 parameters(found, spread.get(term.key), state),
@@ -283,10 +283,10 @@ def alternatives(step: Step) -> tuple[Rival, ...]:
     )
     if chosen is None:
         return ()
-    own = {(chosen.term.effect.name, _joints(chosen.term))}
+    own = {(chosen.term.effect.finding_name, _joints(chosen.term))}
     out = []
     for c in sorted(step.ranking, key=lambda c: -c.total):
-        place = (c.term.effect.name, _joints(c.term))
+        place = (c.term.effect.finding_name, _joints(c.term))
         if place in own or c.total < ALTERNATIVE_SHARE * chosen.total or c.total <= 0:
             continue
         own.add(place)
@@ -315,7 +315,7 @@ def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[st
     values = {name: float(a) for name, a in zip(term.terms, found.coefficients)}
     full = np.zeros((len(effect.linear) + len(effect.nonlinear),) * 2)
     order = [effect.linear_names.index(n) for n in term.terms]
-    nonlinear = [k for k, p in enumerate(effect.nonlinear) if p.name != "travel"]
+    nonlinear = [k for k, p in enumerate(effect.nonlinear) if effect.name != "backlash"]  # its travel is its gap
     order += [len(effect.linear) + k for k in nonlinear]
     if spread is not None:
         m = min(len(order), len(spread)) if len(spread) <= len(order) else len(order)
