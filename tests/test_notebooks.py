@@ -63,3 +63,13 @@ def test_the_regressor_in_your_own_code(tmp_path):
     assert claim["chi_error"] < 1e-8  # of numbers of size 1, through normal equations
     assert claim["c_against_python"] < 1e-9
     assert claim["rms_torque"]["optimal"] < 0.8 * claim["rms_torque"]["quintic"]
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_closing_the_loop(tmp_path):
+    claim = executed("3_closing_the_loop.ipynb", tmp_path)
+    before, after = claim["total"]
+    assert after < 0.75 * before
+    if claim["real"]:
+        assert claim["first"] == ["load_dependent_friction", [2]]

@@ -149,7 +149,7 @@ def diagnosis_page(
     if len(sentences) > FIRST + 1:
         sentences = [*sentences[:FIRST], f"{len(sentences) - FIRST} more below."]
     sections = [_error_section(document)]
-    for number_, finding in enumerate(document["findings"]):
+    for number_ in range(len(document["findings"])):
         sections.append(_finding_section(document, number_, views, rankings or {}, about or {}))
     for number_, item in enumerate(document["unexplained"]):
         blocks = tuple(_view_plot(view) for view in views if view.belongs_to == ("unexplained", number_))
