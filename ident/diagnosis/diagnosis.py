@@ -315,7 +315,7 @@ def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[st
     values = {name: float(a) for name, a in zip(term.terms, found.coefficients)}
     full = np.zeros((len(effect.linear) + len(effect.nonlinear),) * 2)
     order = [effect.linear_names.index(n) for n in term.terms]
-    nonlinear = [k for k, p in enumerate(effect.nonlinear) if effect.name != "backlash"]  # its travel is its gap
+    nonlinear = range(0 if effect.name == "backlash" else len(effect.nonlinear))  # its travel is its gap
     order += [len(effect.linear) + k for k in nonlinear]
     if spread is not None:
         m = min(len(order), len(spread)) if len(spread) <= len(order) else len(order)
