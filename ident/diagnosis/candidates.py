@@ -5,13 +5,13 @@ channel. Ripple of any wavenumber is ranked from the spectrum of the residual ov
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ident.diagnosis.model_view import ModelView
 from ident.diagnosis.rows import Rows
-from ident.diagnosis.scoring import System
+from ident.diagnosis.scoring import Columns, System
 from ident.diagnosis.terms import Context, Term, columns, fine_columns
 from modelgen.effects import Effect, catalogue
 
@@ -44,6 +44,15 @@ class Ranked:
     positive: bool  # signs are as physics allows
 
 
+@dataclass(frozen=True, slots=True)
+class Products:
+    """Of one channel's library on the fitted rows."""
+
+    mask: np.ndarray  # (M,)
+    model: np.ndarray  # (k, K)
+    gram: np.ndarray  # (K, K)
+
+
 @dataclass(frozen=True)
 class Library:
     """Columns that do not depend on the estimate: per channel one matrix (M, K) and the terms of its columns."""
@@ -51,6 +60,15 @@ class Library:
     terms: tuple[tuple[Term, ...], ...]  # per channel
     starts: tuple[np.ndarray, ...]  # first column of each term
     values: tuple[np.ndarray, ...]  # (M, K)
+    _products: dict[int, Products] = field(default_factory=dict)
+
+    def products(self, c: int, system: System) -> Products:
+        """Products with the model's columns on the fitted rows; they outlive a step."""
+        if c not in self._products:
+            mask = system.identify_mask(c)
+            masked = self.values[c] * mask[:, None]
+            self._products[c] = Products(mask, system.bank.base[c].T @ masked, self.values[c].T @ masked)
+        return self._products[c]
 
 
 def channels_of(effect: Effect, joint: int, view: ModelView) -> list[tuple[int, ...]]:
@@ -63,10 +81,8 @@ def channels_of(effect: Effect, joint: int, view: ModelView) -> list[tuple[int, 
         return [(c,) for c in sensor]
     if effect.channel == "any":
         return [(c,) for c in motor + sensor]
-    if effect.channel == "link":
-        return [tuple(motor + sensor)]
-    if motor and sensor:
-        return [tuple(motor), (*motor, *sensor)] if effect.name in OWN_TERMS else [tuple(motor)]
+    if motor and sensor:  # before the gear the motor's torque alone shows it, behind it both do
+        return [tuple(motor), (*motor, *sensor)]
     return [tuple(motor or sensor)]
 
 
@@ -94,6 +110,8 @@ def all_terms(view: ModelView, without: Sequence[str]) -> list[Term]:
 def _groups(effect: Effect) -> list[tuple[str, ...]]:
     if effect.name in ONE_BY_ONE:
         return [("Fv",), ("Ia",), ("Fv", "Ia"), ("Fv", "Ia", "Fc")]
+    if effect.name == "backlash":
+        return [("gap",), ("gap", "drop")]
     return [tuple(p.name for p in effect.linear if not p.optional)]
 
 
@@ -126,40 +144,29 @@ def build_library(terms: Sequence[Term], context: Context) -> Library:
         widths = [b.shape[1] for b in blocks[c]]
         starts.append(np.cumsum([0, *widths])[:-1])
         fine = np.hstack(blocks[c]) if widths else np.zeros((len(context.rows.fine.t), 0))
-        values.append(context.low_pass[c] @ fine)
+        values.append(context.rows.low_pass @ fine)
     return Library(tuple(tuple(t) for t in chosen), tuple(starts), tuple(values))
 
 
 def screen(library: Library, system: System) -> list[Ranked]:
     """Gain of every library term alone, in units of log-likelihood at the present weights."""
     out: list[Ranked] = []
-    rows = system.rows_of(system.folds.identify)
     for c, terms in enumerate(library.terms):
         if not terms:
             continue
-        use = rows & system.keep[c]
-        L = library.values[c][use]
-        out += _rank_block(terms, library.starts[c], L, system.X[c, use], system.residual[c, use], system.weight[c], system.share[c])  # fmt: skip
+        L = library.values[c]
+        products = library.products(c, system)
+        raw = np.concatenate([products.model, system.extra[c].T @ (L * products.mask[:, None])])
+        XtL = system.basis.T @ raw * system.weight[c]
+        v = (L.T @ (system.residual[c] * products.mask)) * system.weight[c]
+        edges = [*library.starts[c].tolist(), L.shape[1]]
+        for term, a, b in zip(terms, edges[:-1], edges[1:]):
+            G = products.gram[a:b, a:b] * system.weight[c]
+            out.append(_gain(term, G - XtL[:, a:b].T @ XtL[:, a:b], G, v[a:b]))
     return out
 
 
-def _rank_block(terms, starts, L, X, r, weight, share) -> list[Ranked]:
-    if not L.shape[1]:
-        return []
-    w = np.sqrt(weight)
-    L, X, r = L * w, X * w, r * w
-    XtL = X.T @ L
-    v = L.T @ r
-    norms = np.einsum("ij,ij->j", L, L)
-    out = []
-    edges = [*starts.tolist(), L.shape[1]]
-    for term, a, b in zip(terms, edges[:-1], edges[1:]):
-        G = L[:, a:b].T @ L[:, a:b] if b - a > 1 else norms[a:b, None]
-        out.append(_gain(term, G - XtL[:, a:b].T @ XtL[:, a:b], G, v[a:b], share))
-    return out
-
-
-def _gain(term: Term, left: np.ndarray, G: np.ndarray, v: np.ndarray, share: float) -> Ranked:
+def _gain(term: Term, left: np.ndarray, G: np.ndarray, v: np.ndarray) -> Ranked:
     p = len(v)
     scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
     A = left / np.outer(scale, scale)
@@ -169,7 +176,7 @@ def _gain(term: Term, left: np.ndarray, G: np.ndarray, v: np.ndarray, share: flo
         a = np.linalg.solve(A + 1e-9 * np.eye(p), v / scale)
     except np.linalg.LinAlgError:
         return Ranked(term, 0.0, True)
-    gain = 0.5 * share * float(a @ (v / scale))
+    gain = 0.5 * float(a @ (v / scale))
     signs = {q.name: q.sign for q in term.effect.linear}
     ok = all(not (signs.get(name) == "positive" and x < 0) for name, x in zip(term.terms, a))
     return Ranked(term, gain, ok)
@@ -187,20 +194,17 @@ def screen_dynamic(terms: Sequence[Term], context: Context, system: System, done
     return out
 
 
-def screen_columns(term: Term, cols, system: System) -> Ranked:
+def screen_columns(term: Term, cols: Columns, system: System) -> Ranked:
     """Linear gain of columns in any channels."""
     p = next(iter(cols.values())).shape[1]
-    b = system.X.shape[2]
+    b = system.basis.shape[1]
     G, A, v = np.zeros((p, p)), np.zeros((b, p)), np.zeros(p)
-    rows = system.rows_of(system.folds.identify)
-    for c, Z in cols.items():
-        use = rows & system.keep[c]
-        z = Z[use] * np.sqrt(system.weight[c])
-        G += z.T @ z
-        A += system.X[c, use].T @ z * np.sqrt(system.weight[c])
-        v += z.T @ system.residual[c, use] * np.sqrt(system.weight[c])
-    share = float(np.mean([system.share[c] for c in cols]))
-    return _gain(term, G - A.T @ A, G, v, share)
+    for c, z in cols.items():
+        masked = z * (system.identify_mask(c) * system.weight[c])[:, None]
+        G += masked.T @ z
+        A += system.project(c, masked)
+        v += masked.T @ system.residual[c]
+    return _gain(term, G - A.T @ A, G, v)
 
 
 def ripple_peaks(
@@ -210,7 +214,7 @@ def ripple_peaks(
     rows: Rows = context.rows
     joint = context.view.joint_of[channel]
     use = system.rows_of(system.folds.identify) & system.keep[channel]
-    u = context.low_pass[channel].T @ np.where(use, system.residual[channel], 0.0)
+    u = context.rows.low_pass.T @ np.where(use, system.residual[channel], 0.0)
     q = rows.fine.q[:, joint]
     top = effect.nonlinear[0].high
     width = np.pi / (4 * top)

@@ -314,9 +314,11 @@ def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[st
     theta = effect.complete(term.theta)
     values = {name: float(a) for name, a in zip(term.terms, found.coefficients)}
     full = np.zeros((len(effect.linear) + len(effect.nonlinear),) * 2)
-    order = [effect.linear_names.index(n) for n in term.terms]
+    order = [effect.linear_names.index(n) for n in term.terms if n in effect.linear_names]
     nonlinear = range(0 if effect.name == "backlash" else len(effect.nonlinear))  # its travel is its gap
     order += [len(effect.linear) + k for k in nonlinear]
+    if spread is not None and len(order) != len(term.terms) + len(nonlinear):
+        spread = spread[: len(order), : len(order)]
     if spread is not None:
         m = min(len(order), len(spread)) if len(spread) <= len(order) else len(order)
         full[np.ix_(order[:m], order[:m])] = spread[:m, :m]

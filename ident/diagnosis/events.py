@@ -6,11 +6,12 @@ alternating blocks of all the runs, fitted apart and swapped, so a window is jud
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ident.diagnosis.candidates import Ranked
-from ident.diagnosis.scoring import Folds, System
+from ident.diagnosis.scoring import Columns, Folds, System
 from ident.diagnosis.terms import Context, Term, columns
 from modelgen.effects import catalogue
 
@@ -60,33 +61,72 @@ def window_terms(
     return out
 
 
-def _search(
-    term: Term, context: Context, system: System, r: int, shortest: float, to_end: bool
-) -> list[Ranked]:
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """Cumulative products of a unit load on one run: with the model, itself and the residual, block by block."""
+
+    edges: np.ndarray  # (B + 1,) s
+    model: np.ndarray  # (B + 1, b, p)
+    own: np.ndarray  # (B + 1, p, p)
+    residual: np.ndarray  # (B + 1, p)
+
+    def gains(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gain (K,) and coefficients (K, p) of the windows between edges pairs[:, 0] and pairs[:, 1]."""
+        i, j = pairs[:, 0], pairs[:, 1]
+        a = self.model[j] - self.model[i]
+        g = self.own[j] - self.own[i]
+        h = self.residual[j] - self.residual[i]
+        left = g - np.swapaxes(a, 1, 2) @ a
+        scale = np.sqrt(np.maximum(np.einsum("kii->ki", g), 1e-300))
+        normal = left / scale[:, :, None] / scale[:, None, :] + 1e-6 * np.eye(g.shape[1])
+        x = np.linalg.solve(normal, (h / scale)[:, :, None])[:, :, 0]
+        return 0.5 * np.einsum("ki,ki->k", x, h / scale), x / scale
+
+
+def _whole(term: Term, context: Context) -> Columns:
+    """Filtered columns of the load as if it acted all the time."""
+    key = ("filtered", term.effect.name)
+    if key not in context.cache:
+        context.cache[key] = columns(replace(term, run=None, window=None), context)
+    return context.cache[key]
+
+
+def _sums(term: Term, context: Context, system: System, r: int, edges: np.ndarray) -> Sums | None:
     rows = context.rows
-    inside = (rows.run == r) & (system.folds.sets >= 0)
-    if inside.sum() < 20:
-        return []
-    t = rows.t[inside]
-    edges = np.arange(0.0, rows.runs[r].duration + BLOCK_SECONDS, BLOCK_SECONDS)
-    number = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, len(edges) - 2)
+    inside = np.flatnonzero((rows.run == r) & (system.folds.sets >= 0))
+    if len(inside) < 20:
+        return None
     B = len(edges) - 1
-    cols = columns(term, context)
-    p = next(iter(cols.values())).shape[1]
-    b = system.X.shape[2]
-    A, G, v = np.zeros((B, b, p)), np.zeros((B, p, p)), np.zeros((B, p))
+    number = np.searchsorted(edges, rows.t[inside], side="right") - 1
     firsts = np.searchsorted(number, np.arange(B + 1))
+    cols = _whole(term, context)
+    p = next(iter(cols.values())).shape[1]
+    k = system.basis.shape[0]
+    A, G, v = np.zeros((B, k, p)), np.zeros((B, p, p)), np.zeros((B, p))
     for c, Z in cols.items():
         w = np.sqrt(system.weight[c]) * system.keep[c, inside]
         z = Z[inside] * w[:, None]
-        x = system.X[c, inside] * w[:, None]
+        x = np.hstack([system.bank.base[c, inside], system.extra[c, inside]]) * w[:, None]
         e = system.residual[c, inside] * w
         for i in range(B):
             s = slice(firsts[i], firsts[i + 1])
-            A[i] += x[s].T @ z[s]
-            G[i] += z[s].T @ z[s]
-            v[i] += z[s].T @ e[s]
-    cA, cG, cv = (np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, axis=0)]) for a in (A, G, v))
+            if s.stop > s.start:
+                A[i] += x[s].T @ z[s]
+                G[i] += z[s].T @ z[s]
+                v[i] += z[s].T @ e[s]
+    turned = np.matmul(system.basis.T, A)
+    totals = [np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, axis=0)]) for a in (turned, G, v)]
+    return Sums(edges, *totals)
+
+
+def _search(
+    term: Term, context: Context, system: System, r: int, shortest: float, to_end: bool
+) -> list[Ranked]:
+    edges = np.arange(0.0, context.rows.runs[r].duration + 2 * BLOCK_SECONDS, BLOCK_SECONDS)
+    sums = _sums(term, context, system, r, edges)
+    if sums is None:
+        return []
+    B = len(edges) - 1
     least = int(np.ceil(shortest / BLOCK_SECONDS))
     if to_end:
         starts = np.arange(least, B - least + 1)
@@ -99,55 +139,40 @@ def _search(
             pairs = pairs[(pairs % 2 == 0).all(axis=1) | (pairs[:, 1] - pairs[:, 0] < 3 * least)]
     if not len(pairs):
         return []
-    a = cA[pairs[:, 1]] - cA[pairs[:, 0]]
-    g = cG[pairs[:, 1]] - cG[pairs[:, 0]]
-    h = cv[pairs[:, 1]] - cv[pairs[:, 0]]
-    left = g - np.swapaxes(a, 1, 2) @ a
-    scale = np.sqrt(np.maximum(np.einsum("kii->ki", g), 1e-300))
-    normal = left / scale[:, :, None] / scale[:, None, :] + 1e-6 * np.eye(p)
-    x = np.linalg.solve(normal, (h / scale)[:, :, None])[:, :, 0]
-    gain = 0.5 * np.einsum("ki,ki->k", x, h / scale)
-    share = float(np.mean(system.share))
+    gain, x = sums.gains(pairs)
     if term.effect.name == "payload_change":
         gain = np.where(x[:, 0] > 0, gain, 0.0)
+    share = float(np.mean(system.share))
     out: list[Ranked] = []
     for k in np.argsort(gain)[::-1]:
         lo, hi = edges[pairs[k, 0]], edges[pairs[k, 1]]
         if any(min(hi, o.term.window[1]) - max(lo, o.term.window[0]) > 0 for o in out):  # type: ignore[index]
             continue
         window = (float(lo), np.inf) if to_end else (float(lo), float(hi))
-        placed = Term(term.effect, None, term.channels, term.terms, run=r, window=window)
-        out.append(Ranked(placed, share * float(gain[k]), bool(gain[k] > 0)))
+        out.append(Ranked(replace(term, window=window), share * float(gain[k]), bool(gain[k] > 0)))
         if len(out) == 3 or to_end:
             break
     return out
 
 
 def refine_window(term: Term, context: Context, system: System) -> Term:
-    """Move the edges of a window where the gain is largest, down to 0.05 s."""
-    if term.window is None:
+    """Move the edges of a window where the gain is largest, on a grid of 0.05 s around them."""
+    if term.window is None or term.run is None:
         return term
-
-    def gain(window: tuple[float, float]) -> float:
-        if window[1] - window[0] < 0.3:
-            return -np.inf
-        placed = Term(term.effect, None, term.channels, term.terms, run=term.run, window=window)
-        return system.score(columns(placed, context)).identify
-
-    window = term.window
-    best = gain(window)
-    for step in (0.25, 0.1, 0.05):
-        for _turn in range(6):
-            moved = False
-            for edge in (0, 1):
-                if not np.isfinite(window[edge]):
-                    continue
-                for sign in (-1, 1):
-                    trial = list(window)
-                    trial[edge] += sign * step
-                    value = gain((trial[0], trial[1]))
-                    if value > best:
-                        best, window, moved = value, (trial[0], trial[1]), True
-            if not moved:
-                break
-    return Term(term.effect, None, term.channels, term.terms, run=term.run, window=window)
+    end = context.rows.runs[term.run].duration
+    lo, hi = term.window
+    fine = [np.arange(lo - 2 * BLOCK_SECONDS, lo + 2 * BLOCK_SECONDS, 0.05)]
+    if np.isfinite(hi):
+        fine += [np.arange(hi - 2 * BLOCK_SECONDS, hi + 2 * BLOCK_SECONDS, 0.05)]
+    edges = np.unique(np.clip(np.concatenate([*fine, [0.0, end + 1.0]]), 0.0, end + 1.0))
+    sums = _sums(term, context, system, term.run, edges)
+    if sums is None:
+        return term
+    starts = np.flatnonzero(np.abs(edges - lo) <= 2 * BLOCK_SECONDS)
+    stops = np.flatnonzero(np.abs(edges - hi) <= 2 * BLOCK_SECONDS) if np.isfinite(hi) else [len(edges) - 1]
+    pairs = np.array([(i, j) for i in starts for j in stops if edges[j] - edges[i] > 0.3])
+    if not len(pairs):
+        return term
+    gain, _ = sums.gains(pairs)
+    i, j = pairs[int(np.argmax(gain))]
+    return replace(term, window=(float(edges[i]), float(edges[j]) if np.isfinite(hi) else np.inf))

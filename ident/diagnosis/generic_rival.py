@@ -4,7 +4,7 @@ Where such a nameless column beats the best effect of the catalogue clearly, nob
 reported as unexplained with the variables of the winning columns.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse
@@ -19,6 +19,7 @@ class GenericLibrary:
 
     values: np.ndarray
     variables: tuple[tuple[str, ...], ...]
+    products: dict[int, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -76,15 +77,21 @@ def build_generic(fine: Fine, low_pass: scipy.sparse.csr_array) -> GenericLibrar
 
 def best_rival(library: GenericLibrary, system: System, channel: int, size: int = 2) -> Rival | None:
     """Greedy choice of up to `size` columns on one channel by the identify rows; scored on both kinds of rows."""
-    use = system.rows_of(system.folds.identify) & system.keep[channel]
-    w = np.sqrt(system.weight[channel])
-    L = library.values[use] * w
-    X = system.X[channel, use] * w
-    r = system.residual[channel, use] * w
-    XtL = X.T @ L
-    norms = np.einsum("ij,ij->j", L, L)
+    mask = system.identify_mask(channel)
+    w = system.weight[channel]
+    if channel not in library.products:
+        masked = library.values * mask[:, None]
+        library.products[channel] = (
+            system.bank.base[channel].T @ masked,
+            np.einsum("ij,ij->j", masked, library.values),
+        )
+    model, squares = library.products[channel]
+    L = library.values
+    raw = np.concatenate([model, (system.extra[channel] * mask[:, None]).T @ L])
+    XtL = system.basis.T @ raw * w
+    norms = squares * w
     left = norms - np.einsum("ij,ij->j", XtL, XtL)
-    v = L.T @ r
+    v = L.T @ (system.residual[channel] * mask) * w
     usable = left > 1e-4 * norms
     chosen: list[int] = []
     directions: list[tuple[np.ndarray, float]] = []
@@ -102,8 +109,7 @@ def best_rival(library: GenericLibrary, system: System, channel: int, size: int 
             share = 100 * (1 - score.rss[channel] / max(system.rss[channel], 1e-30))
             best = Rival(channel, _variables(library, chosen), columns, score, float(np.clip(share, 0, 100)))
         # partial the chosen column out of the others
-        z = L[:, k]
-        cross = L.T @ z - XtL.T @ XtL[:, k]
+        cross = L.T @ (L[:, k] * mask) * w - XtL.T @ XtL[:, k]
         for cj, dj in directions:
             cross = cross - cj * cj[k] / dj
         d = max(float(cross[k]), 1e-300)

@@ -8,7 +8,7 @@ West, Econometrica 55, 1987), so neither a coloured torque noise nor joints that
 import numpy as np
 
 from ident.diagnosis.scoring import make_system
-from ident.diagnosis.state import State, sensitivity, stack_columns
+from ident.diagnosis.state import State, both_bank, sensitivity, stack_columns
 
 LAG_SECONDS = 1.5
 
@@ -20,19 +20,15 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
     extra, layout = [], []
     for f in own:
         p = next(iter(f.columns.values())).shape[1]
-        names = [] if f.term is None else [q.name for q in f.term.effect.nonlinear if q.name != "travel"]
+        names = [] if f.term is None else [q.name for q in f.term.effect.nonlinear if f.term.effect.name != "backlash"]
         layout.append((f, p, len(names)))
         extra += [sensitivity(f, name, state.context) for name in names]
     out = {}
     if own:
-        system = make_system(
-            stack_columns(state.base, [f.columns for f in own] + extra),
-            state.system.y,
-            rows.keep,
-            state.folds,
-        )
+        columns = stack_columns(state.bank, [f.columns for f in own] + extra)
+        system = make_system(state.bank, columns, state.system.y)
         C = _sandwich(system, rows.filter.cutoff_hz)
-        b = state.base.shape[2]
+        b = state.bank.base.shape[2]
         at, tail = b, b + sum(p for _, p, _ in layout)
         for f, p, k in layout:
             pick = [*range(at, at + p), *range(tail, tail + k)]
@@ -48,10 +44,11 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
 def _sandwich(system, cutoff_hz: float) -> np.ndarray:
     """(columns, columns) covariance of the coefficients."""
     use = system.rows_of(system.folds.identify)
-    U = np.zeros((system.X.shape[1], system.X.shape[2]))
+    U = np.zeros((system.y.shape[1], system.basis.shape[1]))
     for c in range(len(system.y)):
-        inside = use & system.keep[c]
-        U[inside] += system.weight[c] * system.X[c, inside] * system.residual[c, inside, None]
+        e = system.weight[c] * system.residual[c] * system.identify_mask(c)
+        X = np.hstack([system.bank.base[c], system.extra[c]]) @ system.basis
+        U += X * e[:, None]
     U = U[use]
     lags = max(4, int(LAG_SECONDS * 2.5 * cutoff_hz))
     S = U.T @ U
@@ -61,20 +58,17 @@ def _sandwich(system, cutoff_hz: float) -> np.ndarray:
     H = np.linalg.pinv(np.tensordot(system.weight, system.gram[list(system.folds.identify)].sum(0), 1))
     C = H @ S @ H
     rows = float(use.sum())
-    C *= rows / max(rows - system.X.shape[2] / max(len(system.y), 1), 1.0)
+    C *= rows / max(rows - system.basis.shape[1] / max(len(system.y), 1), 1.0)
     return system.basis @ C @ system.basis.T
 
 
 def _lent(state: State, f) -> np.ndarray:
     """The same for a term estimated on identify and validate runs together."""
-    from ident.diagnosis.scoring import Folds
-
     rows = state.context.rows
-    roles = np.array([r.role for r in rows.runs])[rows.run]
-    both = Folds(np.where(roles != "test", 0, -1), (0,), (), False)
-    system = make_system(stack_columns(state.base, [g.columns for g in state.found]), rows.y, rows.keep, both)
+    columns = stack_columns(state.bank, [g.columns for g in state.found])
+    system = make_system(both_bank(state.bank, rows), columns, rows.y)
     C = _sandwich(system, rows.filter.cutoff_hz)
-    at = state.base.shape[2]
+    at = state.bank.base.shape[2]
     for g in state.found:
         p = next(iter(g.columns.values())).shape[1]
         if g is f:

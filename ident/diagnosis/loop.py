@@ -7,6 +7,7 @@ import numpy as np
 import scipy.optimize
 
 from ident.diagnosis.candidates import (
+    SPECIFIC_FIRST_WAVE,
     Library,
     Ranked,
     all_terms,
@@ -18,7 +19,7 @@ from ident.diagnosis.candidates import (
 )
 from ident.diagnosis.events import block_folds, load_terms, refine_window, window_terms
 from ident.diagnosis.generic_rival import GenericLibrary, Rival, best_rival, build_generic
-from ident.diagnosis.scoring import Columns, Folds, Score, System, make_system
+from ident.diagnosis.scoring import Bank, Columns, Folds, Score, System, make_bank, make_system
 from ident.diagnosis.state import Found, State, refine, refit, stack_columns
 from ident.diagnosis.terms import Context, Term, columns
 from modelgen.effects import catalogue
@@ -27,7 +28,11 @@ MAX_TERMS = 14
 SHORTLIST = 14
 FIRST_GAIN = 14.0  # log-likelihood on the fitted rows: Bonferroni over some thousand candidates at 1 %
 HELD_GAIN = 4.0
-SMALLEST_SHARE = 0.012  # of the strongest finding's gain
+SMALLEST_SHARE = 0.02  # of the strongest finding's gain
+SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes are smaller
+EVENT_GAIN = 25.0  # thousands of windows are searched
+EVENT_HELD_GAIN = 10.0
+NAMED_TRAVEL = 8e-4  # rad; a shorter presliding is how any sign turns over
 EQUAL = 0.03  # candidates this close are equal: fewer parameters win
 
 
@@ -76,6 +81,14 @@ class Search:
     generic: GenericLibrary
     event_folds: Folds
     progress: Callable[[str, float | None], None]
+    event_bank: Bank | None = None
+
+    def event_system(self, state: State) -> System:
+        """The state's columns over all runs that may be looked at, in alternating blocks."""
+        if self.event_bank is None:
+            self.event_bank = make_bank(state.bank.base, state.bank.keep, self.event_folds)
+        own = [f.columns for f in state.found if not f.lent]
+        return make_system(self.event_bank, stack_columns(state.bank, own), state.system.y)
 
 
 def run_loop(
@@ -101,12 +114,13 @@ def run_loop(
     unexplained: list[Rival] = []
     blocked: set[int] = set()
     strongest = 0.0
+    least_share = SMALLEST_SHARE
     while len(state.terms) < max_terms:
         progress(f"step {len(steps) + 1}: ranking", 0.15 + 0.8 * (1 - 0.8 ** len(steps)))
         ranking = rank(state, search, blocked)
         step = None
         for candidate in ranking[:3]:
-            step = try_candidate(state, candidate, ranking, strongest)
+            step = try_candidate(state, candidate, ranking, least_share * strongest)
             if step is not None:
                 break
         if step is None:
@@ -116,7 +130,7 @@ def run_loop(
             unexplained.append(rival)
             blocked.add(rival.channel)
             nuisance = Found(None, {rival.channel: rival.columns}, rival.score.coefficients, "unexplained")
-            strongest = max(strongest, rival.score.identify)
+            strongest, least_share = max(strongest, rival.score.identify), SHARE_BESIDE_UNEXPLAINED
             state = refit(state, [*state.found, nuisance])
             continue
         strongest = max(strongest, step.gain)
@@ -160,8 +174,8 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
         if len(r.term.channels) == 1 and r.term.channels[0] in blocked:
             continue
         key = (*r.term.key, r.term.terms)
-        if r.term.effect.name == "torque_ripple":
-            key = (*key, round(r.term.theta["wavenumber"], 1))
+        if r.term.effect.name == "torque_ripple":  # one slow and one fast wave per place
+            key = (*key, r.term.theta["wavenumber"] > SPECIFIC_FIRST_WAVE)
         if key not in best or r.gain > best[key].gain:
             best[key] = r
     short = sorted(best.values(), key=lambda r: -r.gain)[:SHORTLIST]
@@ -199,13 +213,13 @@ def _refined(term: Term, state: State) -> Candidate | None:
             term = term.at(**{p.name: best})
     cols = columns(term, context)
     score = system.score(cols, share=np.ones(len(system.y)))
-    if effect.name == "backlash":  # the travel through the gap is the gap
+    if effect.name == "backlash" and "drop" not in term.terms:  # the travel through the gap is the gap
         for _ in range(3):
             term = term.at(travel=float(np.clip(score.coefficients[0], 2e-5, 0.05)))
             cols = columns(term, context)
             score = system.score(cols, share=np.ones(len(system.y)))
     signs = {q.name: q.sign for q in effect.linear}
-    if any(signs[n] == "positive" and a < 0 for n, a in zip(term.terms, score.coefficients)):
+    if any(signs.get(n) == "positive" and a < 0 for n, a in zip(term.terms, score.coefficients)):
         return None
     return Candidate(term, cols, score, score.total)
 
@@ -215,16 +229,18 @@ def _bracket(name: str, p, value: float, context: Context, term: Term) -> tuple[
     if name == "torque_ripple":
         span = 0.7 * np.pi / max(float(np.ptp(context.rows.fine.q[:, term.joint])), 0.3)
         return max(p.low, value - span), min(p.high, value + span)
+    if name == "hysteresis":  # shorter travels are the sign's own (friction_sign)
+        grid = [NAMED_TRAVEL, *(g for g in grid if g > NAMED_TRAVEL)]
+        value = max(value, NAMED_TRAVEL)
     below = [g for g in grid if g < value]
     above = [g for g in grid if g > value]
-    return (below[-1] if below else p.low), (above[0] if above else p.high)
+    return (below[-1] if below else (NAMED_TRAVEL if name == "hysteresis" else p.low)), (above[0] if above else p.high)
 
 
 def rank_events(state: State, search: Search) -> list[Candidate]:
     """Payloads and contacts, judged on alternating blocks of all runs (see `events`)."""
     context = state.context
-    matrix = stack_columns(state.base, [f.columns for f in state.found if not f.lent])
-    system = make_system(matrix, state.system.y, context.rows.keep, search.event_folds)
+    system = search.event_system(state)
     usable = [i for i, r in enumerate(context.rows.runs) if r.role != "test"]
     taken = {(t.effect.name, t.run) for t in state.terms}
     ranked = [
@@ -248,7 +264,7 @@ def rank_events(state: State, search: Search) -> list[Candidate]:
     return out
 
 
-def try_candidate(state: State, candidate: Candidate, ranking, strongest: float) -> Step | None:
+def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> Step | None:
     """Fit with the candidate; keep it when both kinds of rows confirm it with effective sample counts."""
     found = [*state.found, Found(candidate.term, candidate.columns, candidate.score.coefficients)]
     after = refine(refit(state, found))
@@ -256,7 +272,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, strongest: float)
     if candidate.event:
         share = float(np.mean(after.system.share))
         gain, held = share * candidate.score.identify, share * candidate.score.held_out
-    if gain < FIRST_GAIN or held < HELD_GAIN or gain < SMALLEST_SHARE * strongest:
+    first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else (FIRST_GAIN, HELD_GAIN)
+    if gain < max(first, least) or held < second:
         return None
     if held < 0.15 * gain * (
         1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)
@@ -289,6 +306,8 @@ def at_bound(term: Term | None) -> bool:
     if term is None:
         return False
     theta = term.effect.complete(term.theta)
+    if term.effect.name == "hysteresis" and theta["width"] < 1.2 * NAMED_TRAVEL:
+        return True
     for p in term.effect.nonlinear:
         span = p.high - p.low
         if min(theta[p.name] - p.low, p.high - theta[p.name]) < 1e-3 * min(span, abs(theta[p.name]) + p.low):

@@ -17,7 +17,7 @@ import scipy.linalg
 
 Columns = dict[int, np.ndarray]  # channel -> (M, p), the same p everywhere
 
-LAGS = 12
+LAGS = 25
 RANK_TOLERANCE = 1e-9  # of the scaled Gram matrix: collinear to 3e-5
 
 
@@ -76,14 +76,37 @@ class Score:
 
 
 @dataclass(frozen=True)
-class System:
-    """Model and found columns with their Gram matrices; see the module's docstring."""
+class Bank:
+    """Model columns at the kept instants with their Gram matrices per set and channel: made once for given folds."""
 
-    X: np.ndarray  # (channels, M, b) in the orthonormal basis
-    y: np.ndarray  # (channels, M)
-    keep: np.ndarray  # (channels, M) bool
+    base: np.ndarray  # (channels, M, k)
+    keep: np.ndarray  # (channels, M)
     folds: Folds
-    basis: np.ndarray  # (columns, b): columns @ basis = X
+    masks: np.ndarray  # (sets, channels, M) 1.0 where the row is in the set and kept
+    gram: np.ndarray  # (sets, channels, k, k)
+    count: np.ndarray  # (sets, channels)
+
+
+def make_bank(base: np.ndarray, keep: np.ndarray, folds: Folds) -> Bank:
+    S, (C, M, k) = folds.count, base.shape
+    masks = np.zeros((S, C, M))
+    gram = np.zeros((S, C, k, k))
+    for s in range(S):
+        masks[s] = (folds.sets == s)[None, :] & keep
+        for c in range(C):
+            block = base[c, masks[s, c] > 0]
+            gram[s, c] = block.T @ block
+    return Bank(base, keep, folds, masks, gram, masks.sum(axis=2))
+
+
+@dataclass(frozen=True)
+class System:
+    """Model and found columns with their Gram matrices in a basis that is orthonormal at the final weights."""
+
+    bank: Bank
+    extra: np.ndarray  # (channels, M, e) columns of what was found
+    y: np.ndarray  # (channels, M)
+    basis: np.ndarray  # (columns, b)
     gram: np.ndarray  # (sets, channels, b, b)
     xy: np.ndarray  # (sets, channels, b)
     yy: np.ndarray  # (sets, channels)
@@ -91,10 +114,17 @@ class System:
     weight: np.ndarray  # (channels,) 1/sigma^2 of the fit without a candidate
     beta: np.ndarray  # (b,)
     rss: np.ndarray  # (channels,) identify
-    beta_held: tuple[np.ndarray, ...]
     rss_held: np.ndarray  # (channels,)
     residual: np.ndarray  # (channels, M) of all rows, frozen at the identify fit
     share: np.ndarray  # (channels,) effective samples per row
+
+    @property
+    def folds(self) -> Folds:
+        return self.bank.folds
+
+    @property
+    def keep(self) -> np.ndarray:
+        return self.bank.keep
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -104,31 +134,37 @@ class System:
     def rows_of(self, sets: Sequence[int]) -> np.ndarray:
         return np.isin(self.folds.sets, sets)
 
+    def project(self, c: int, z: np.ndarray) -> np.ndarray:
+        """(b, p): basis columns of channel c times z (M, p)."""
+        raw = np.concatenate([self.bank.base[c].T @ z, self.extra[c].T @ z])
+        return self.basis.T @ raw
+
+    def identify_mask(self, c: int) -> np.ndarray:
+        """(M,) 1.0 on the rows of channel c that are fitted."""
+        return self.bank.masks[list(self.folds.identify), c].sum(axis=0)
+
     def cross(self, columns: Columns) -> dict:
         """Products of candidate columns with model and torque, per set and channel."""
         p = next(iter(columns.values())).shape[1]
-        S, C, b = len(self.gram), len(self.y), self.X.shape[2]
+        S, C, b = len(self.gram), len(self.y), self.basis.shape[1]
         A = np.zeros((S, C, b, p))
         Z = np.zeros((S, C, p, p))
         v = np.zeros((S, C, p))
-        for c, Z_c in columns.items():
+        for c, z in columns.items():
+            masked = [z * self.bank.masks[s, c][:, None] for s in range(S)]
+            A[:, c] = self.project(c, np.hstack(masked)).reshape(b, S, p).transpose(1, 0, 2)
             for s in range(S):
-                rows = (self.folds.sets == s) & self.keep[c]
-                if not rows.any():
-                    continue
-                block = Z_c[rows]
-                A[s, c] = self.X[c, rows].T @ block
-                Z[s, c] = block.T @ block
-                v[s, c] = block.T @ self.y[c, rows]
+                Z[s, c] = masked[s].T @ z
+                v[s, c] = masked[s].T @ self.y[c]
         return {"A": A, "Z": Z, "v": v}
 
-    def score(self, columns: Columns, share: np.ndarray | None = None, positive: Sequence[int] = ()) -> Score:
+    def score(self, columns: Columns, share: np.ndarray | None = None) -> Score:
         """Gain of adding `columns`, on identify rows and on held-out rows with everything frozen."""
         p = next(iter(columns.values())).shape[1]
-        scale = np.sqrt(
-            sum(self.weight[c] * np.sum(z[self.rows_of(self.folds.identify) & self.keep[c]] ** 2, axis=0)
-                for c, z in columns.items())
-        )  # fmt: skip
+        total = np.zeros(p)
+        for c, z in columns.items():
+            total += self.weight[c] * (self.identify_mask(c) @ (z * z))
+        scale = np.sqrt(total)
         scale[~(scale > 0)] = 1.0
         x = self.cross({c: z / scale for c, z in columns.items()})
         share = self.share if share is None else share
@@ -198,60 +234,44 @@ def _rss(gram, xy, yy, sets, solution, x) -> np.ndarray:
     return np.maximum(rss, 1e-12 * np.maximum(e, 1e-30))
 
 
-def make_system(columns: np.ndarray, y: np.ndarray, keep: np.ndarray, folds: Folds) -> System:
-    """System of `columns` (channels, M, k): model columns followed by the columns of what was found."""
-    identify = np.isin(folds.sets, folds.identify)
-    C, M, _k = columns.shape
-    sigma2 = np.array([np.var(y[c, identify & keep[c]]) + 1e-12 for c in range(C)])
-    weight = 1.0 / sigma2
-    H = sum(weight[c] * columns[c, identify & keep[c]].T @ columns[c, identify & keep[c]] for c in range(C))
-    basis = _orthonormal(H)
-    X = columns @ basis
-    S = folds.count
-    b = basis.shape[1]
-    gram, xy = np.zeros((S, C, b, b)), np.zeros((S, C, b))
-    yy, count = np.zeros((S, C)), np.zeros((S, C))
-    for s in range(S):
-        for c in range(C):
-            rows = (folds.sets == s) & keep[c]
-            block, torque = X[c, rows], y[c, rows]
-            gram[s, c], xy[s, c] = block.T @ block, block.T @ torque
-            yy[s, c], count[s, c] = torque @ torque, rows.sum()
-    sets = list(folds.identify)
-    solution, rss, _ = fit_sets(gram, xy, yy, count, weight, sets, None, 0, iterations=8)
+def make_system(bank: Bank, extra: np.ndarray, y: np.ndarray) -> System:
+    """System of the bank's model columns followed by `extra` (channels, M, e): what was found, sensitivities."""
+    S, C, _M = bank.masks.shape
+    k, e = bank.base.shape[2], extra.shape[2]
+    gram, xy, yy = np.zeros((S, C, k + e, k + e)), np.zeros((S, C, k + e)), np.zeros((S, C))
+    gram[:, :, :k, :k] = bank.gram
+    for c in range(C):
+        masks = bank.masks[:, c]
+        torque = masks * y[c]  # (S, M)
+        xy[:, c, :k] = torque @ bank.base[c]
+        yy[:, c] = torque @ y[c]
+        if e and np.any(extra[c]):
+            xy[:, c, k:] = torque @ extra[c]
+            masked = np.concatenate([extra[c] * m[:, None] for m in masks], axis=1)  # (M, S e)
+            gram[:, c, :k, k:] = (bank.base[c].T @ masked).reshape(k, S, e).transpose(1, 0, 2)
+            gram[:, c, k:, :k] = np.swapaxes(gram[:, c, :k, k:], 1, 2)
+            gram[:, c, k:, k:] = (extra[c].T @ masked).reshape(e, S, e).transpose(1, 0, 2)
+    sets = list(bank.folds.identify)
+    count = bank.count
+    sigma2 = yy[sets].sum(0) / np.maximum(count[sets].sum(0), 1) + 1e-12
+    basis = _orthonormal(np.tensordot(1.0 / sigma2, gram[sets].sum(0), 1))
+    gram, xy = basis.T @ gram @ basis, xy @ basis
+    solution, rss, _ = fit_sets(gram, xy, yy, count, 1.0 / sigma2, sets, None, 0, iterations=8)
     weight = count[sets].sum(0) / np.maximum(rss, 1e-30)
     turn = _orthonormal(np.tensordot(weight, gram[sets].sum(0), 1))  # orthonormal at the final weights
-    X, basis = X @ turn, basis @ turn
+    basis = basis @ turn
     gram, xy = turn.T @ gram @ turn, xy @ turn
     solution, rss, _ = fit_sets(gram, xy, yy, count, weight, sets, None, 0, iterations=1)
     held = np.zeros(C)
-    betas = []
-    for train, test in folds.held_out:
+    for train, test in bank.folds.held_out:
         part = solution
-        if train != folds.identify:
+        if train != bank.folds.identify:
             part = fit_sets(gram, xy, yy, count, weight, list(train), None, 0)[0]
-        betas.append(part)
         held += _rss(gram, xy, yy, list(test), part, None)
-    residual = y - X @ solution
-    share = np.array([effective_share(residual[c], folds, keep[c]) for c in range(C)])
-    return System(
-        X,
-        y,
-        keep,
-        folds,
-        basis,
-        gram,
-        xy,
-        yy,
-        count,
-        weight,
-        solution,
-        rss,
-        tuple(betas),
-        held,
-        residual,
-        share,
-    )
+    raw = basis @ solution
+    residual = y - bank.base @ raw[:k] - (extra @ raw[k:] if e else 0.0)
+    share = np.array([effective_share(residual[c], bank.folds, bank.keep[c]) for c in range(C)])
+    return System(bank, extra, y, basis, gram, xy, yy, count, weight, solution, rss, held, residual, share)
 
 
 def _orthonormal(H: np.ndarray) -> np.ndarray:

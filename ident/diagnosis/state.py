@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.model_view import ModelView, split_name
+from ident.diagnosis.friction_sign import settle_sign
+from ident.diagnosis.model_view import ModelView
 from ident.diagnosis.rows import Rows
-from ident.diagnosis.scoring import Columns, Folds, System, make_system
+from ident.diagnosis.scoring import Bank, Columns, Folds, System, make_bank, make_system
 from ident.diagnosis.terms import Context, Term, columns
 
 MOVING = ("measurement", "motion")
@@ -34,8 +35,11 @@ class State:
     context: Context
     system: System
     found: tuple[Found, ...]
-    base: np.ndarray  # (channels, M, b) model columns at the kept instants
-    folds: Folds
+    bank: Bank  # model columns at the kept instants
+
+    @property
+    def folds(self) -> Folds:
+        return self.bank.folds
 
     @property
     def terms(self) -> tuple[Term, ...]:
@@ -51,84 +55,21 @@ def base_columns(rows: Rows, view: ModelView) -> np.ndarray:
 
 
 def first_state(rows: Rows, view: ModelView, folds: Folds) -> State:
-    base = base_columns(rows, view)
-    rows, view, base = settle_sign(rows, view, base, folds)
-    system = make_system(base, rows.y, rows.keep, folds)
-    low_pass = [rows.low_pass] * len(view.channels)
-    context = _context(rows, view, system.coefficients, low_pass, (), {})
-    return State(context, system, (), base, folds)
+    bank = make_bank(base_columns(rows, view), rows.keep, folds)
+    rows, view, bank = settle_sign(rows, view, bank)
+    system = make_system(bank, no_columns(bank), rows.y)
+    context = _context(rows, view, system.coefficients, (), {})
+    return State(context, system, (), bank)
 
 
-SIGN_WIDTHS = (0.001, 0.002, 0.004, 0.008, 0.015, 0.03, 0.05)  # rad/s
+def no_columns(bank: Bank) -> np.ndarray:
+    return np.zeros((*bank.base.shape[:2], 0))
 
 
-def settle_sign(
-    rows: Rows, view: ModelView, base: np.ndarray, folds: Folds
-) -> tuple[Rows, ModelView, np.ndarray]:
-    """Choose one width of the smoothed sign for all joints by the likelihood of the model alone.
-
-    The joint that cares most is left out of the vote: it may have an effect. Too sharp or too soft a sign leaves
-    pulses at every reversal that look like hysteresis.
-    """
-    places = []
-    for k, name in enumerate(view.parameters):
-        kind, row = split_name(name)
-        if kind in ("Fcm", "Fcl"):
-            places.append((k, row - 1, [c for c, (index, _) in enumerate(view.entries) if k in index]))
-    if not places:
-        return rows, view, base
-    fine = rows.fine
-    floor = float(np.max(2.0 * fine.velocity_noise))
-    widths = [w for w in SIGN_WIDTHS if w > floor] or [floor]
-    sets = list(folds.identify)
-
-    def likelihood(width: float) -> np.ndarray:
-        trial = base.copy()
-        for k, joint, channels in places:
-            column = rows.low_pass @ np.tanh(fine.dq[:, joint] / width)
-            for c in channels:
-                trial[c, :, k] = column
-        system = make_system(trial, rows.y, rows.keep, folds)
-        return -0.5 * system.count[sets].sum(axis=0) * np.log(system.rss)
-
-    table = {w: likelihood(w) for w in widths}
-    for _ in range(3):  # halve the steps around the best one
-        order = sorted(table)
-        best = order.index(_vote(table)[0])
-        for a, b in zip(order[max(best - 1, 0) : best + 1], order[max(best - 1, 0) + 1 : best + 2]):
-            table[float(np.sqrt(a * b))] = likelihood(float(np.sqrt(a * b)))
-    width = _vote(table)[1]
-    sign = np.tanh(fine.dq / width)
-    fine = replace(fine, sign=sign, sign_width=np.full(view.n, width))
-    rows = replace(rows, fine=fine)
-    entries = [(index, values.copy()) for index, values in view.entries]
-    base = base.copy()
-    for k, joint, channels in places:
-        for c in channels:
-            index, fine_values = entries[c]
-            fine_values[:, int(np.flatnonzero(index == k)[0])] = sign[:, joint]
-            base[c, :, k] = rows.low_pass @ sign[:, joint]
-    return rows, replace(view, entries=tuple(entries)), base
-
-
-def _vote(table: dict[float, np.ndarray]) -> tuple[float, float]:
-    """Width of the table with the largest sum over channels but the one that cares most; the parabola's top there."""
-    widths = sorted(table)
-    values = np.array([table[w] for w in widths])
-    if values.shape[1] > 2:
-        values = np.delete(values, int(np.argmax(np.ptp(values, axis=0))), axis=1)
-    total = values.sum(axis=1)
-    k = int(np.argmax(total))
-    if k in (0, len(widths) - 1):
-        return widths[k], widths[k]
-    a, b, _ = np.polyfit(np.log(widths[k - 1 : k + 2]), total[k - 1 : k + 2] - total[k], 2)
-    return widths[k], float(np.exp(-b / (2 * a))) if a < 0 else widths[k]
-
-
-def _context(rows, view, chi, low_pass, found: tuple[Found, ...], size) -> Context:
+def _context(rows, view, chi, found: tuple[Found, ...], size) -> Context:
     b = len(view.parameters)
     torque = view.torque(chi[:b])
-    context = Context(rows, view, chi[:b], torque, _load(rows, view, chi[:b]), low_pass, size)
+    context = Context(rows, view, chi[:b], torque, _load(rows, view, chi[:b]), size)
     for f in found:
         if f.term is not None and f.term.effect.kind == "column":
             from ident.diagnosis.terms import fine_columns
@@ -149,10 +90,9 @@ def _load(rows: Rows, view: ModelView, chi: np.ndarray) -> np.ndarray:
     return out
 
 
-def refit(state: State, found: list[Found], folds: Folds | None = None, turns: int | None = None) -> State:
+def refit(state: State, found: list[Found], turns: int | None = None) -> State:
     """State with these found terms; coefficients of the given ones are starting values."""
     context, view, rows = state.context, state.context.view, state.context.rows
-    folds = folds or state.folds
     b = len(view.parameters)
     moving = any(f.term is not None and (f.term.effect.kind in MOVING or _follows(f.term)) for f in found)
     current = list(found)
@@ -163,14 +103,14 @@ def refit(state: State, found: list[Found], folds: Folds | None = None, turns: i
     previous = None
     for _turn in range(turns):
         size = {f.term.key: f.coefficients for f in current if f.term is not None}
-        context = _context(rows, view, context.chi, context.low_pass, tuple(current), size)
+        context = _context(rows, view, context.chi, tuple(current), size)
         context.cache.update(_lasting(state.context.cache))
         cols = [
             f.columns if f.term is None or (_turn == 0 and _static(f)) else columns(f.term, context)
             for f in current
         ]
         current = [replace(f, columns=c) for f, c in zip(current, cols)]
-        system, current = solve(state.base, rows, current, folds)
+        system, current = solve(state.bank, rows, current)
         context = replace(context, chi=system.coefficients[:b])
         a = np.concatenate([f.coefficients for f in current]) if current else np.zeros(0)
         if previous is not None and np.allclose(previous, a, rtol=1e-3, atol=1e-12):
@@ -178,14 +118,14 @@ def refit(state: State, found: list[Found], folds: Folds | None = None, turns: i
         previous = a
     size = {f.term.key: f.coefficients for f in current if f.term is not None}
     old = context.cache
-    context = _context(rows, view, system.coefficients[:b], context.low_pass, tuple(current), size)
+    context = _context(rows, view, system.coefficients[:b], tuple(current), size)
     context.cache.update(_lasting(old))
-    return State(context, system, tuple(current), state.base, folds)
+    return State(context, system, tuple(current), state.bank)
 
 
 def _lasting(cache: dict) -> dict:
     """Parts of a cache that outlive a new estimate: exact ones, and the sensitivities that only rank."""
-    return {k: v for k, v in cache.items() if k[0] in ("payload", "wrench", "sensitivity")}
+    return {k: v for k, v in cache.items() if k[0] in ("payload", "wrench", "sensitivity", "filtered")}
 
 
 def _needs_validation(term: Term, rows: Rows) -> bool:
@@ -196,25 +136,38 @@ def _needs_validation(term: Term, rows: Rows) -> bool:
     return rows.runs[term.run].role == "validate" or (term.window is None and fitted == [term.run])
 
 
-def solve(base: np.ndarray, rows: Rows, found: list[Found], folds: Folds) -> tuple[System, list[Found]]:
+def solve(bank: Bank, rows: Rows, found: list[Found]) -> tuple[System, list[Found]]:
     """Fit everything; lent terms are estimated first on all runs that may be looked at, then taken off the torque."""
     y = rows.y
     out = list(found)
     if any(f.lent for f in found):
-        roles = np.array([r.role for r in rows.runs])[rows.run]
-        both = Folds(np.where(roles != "test", 0, -1), (0,), (), False)
-        joint = make_system(stack_columns(base, [f.columns for f in found]), y, rows.keep, both)
-        out = _with_coefficients(out, joint.coefficients[base.shape[2] :])
+        joint = make_system(both_bank(bank, rows), stack_columns(bank, [f.columns for f in found]), y)
+        out = _with_coefficients(out, joint.coefficients[bank.base.shape[2] :])
         y = y.copy()
         for f in out:
             if f.lent:
                 for c, values in f.columns.items():
                     y[c] -= values @ f.coefficients
     own = [i for i, f in enumerate(out) if not f.lent]
-    system = make_system(stack_columns(base, [out[i].columns for i in own]), y, rows.keep, folds)
-    for i, f in zip(own, _with_coefficients([out[i] for i in own], system.coefficients[base.shape[2] :])):
+    system = make_system(bank, stack_columns(bank, [out[i].columns for i in own]), y)
+    for i, f in zip(own, _with_coefficients([out[i] for i in own], system.coefficients[bank.base.shape[2] :])):
         out[i] = f
     return system, out
+
+
+_both: dict[int, tuple[Bank, Bank]] = {}
+
+
+def both_bank(bank: Bank, rows: Rows) -> Bank:
+    """The same model columns with identify and validate rows in one set."""
+    if id(bank) not in _both:
+        _both.clear()
+        roles = np.array([r.role for r in rows.runs])[rows.run]
+        _both[id(bank)] = (
+            bank,
+            make_bank(bank.base, bank.keep, Folds(np.where(roles != "test", 0, -1), (0,), (), False)),
+        )
+    return _both[id(bank)][1]
 
 
 def _with_coefficients(found: list[Found], a: np.ndarray) -> list[Found]:
@@ -234,12 +187,11 @@ def _follows(term: Term) -> bool:
     return "tau_link" in term.effect.needs or term.effect.name == "base_tilt"
 
 
-def stack_columns(base: np.ndarray, cols: list[Columns]) -> np.ndarray:
-    """(channels, M, b + all p)."""
+def stack_columns(bank: Bank, cols: list[Columns]) -> np.ndarray:
+    """(channels, M, all p) of columns that live on some channels each."""
     widths = [next(iter(c.values())).shape[1] for c in cols]
-    out = np.zeros((base.shape[0], base.shape[1], base.shape[2] + sum(widths)))
-    out[:, :, : base.shape[2]] = base
-    at = base.shape[2]
+    out = np.zeros((*bank.base.shape[:2], sum(widths)))
+    at = 0
     for c, p in zip(cols, widths):
         for channel, values in c.items():
             out[channel, :, at : at + p] = values
@@ -271,8 +223,7 @@ def refine(state: State, steps: int = 2) -> State:
             return state
         cols = [f.columns for f in state.found if not f.lent]
         extra = [sensitivity(state.found[i], p.name, state.context) for i, p in places]
-        matrix = stack_columns(state.base, cols + extra)
-        system = make_system(matrix, state.system.y, state.context.rows.keep, state.folds)
+        system = make_system(state.bank, stack_columns(state.bank, cols + extra), state.system.y)
         delta = system.coefficients[-len(extra) :]
         now = _objective(state)
         scale, better = 1.0, None

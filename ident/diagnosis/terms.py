@@ -9,7 +9,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.signal
-import scipy.sparse
 
 from ident.diagnosis.model_view import INERTIAL, ModelView, split_name
 from ident.diagnosis.rows import Rows
@@ -50,7 +49,6 @@ class Context:
     chi: np.ndarray  # (b,) current model parameters
     torque: np.ndarray  # (channels, N) current predicted torque, found terms included
     tau_link: np.ndarray  # (n, N)
-    low_pass: list[scipy.sparse.csr_array]  # per channel
     size: Mapping[tuple, np.ndarray] = field(
         default_factory=dict
     )  # last coefficients of measurement/motion terms
@@ -111,14 +109,17 @@ def columns(term: Term, context: Context) -> Columns:
     kind = term.effect.kind
     if kind == "column":
         fine = fine_columns(term, context)
-        return {c: context.low_pass[c] @ fine for c in term.channels}
+        filtered = context.rows.low_pass @ fine
+        return dict.fromkeys(term.channels, filtered)
     if kind == "measurement":
         return _measurement(term, context)
     if kind == "motion":
         return _motion(term, context)
     fine = load_columns(term, context)
     gate = context.gate(term)[:, None]
-    return {c: context.low_pass[c] @ (x * gate) for c, x in fine.items()}
+    p = next(iter(fine.values())).shape[1]
+    filtered = context.rows.low_pass @ (np.hstack(list(fine.values())) * gate)
+    return {c: filtered[:, i * p : (i + 1) * p] for i, c in enumerate(fine)}
 
 
 def _size(term: Term, context: Context) -> float:
@@ -131,16 +132,16 @@ def _measurement(term: Term, context: Context) -> Columns:
     out: Columns = {}
     for c in term.channels:
         if name == "drive_gain_error":
-            out[c] = context.low_pass[c] @ context.torque[c][:, None]
+            out[c] = context.rows.low_pass @ context.torque[c][:, None]
         elif name == "sensor_crosstalk":
             source = c - term.joint + term.source
-            out[c] = context.low_pass[c] @ context.torque[source][:, None]
-        else:  # time_delay: secant of the exact shift, the derivative at zero
-            delay = _size(term, context)
-            step = delay if abs(delay) > 1e-5 else 1e-4
-            shifted = context.rows.filter.matrix(step) @ context.torque[c]
-            here = context.rows.low_pass @ context.torque[c]
-            out[c] = ((shifted - here) / step)[:, None]
+            out[c] = context.rows.low_pass @ context.torque[source][:, None]
+    if name == "time_delay":  # secant of the exact shift, the derivative at zero
+        delay = _size(term, context)
+        step = delay if abs(delay) > 1e-5 else 1e-4
+        torque = context.torque[list(term.channels)].T
+        change = (context.rows.filter.matrix(step) @ torque - context.rows.low_pass @ torque) / step
+        out = {c: change[:, [i]] for i, c in enumerate(term.channels)}
     return out
 
 
@@ -159,9 +160,11 @@ def _motion(term: Term, context: Context) -> Columns:
     fine, view = context.rows.fine, context.view
     size = _size(term, context)
     elastic = "tau_link" in term.effect.needs
-    cutoff = SHIFT_CUTOFF_HZ if elastic else 4 * SHIFT_CUTOFF_HZ
+    cutoff = SHIFT_CUTOFF_HZ
     j = term.joint
     assert j is not None
+    if not elastic:
+        return _slack(term, context)
     shift = fine_columns(term, context)[:, 0]
     if abs(size) < 1e-9:
         by_q, by_dq, by_ddq = _sensitivity(context, j)
@@ -170,7 +173,7 @@ def _motion(term: Term, context: Context) -> Columns:
     else:
         rigid = _rigid(context)
         moved = rigid
-        turns = 3 if elastic else 1
+        turns = 3
         for turn in range(turns):
             x, dx, ddx = _with_rates(size * shift, fine, cutoff)
             q, dq, ddq = fine.q.copy(), fine.dq.copy(), fine.ddq.copy()
@@ -181,7 +184,29 @@ def _motion(term: Term, context: Context) -> Columns:
             if turn + 1 < turns:
                 shift = -moved[view.joint_of.index(j)]
         change = (moved - rigid) / size
-    return {c: (context.low_pass[c] @ change[c])[:, None] for c in range(len(view.channels))}
+    filtered = context.rows.low_pass @ change.T
+    return {c: filtered[:, [c]] for c in range(len(view.channels))}
+
+
+def _slack(term: Term, context: Context) -> Columns:
+    """Backlash: the position torques of the shifted link (its impacts are too short for the rows), and, for terms
+    with "drop", the torque of the joint that is not passed on while the motor crosses the gap."""
+    view = context.view
+    j = term.joint
+    assert j is not None
+    effect = term.effect
+    z = state_values(effect, context.rows.fine.q[:, j], effect.complete(term.theta), context.rows.fine.pieces)
+    by_q = _sensitivity(context, j)[0]
+    parts = [-0.5 * by_q * z]
+    if "drop" in term.terms:
+        crossing = 1.0 - np.clip(5.0 * np.abs(z) - 4.0, 0.0, 1.0)
+        lost = np.zeros_like(by_q)
+        for c, joint in enumerate(view.joint_of):
+            if joint == j:
+                lost[c] = -context.tau_link[j] * crossing
+        parts.append(lost)
+    filtered = [context.rows.low_pass @ part.T for part in parts]
+    return {c: np.stack([f[:, c] for f in filtered], axis=1) for c in range(len(view.channels))}
 
 
 def _with_rates(x: np.ndarray, fine, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

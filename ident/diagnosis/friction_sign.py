@@ -1,0 +1,92 @@
+"""The sign of Coulomb friction as the recordings show it: how fast friction turns over at a reversal, per joint.
+
+No real (or simulated) joint has a mathematical sign: friction turns over within a small rate (tanh) or a small travel
+(Dahl's presliding, here at most half a milliradian). A sign that is too sharp or too soft leaves pulses at every
+reversal of every joint, which look like hysteresis, delay or a Stribeck curve. The turn-over is a property of the model,
+chosen by likelihood before anything is looked for; a travel beyond the cap is an effect and is left for the search.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ident.diagnosis.model_view import ModelView, split_name
+from ident.diagnosis.rows import Rows
+from ident.diagnosis.scoring import Bank, make_bank, make_system
+from modelgen.effects.states import integrate_dahl
+
+RATES = tuple(5e-4 * 1.41**k for k in range(10))  # rad/s of tanh(dq / rate)
+TRAVELS = tuple(2e-5 * 1.35**k for k in range(11))  # rad of Dahl's law, up to 0.4 mrad
+WORTH = 2.0  # log-likelihood that a new turn-over must gain
+
+
+def settle_sign(rows: Rows, view: ModelView, bank: Bank, passes: int = 2) -> tuple[Rows, ModelView, Bank]:
+    """Rows, view and bank with each joint's turn-over chosen."""
+    places: dict[int, list[tuple[int, list[int]]]] = {}
+    for k, name in enumerate(view.parameters):
+        kind, row = split_name(name)
+        if kind in ("Fcm", "Fcl"):
+            channels = [c for c, (index, _) in enumerate(view.entries) if k in index]
+            places.setdefault(row - 1, []).append((k, channels))
+    if not places:
+        return rows, view, bank
+    fine = rows.fine
+    sign = fine.sign.copy()
+    filtered = rows.low_pass @ sign
+    options = {j: _options(rows, j) for j in places}
+    base = bank.base
+    for _ in range(passes):
+        system = make_system(bank, np.zeros((*base.shape[:2], 0)), rows.y)
+        changed = False
+        for j, columns in places.items():
+            best, gain = None, WORTH
+            for option, (values, low) in enumerate(options[j]):
+                d = low - filtered[:, j]
+                if np.abs(d).max() < 1e-9:
+                    continue
+                change = {c: np.zeros((len(d), len(columns))) for c in {c for _, cs in columns for c in cs}}
+                for i, (_, cs) in enumerate(columns):
+                    for c in cs:
+                        change[c][:, i] = d
+                score = system.score(change)
+                size = np.array([system.coefficients[k] for k, _ in columns])
+                ratio = float(score.coefficients @ size) / max(float(size @ size), 1e-30)  # 1: replaces it all
+                if score.identify > gain and 0.5 < ratio < 3.0:
+                    best, gain = option, score.identify
+            if best is not None:
+                sign[:, j], filtered[:, j] = options[j][best]
+                changed = True
+        if not changed:
+            break
+        base = base.copy()
+        for j, columns in places.items():
+            for k, channels in columns:
+                for c in channels:
+                    base[c, :, k] = filtered[:, j]
+        bank = make_bank(base, bank.keep, bank.folds)
+    entries = [(index, values.copy()) for index, values in view.entries]
+    for j, columns in places.items():
+        for k, channels in columns:
+            for c in channels:
+                index, values = entries[c]
+                values[:, int(np.flatnonzero(index == k)[0])] = sign[:, j]
+    rows = replace(rows, fine=replace(fine, sign=sign))
+    return rows, replace(view, entries=tuple(entries)), bank
+
+
+def _options(rows: Rows, joint: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """(fine, filtered) turn-overs of a joint, from sharp to soft."""
+    fine = rows.fine
+    floor = 1.5 * float(fine.velocity_noise[:, joint].max())
+    top = 0.02 * float(np.abs(fine.dq[:, joint]).max())
+    rates = [r for r in RATES if floor <= r <= top] or [max(floor, 1e-3)]
+    values = [np.tanh(fine.dq[:, joint] / r) for r in rates]
+    for travel in TRAVELS:
+        z = np.empty(len(fine.t))
+        for piece in fine.pieces:
+            q = fine.q[piece, joint]
+            start = float(np.sign(q[min(len(q) - 1, 5)] - q[0]))
+            z[piece] = integrate_dahl(q, {"width": travel}, start)
+        values.append(z)
+    low = rows.low_pass @ np.stack(values, axis=1)
+    return [(v, low[:, i]) for i, v in enumerate(values)]
