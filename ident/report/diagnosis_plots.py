@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from ident.diagnosis import Diagnosis
-from ident.report.diagnosis_report import POINTS, ResidualView, binned_median, effect_name, place
+from ident.report.diagnosis_report import POINTS, ResidualView, effect_name, place
 from ident.report.diagnosis_result import views_of
 from ident.report.wording import percent, readable_unit
 
@@ -43,11 +43,14 @@ def residual(
     role = next(role for role in ("test", "validate", "identify") if role in errors["before"])
     for ax, (name, values, colour) in zip(axes, states, strict=True):
         ax.plot(view.x[::step], values[::step], ".", color=colour, ms=2.5, alpha=0.6, rasterized=True)
-        ax.plot(*binned_median(view.x, values), color="black", lw=1)
+        for (label, curve), line in zip(view.medians(values).items(), ("-", "--"), strict=False):
+            ax.plot(*curve, line, color="black", lw=1, label=label)
         ax.axhline(0, color="0.6", lw=0.6, zorder=0)
         ax.set_xlabel(f"{view.variable} [{readable_unit(view.variable_unit)}]")
         error = errors[name][role].get(view.channel)
         ax.set_title(f"{name}: {percent(error)} error on {role} runs" if error is not None else name)
+    if view.forward is not None:
+        axes[0].legend(fontsize="small")
     axes[0].set_ylabel(f"residual of {view.channel} [{readable_unit(view.unit)}]")
     what = effect_name(item["effect"]) if "effect" in item else "no known effect"
     figure.suptitle(f"{what}, {place(item['joints'])}")

@@ -21,7 +21,8 @@ class ResidualView:
     """A channel's residual against the variable that gave an effect away, before and after it was added.
 
     Shapes: x, before, after (N,); `after` may be None where nothing was added. `belongs_to` is
-    ("findings" | "unexplained", index in diagnosis.json).
+    ("findings" | "unexplained", index in diagnosis.json). `forward` (N,) parts the samples by the sign of the
+    joint's rate where the effect does.
     """
 
     belongs_to: tuple[str, int]
@@ -32,6 +33,18 @@ class ResidualView:
     x: NDArray[np.float64]
     before: NDArray[np.float64]
     after: NDArray[np.float64] | None
+    forward: NDArray[np.bool_] | None = None
+
+    def medians(
+        self, residual: NDArray[np.float64]
+    ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Curves of medians by name: one, or one for each direction of motion."""
+        if self.forward is None:
+            return {"median": binned_median(self.x, residual)}
+        return {
+            "median, dq > 0": binned_median(self.x[self.forward], residual[self.forward]),
+            "median, dq < 0": binned_median(self.x[~self.forward], residual[~self.forward]),
+        }
 
 
 def effect_name(name: str) -> str:
@@ -280,10 +293,11 @@ def _view_plot(view: ResidualView) -> Plot:
     step = max(len(view.x) // POINTS, 1)
     panels = []
     for name, residual, role in states:
-        centres, medians = binned_median(view.x, residual)
+        dashes = ("solid", "dash")
+        curves = zip(view.medians(residual).items(), dashes, strict=False)
         traces = (
             Trace(name, view.x[::step], residual[::step], role, kind="points"),
-            Trace("median", centres, medians, "error"),
+            *(Trace(label, x, y, "error", dash=dash) for (label, (x, y)), dash in curves),
         )
         panels.append(Panel(f"{name} [{unit}]", traces, share=1.1))
     label = f"{view.variable} [{readable_unit(view.variable_unit)}]"

@@ -98,7 +98,16 @@ def _finding_view(index: int, term: Term, step: Step) -> ResidualView:
         x=values[rows.filter.centres][use],
         before=step.before.system.residual[channel][use],
         after=step.after.system.residual[channel][use],
+        forward=_forward(term, name, context, use),
     )
+
+
+def _forward(term: Term, variable: str, context: Context, use: NDArray[np.bool_]) -> NDArray[np.bool_] | None:
+    """(N,) True where the joint moves forward, if the effect takes its sign and the view does not show it."""
+    if term.joint is None or "sign_dq" not in term.effect.needs or variable.startswith("dq"):
+        return None
+    rows = context.rows
+    return rows.fine.dq[rows.filter.centres, term.joint][use] > 0
 
 
 def _unexplained_view(
