@@ -67,6 +67,7 @@ def main() -> None:
     parser.add_argument("--correlation", type=float, default=0.01, help="time constant of the AR(1) noise, s")
     parser.add_argument("--noise", type=float, default=1.0, help="percent of each channel's rms")
     parser.add_argument("--cutoff", type=float, default=0.8)
+    parser.add_argument("--sign-velocity", type=float, default=None, help="as in a study's filter")
     parser.add_argument("--list", action="store_true", help="coverage of each parameter")
     parser.add_argument("--effective", action="store_true", help="effective rows in the F-test")
     chosen = parser.parse_args()
@@ -81,7 +82,8 @@ def main() -> None:
         simulated = simulate("kuka_lwr4p", chosen.model, payload_kg=4.6136, seed=motion, sensors=silent, runs=RUNS)
         with tempfile.TemporaryDirectory() as folder:
             study = load_study(write_simulation(simulated, Path(folder)))
-            settings = study.filter.model_copy(update={"decimation_cutoff_hz": chosen.cutoff})
+            settings = study.filter.model_copy(update={"decimation_cutoff_hz": chosen.cutoff,
+                                                      "sign_velocity": chosen.sign_velocity})
             prepared = prepare_study(study.with_(filter=settings))
             clean = [observe(stream, bank, prepared.columns, chosen.cutoff)
                      for stream, bank in zip(prepared.streams, prepared.banks)]  # fmt: skip

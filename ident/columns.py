@@ -22,6 +22,7 @@ from ident.study import Study
 PAYLOAD = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
 UNITS = {"XX": "kg m^2", "XY": "kg m^2", "XZ": "kg m^2", "YY": "kg m^2", "YZ": "kg m^2", "ZZ": "kg m^2",
          "MX": "kg m", "MY": "kg m", "MZ": "kg m", "M": "kg", "Iam": "kg m^2", "Iac": "kg m^2",
+         "Ial": "kg m^2",
          "Fvm": "N m s/rad", "Fvl": "N m s/rad", "Fvc": "N m s/rad", "Fcm": "N m", "Fcl": "N m", "Fcc": "N m",
          "Offm": "N m", "Offl": "N m", "g": "N m/unit"}  # fmt: skip
 TERMS = {"coulomb_friction": ("Fcm", "Fcl"), "viscous_friction": ("Fvm", "Fvl"), "offset": ("Offm", "Offl"),
@@ -103,7 +104,7 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
                 placed[label][k] = len(parameters)
                 parameters.append(f"{kind}{label}")
     gain_columns, extras = _gains(study, model, need, parameters) if gains_unknown else ({}, [])
-    extras += _coupled_drives(study, need, parameters)
+    extras += _coupled_drives(study, need, parameters) + _link_inertia(study, need, parameters)
     nonzeros = np.asarray(model.nonzeros)
     sources: dict[str | None, tuple[np.ndarray, np.ndarray]] = {}
     for label, table in placed.items():
@@ -116,7 +117,7 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
 
 def unit_of(name: str) -> str:
     """kg m^2 of ZZ2R, kg of ML, ...; empty for names that are not the paper's."""
-    kind = re.match(r"Iam|Iac|Fv[mlc]|Fc[mlc]|Off[ml]|[XYZ]{2}|M[XYZ]|M|g", name)
+    kind = re.match(r"Iam|Iac|Ial|Fv[mlc]|Fc[mlc]|Off[ml]|[XYZ]{2}|M[XYZ]|M|g", name)
     return UNITS.get(kind[0], "") if kind else ""
 
 
@@ -184,6 +185,32 @@ def _coupled_drives(study: Study, need: Need, parameters: list[str]) -> list[Ext
             parameters.append(f"{kind}{second}")
             extras += [Extra(here, column, _coupled(kind, here, other)) for here, other in ((a, b), (b, a))]
     return extras
+
+
+def _link_inertia(study: Study, need: Need, parameters: list[str]) -> list[Extra]:
+    """`link_inertia: true`: Ial_j ddq_j in sensor channel j, what of the gear's output turns beyond the sensor.
+
+    The rigid model of a link has a moment about its own axis that other joints' motion shares (ZZ_j); gear and
+    bearing rings, and the sensor's own lag, follow the joint's acceleration alone. All baselines of the recorded
+    robots have this term.
+    """
+    if not study.link_inertia:
+        return []
+    if study.model not in "BC":
+        raise StudyError(str(study.file), "link_inertia", f"model {study.model} has no sensor channel of its own; "
+                                                          "choose model B or C")
+    extras, first = [], len(need.joints) if study.model == "C" else 0
+    for k, joint in enumerate(need.joints):
+        extras.append(Extra(first + k, len(parameters), _acceleration(k)))
+        parameters.append(f"Ial{joint}")
+    return extras
+
+
+def _acceleration(k: int) -> Values:
+    def values(block: FilteredBlock) -> np.ndarray:
+        return block.ddq[:, k]
+
+    return values
 
 
 def _coupled(kind: str, here: int, other: int) -> Values:

@@ -226,7 +226,7 @@ def bounded(estimate: Estimate) -> tuple[Estimate, tuple[str, ...]]:
 
 def not_negative(name: str) -> bool:
     """Whether physics forbids a negative value: rotor inertia, friction, mass (regrouped friction too)."""
-    return name.startswith(("Iam", "Iac", "Fv", "Fc")) or (name[0] == "M" and name[1:2] not in ("X", "Y", "Z")
+    return name.startswith(("Iam", "Iac", "Ial", "Fv", "Fc")) or (name[0] == "M" and name[1:2] not in ("X", "Y", "Z")
                                                            and not name.endswith("R"))  # fmt: skip
 
 

@@ -117,7 +117,14 @@ class FilterSettings(_Strict):
 
 
 class Study(_Strict):
-    """What is identified from which runs; see the README for one line on every key."""
+    """What is identified from which runs.
+
+    Beside the keys of the contract: `without` leaves terms out of the model; `link_inertia` gives each joint torque
+    sensor an inertia of its own, Ial ddq_j; `coupled_drives` pairs joints whose motors a gearbox couples;
+    `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads [kg]; `bounds`, `robust`,
+    `reduction`, `alpha`, `effective_rows` choose the estimator; `trim_rest: false` keeps rest at the ends; `folder`
+    is where the recordings are.
+    """
 
     robot: str
     model: Literal["A", "B", "C", "D"] = "A"
@@ -127,6 +134,7 @@ class Study(_Strict):
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
     without: tuple[str, ...] = ()
     effects: tuple[str, ...] = ()
+    link_inertia: bool = False
     coupled_drives: tuple[tuple[int, int], ...] = ()
     positions: Literal["motor", "joint"] = "motor"
     stiffness: tuple[Number, ...] | None = None
@@ -137,7 +145,6 @@ class Study(_Strict):
     alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.05
     effective_rows: bool = True
     trim_rest: bool = True
-    drop_rest: bool = False
     folder: str | None = None
     file: Path = Field(default=Path("study.yaml"), exclude=True)   # where it was read; not a key of the file
 
