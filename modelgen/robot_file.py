@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import hashlib
 import keyword
-import math
 import re
 from importlib.resources import files
 from pathlib import Path
@@ -14,7 +13,7 @@ from typing import Any
 import sympy as sp
 import yaml
 
-from modelgen.errors import ExpressionError, RobotFileError
+from modelgen.errors import ExpressionError, ModelgenError, RobotFileError
 from modelgen.expressions import parse
 from modelgen.robot import SIGMA, Limits, Link, Robot
 
@@ -106,111 +105,113 @@ def parse_robot(data: bytes | str, source: str = "robot") -> Robot:
     except (yaml.YAMLError, ValueError) as error:
         raise RobotFileError(source, " ".join(str(error).split())) from None
     try:
-        return _robot(table, source, hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest())
-    except ExpressionError as error:
+        return _robot(table, hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest())
+    except ModelgenError as error:
         raise RobotFileError(source, str(error)) from None
 
 
-def _robot(table: Any, source: str, sha256: str) -> Robot:
-    def refuse(problem: str) -> RobotFileError:
-        return RobotFileError(source, problem)
-
+def _robot(table: Any, sha256: str) -> Robot:
     if not isinstance(table, dict):
-        raise refuse("is not a mapping; start it with name, convention, gravity and links")
-    _check_keys(table, {"name", "convention", "gravity", "links"}, ROBOT_KEYS, "the robot file", refuse)
+        raise ModelgenError("is not a mapping; start it with name, convention, gravity and links")
+    _check_keys(table, {"name", "convention", "gravity", "links"}, ROBOT_KEYS, "the robot file")
     name = table["name"]
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9_.-]{1,80}", name) or name.startswith("."):
-        raise refuse(f"name is {name!r}; use letters, digits, '_', '-' and '.'")
+        raise ModelgenError(f"name is {name!r}; use letters, digits, '_', '-' and '.'")
     if table["convention"] != "mdh":
-        raise refuse(
+        raise ModelgenError(
             f"convention is {table['convention']!r}; only mdh (Khalil's modified Denavit-Hartenberg) is read"
         )
-    constants = _constants(table.get("constants") or {}, refuse)
+    constants = _constants(table.get("constants") or {})
     symbols: dict[str, sp.Expr] = {c: sp.Symbol(c, real=True) for c in constants}
-    gravity = _gravity(table["gravity"], symbols, refuse)
+    gravity = _gravity(table["gravity"], symbols, constants)
     rows = table["links"]
     if not isinstance(rows, list) or not rows:
-        raise refuse("links is not a list of rows; give one mapping per link")
+        raise ModelgenError("links is not a list of rows; give one mapping per link")
     if len(rows) > MOST_LINKS:
-        raise refuse(f"has {len(rows)} links; at most {MOST_LINKS} are accepted")
-    links = tuple(_link(row, j, len(rows), symbols, constants, refuse) for j, row in enumerate(rows, 1))
-    _check_tree(links, refuse)
-    _check_names(links, refuse)
-    return Robot(
-        name, gravity, links, constants, _payloads(table.get("payloads") or {}, len(links), refuse), sha256
-    )
+        raise ModelgenError(f"has {len(rows)} links; at most {MOST_LINKS} are accepted")
+    links = tuple(_link(row, j, len(rows), symbols, constants) for j, row in enumerate(rows, 1))
+    _check_tree(links)
+    _check_names(links)
+    return Robot(name, gravity, links, constants, _payloads(table.get("payloads") or {}, len(links)), sha256)
 
 
-def _check_keys(table: dict, required: set[str], known: set[str], where: str, refuse: Any) -> None:
+def _check_keys(table: dict, required: set[str], known: set[str], where: str) -> None:
     for key in table:
         if key not in known:
             close = difflib.get_close_matches(str(key), known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known keys are {', '.join(sorted(known))}."
-            raise refuse(f"{where} has the unknown key {key}; {hint}")
+            raise ModelgenError(f"{where} has the unknown key {key}; {hint}")
     for key in sorted(required - table.keys()):
-        raise refuse(f"{where} has no {key}; add the key {key}")
+        raise ModelgenError(f"{where} has no {key}; add the key {key}")
 
 
-def _constants(table: Any, refuse: Any) -> dict[str, sp.Expr]:
+def _constants(table: Any) -> dict[str, sp.Expr]:
     if not isinstance(table, dict):
-        raise refuse("constants is not a mapping; write for example {rl3: 0.4}")
+        raise ModelgenError("constants is not a mapping; write for example {rl3: 0.4}")
     constants = {}
     for name, value in table.items():
         if not isinstance(name, str) or not NAME.match(name) or keyword.iskeyword(name):
-            raise refuse(f"the constant {name!r} is not an identifier; use letters, digits and '_'")
+            raise ModelgenError(f"the constant {name!r} is not an identifier; use letters, digits and '_'")
         if name == "pi" or VARIABLE.match(name) or PARAMETER.match(name):
-            raise refuse(
+            raise ModelgenError(
                 f"the constant {name} bears the name of pi, a joint variable or a parameter; rename it"
             )
         try:
             constants[name] = parse(value, {})
         except ExpressionError as error:
-            raise refuse(f"constant {name}: {error}") from None
+            raise ModelgenError(f"constant {name}: {error}") from None
     return constants
 
 
-def _gravity(row: Any, symbols: dict[str, sp.Expr], refuse: Any) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
+def _gravity(
+    row: Any, symbols: dict[str, sp.Expr], constants: dict[str, sp.Expr]
+) -> tuple[sp.Expr, sp.Expr, sp.Expr]:
     if not isinstance(row, list) or len(row) != 3:
-        raise refuse("gravity is not three numbers; write for example [0, 0, -9.81]")
+        raise ModelgenError("gravity is not three numbers; write for example [0, 0, -9.81]")
     try:
         x, y, z = (parse(value, symbols) for value in row)
     except ExpressionError as error:
-        raise refuse(f"gravity: {error}") from None
+        raise ModelgenError(f"gravity: {error}") from None
+    for value in (x, y, z):
+        _check_finite(value, constants, "gravity")
     return x, y, z
 
 
-def _link(
-    row: Any, j: int, count: int, symbols: dict[str, sp.Expr], constants: dict[str, sp.Expr], refuse: Any
-) -> Link:
+def _check_finite(value: sp.Expr, constants: dict[str, sp.Expr], where: str) -> None:
+    number = value.xreplace({sp.Symbol(name, real=True): c for name, c in constants.items()})
+    if not (number.is_finite and number.is_real):
+        raise ModelgenError(f"{where} is not a finite number with the constants as they are; correct it")
+
+
+def _link(row: Any, j: int, count: int, symbols: dict[str, sp.Expr], constants: dict[str, sp.Expr]) -> Link:
     where = f"link {j}"
     if not isinstance(row, dict):
-        raise refuse(
+        raise ModelgenError(
             f"{where} is not a mapping; write {{joint: revolute, antecedent: {j - 1}, alpha: 0, ...}}"
         )
-    _check_keys(row, {"joint", "antecedent", "alpha", "d", "theta", "r"}, LINK_KEYS, where, refuse)
+    _check_keys(row, {"joint", "antecedent", "alpha", "d", "theta", "r"}, LINK_KEYS, where)
     joint, antecedent = row["joint"], row["antecedent"]
     if not isinstance(joint, str) or joint not in SIGMA:
-        raise refuse(f"{where} has joint {joint!r}; use revolute, prismatic or fixed")
+        raise ModelgenError(f"{where} has joint {joint!r}; use revolute, prismatic or fixed")
     if isinstance(antecedent, bool) or not isinstance(antecedent, int) or not 0 <= antecedent <= count:
-        raise refuse(
+        raise ModelgenError(
             f"{where} has antecedent {antecedent!r}; use 0 for the base or the number of another link"
         )
     name = row.get("name", f"link{j}")
     if not isinstance(name, str) or not name.strip() or len(name) > 80:
-        raise refuse(f"{where} has the name {name!r}; use a short text")
+        raise ModelgenError(f"{where} has the name {name!r}; use a short text")
     known = {**symbols, **{v: sp.Symbol(v, real=True) for v in _variables_in(row)}}
     values = {}
     for key in ("gamma", "b", "alpha", "d", "theta", "r"):
         try:
             values[key] = parse(row.get(key, 0), known)
         except ExpressionError as error:
-            raise refuse(f"{where}, {key}: {error}") from None
-    variable = _take_variable(values, joint, j, refuse)
+            raise ModelgenError(f"{where}, {key}: {error}") from None
+    variable = _take_variable(values, joint, j)
     for key, value in values.items():
-        if not math.isfinite(float(value.xreplace({symbols[c]: v for c, v in constants.items()}))):
-            raise refuse(f"{where}, {key} is not a finite number; correct it")
+        _check_finite(value, constants, f"{where}, {key}")
     return Link(
-        name, joint, antecedent, variable=variable, limits=_limits(row.get("limits"), where, refuse), **values
+        name, joint, antecedent, variable=variable, limits=_limits(row.get("limits"), where), **values
     )
 
 
@@ -224,7 +225,7 @@ def _variables_in(row: dict) -> set[str]:
     }
 
 
-def _take_variable(values: dict[str, sp.Expr], joint: str, j: int, refuse: Any) -> str | None:
+def _take_variable(values: dict[str, sp.Expr], joint: str, j: int) -> str | None:
     """Remove the joint variable from `values` in place and return its name; None on a fixed joint."""
     moving_key = {"revolute": "theta", "prismatic": "r", "fixed": ""}[joint]
     found: str | None = None
@@ -232,31 +233,31 @@ def _take_variable(values: dict[str, sp.Expr], joint: str, j: int, refuse: Any) 
         variables = [s for s in value.free_symbols if VARIABLE.match(str(s))]
         if variables and key != moving_key:
             remedy = f"only {moving_key} may" if moving_key else "a fixed joint has none"
-            raise refuse(f"link {j} is {joint}, but its {key} contains {variables[0]}; {remedy}")
+            raise ModelgenError(f"link {j} is {joint}, but its {key} contains {variables[0]}; {remedy}")
         if len(variables) > 1:
-            raise refuse(f"link {j}, {key} contains {len(variables)} joint variables; keep one")
+            raise ModelgenError(f"link {j}, {key} contains {len(variables)} joint variables; keep one")
         if variables:
             rest = sp.expand(value - variables[0])
             if rest.has(variables[0]):
-                raise refuse(
+                raise ModelgenError(
                     f"link {j}, {key} must be {variables[0]} plus a constant; alpha reverses an axis"
                 )
             values[key], found = rest, str(variables[0])
     if moving_key and found is None:
-        raise refuse(
+        raise ModelgenError(
             f"link {j} is {joint}, but its {moving_key} contains no joint variable; write {moving_key}: q{j}"
         )
     return found
 
 
-def _limits(table: Any, where: str, refuse: Any) -> Limits | None:
+def _limits(table: Any, where: str) -> Limits | None:
     if table is None:
         return None
     if isinstance(table, list):
         table = {"q": table}
     remedy = "write limits: {q: [lo, hi], dq: speed, ddq: acceleration, tau: torque} in SI units"
     if not isinstance(table, dict) or table.keys() - {"q", "dq", "ddq", "tau"}:
-        raise refuse(f"{where}, limits is {table!r}; {remedy}")
+        raise ModelgenError(f"{where}, limits is {table!r}; {remedy}")
     try:
         scalars = {k: float(parse(table[k], {})) for k in ("dq", "ddq", "tau") if k in table}
         interval = None
@@ -264,13 +265,13 @@ def _limits(table: Any, where: str, refuse: Any) -> Limits | None:
             lo, hi = (float(parse(x, {})) for x in table["q"])
             interval = (lo, hi)
     except (ExpressionError, TypeError, ValueError):
-        raise refuse(f"{where}, limits is {table!r}; {remedy}") from None
+        raise ModelgenError(f"{where}, limits is {table!r}; {remedy}") from None
     if (interval and interval[0] >= interval[1]) or any(v <= 0 for v in scalars.values()):
-        raise refuse(f"{where}, limits is {table!r}; lo must be below hi and the rest positive")
+        raise ModelgenError(f"{where}, limits is {table!r}; lo must be below hi and the rest positive")
     return Limits(q=interval, **scalars)
 
 
-def _check_tree(links: tuple[Link, ...], refuse: Any) -> None:
+def _check_tree(links: tuple[Link, ...]) -> None:
     for j in range(1, len(links) + 1):
         way, row = [j], links[j - 1].antecedent
         while row and row not in way:
@@ -278,56 +279,58 @@ def _check_tree(links: tuple[Link, ...], refuse: Any) -> None:
             row = links[row - 1].antecedent
         if row:
             loop = way[way.index(row) :]
-            raise refuse(
+            raise ModelgenError(
                 f"the antecedents of links {', '.join(map(str, sorted(loop)))} form a cycle; lead each to 0"
             )
     for j, link in enumerate(links, 1):
         if link.antecedent > j:
-            raise refuse(
+            raise ModelgenError(
                 f"link {j} comes before its antecedent {link.antecedent}; list a link after its antecedent"
             )
     variables = [link.variable for link in links if link.variable]
     for v in variables:
         if variables.count(v) > 1:
-            raise refuse(f"the joint variable {v} is used by {variables.count(v)} links; give each its own")
+            raise ModelgenError(
+                f"the joint variable {v} is used by {variables.count(v)} links; give each its own"
+            )
     if not variables:
-        raise refuse("has no moving joint; give at least one link joint: revolute or prismatic")
+        raise ModelgenError("has no moving joint; give at least one link joint: revolute or prismatic")
     by_row = [f"q{j}" for j, link in enumerate(links, 1) if link.variable]
     by_order = [f"q{k}" for k in range(1, len(variables) + 1)]
     if variables not in (by_row, by_order):
-        raise refuse(
+        raise ModelgenError(
             f"its joint variables are {', '.join(variables)}; number them {', '.join(by_order)} in order"
         )
 
 
-def _check_names(links: tuple[Link, ...], refuse: Any) -> None:
+def _check_names(links: tuple[Link, ...]) -> None:
     first: dict[str, int] = {}
     for j, link in enumerate(links, 1):
         if link.name in first:
-            raise refuse(
+            raise ModelgenError(
                 f"links {first[link.name]} and {j} are both named {link.name}; give each its own name"
             )
         first[link.name] = j
 
 
-def _payloads(table: Any, count: int, refuse: Any) -> dict[str, int]:
+def _payloads(table: Any, count: int) -> dict[str, int]:
     if not isinstance(table, dict):
-        raise refuse("payloads is not a mapping; write for example {L: 7}")
+        raise ModelgenError("payloads is not a mapping; write for example {L: 7}")
     for label, link in table.items():
-        check_payload_label(label, refuse)
+        check_payload_label(label)
         if isinstance(link, bool) or not isinstance(link, int) or not 1 <= link <= count:
-            raise refuse(f"payload {label} is fixed to link {link!r}; name a link from 1 to {count}")
+            raise ModelgenError(f"payload {label} is fixed to link {link!r}; name a link from 1 to {count}")
     return dict(table)
 
 
-def check_payload_label(label: object, refuse: Any) -> None:
+def check_payload_label(label: object) -> None:
     """A label continues a parameter's name (ML): letters first, and no final R, which marks regrouping."""
     if (
         not isinstance(label, str)
         or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,20}", label)
         or label.endswith("R")
     ):
-        raise refuse(
+        raise ModelgenError(
             f"the payload label {label!r} is not a letter followed by letters, digits or _ without a final R"
             "; rename it"
         )

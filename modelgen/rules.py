@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import sympy as sp
 
 from modelgen.exact import Exact
-from modelgen.kinematics import Number
 from modelgen.models import Model, model
 from modelgen.newton_euler import INERTIAL
 from modelgen.regrouping import Coordinates, regroup_inertial, regroup_payload
@@ -76,7 +75,7 @@ def derive_rules(robot: Robot, model_name: str, payload: str | None = None) -> R
     """
     chosen = model(model_name)
     if payload is not None:
-        check_payload_label(payload, _refuse)
+        check_payload_label(payload)
     standard = chosen.standard_parameters(robot, payload)
     rotors_regroup = len(chosen.families) == 1 and "Iam" in chosen.kinds
     inertial = regroup_inertial(robot, rotors_regroup) if "M" in chosen.kinds else None
@@ -113,20 +112,10 @@ def _assemble(
     def group(p: StandardParameter) -> int:
         return 2 if p.payload else 0 if p.kind in INERTIAL else 1
 
-    named = {p.name: {n: _expression(c, exact) for n, c in columns[p.name].items()} for p in standard}
+    named = {p.name: {n: exact.expression(c) for n, c in columns[p.name].items()} for p in standard}
     kept = sorted((p for p in standard if named[p.name] == {p.name: 1}), key=group)
     base = []
     for p in kept:
         others = {s.name: named[s.name][p.name] for s in standard if s is not p and p.name in named[s.name]}
         base.append(BaseParameter(p, {p.name: sp.Integer(1), **others}))
     return Rules(robot, chosen, payload, standard, tuple(base), named)
-
-
-def _expression(number: Number, exact: Exact) -> sp.Expr:
-    return exact.expression(number)
-
-
-def _refuse(problem: str) -> Exception:
-    from modelgen.errors import ModelgenError
-
-    return ModelgenError(problem)

@@ -110,6 +110,32 @@ def test_twists_that_undo_each_other_make_parallel_axes():
         agrees_with_the_numeric_rank(robot)
 
 
+@pytest.mark.parametrize(
+    "twists",
+    [
+        ("pi/5", "pi/7", "2*pi/7"),
+        ("pi/12", 0.5, "pi/8"),
+        ("tilt", "tilt + pi/2", "-tilt"),
+        ("0.3*pi", "pi/6", 1),
+    ],
+)
+def test_any_angle_and_named_ones(twists):
+    links = [
+        {"joint": "revolute", "antecedent": j, "alpha": a, "d": "pi/10", "theta": f"q{j + 1}", "r": 0.3}
+        for j, a in enumerate((0, *twists))
+    ]
+    table = {
+        "name": "a",
+        "convention": "mdh",
+        "gravity": [0, 0, -9.81],
+        "constants": {"tilt": 0.3},
+        "links": links,
+    }
+    robot = parse_robot(json.dumps(table))
+    agrees_with_the_numeric_rank(robot)
+    assert broken_columns(derive_rules(robot, "A"), states=1) == ()
+
+
 def test_a_nearly_right_angle_is_not_a_right_angle():
     """1.5708 is not pi/2: exact counting says so, where a tolerance would not know."""
     right = chain(("revolute", 0, 0, 0), ("revolute", "pi/2", 0, 0))

@@ -103,6 +103,11 @@ BAD = {
     "huge power": (changed("links.0.d", "9**9**9"), "power"),
     "NaN length": (changed("links.0.d", float("nan")).replace("NaN", ".nan"), "finite"),
     "infinite constant": (changed("constants.rl3", float("inf")).replace("Infinity", ".inf"), "finite"),
+    "division by a constant that is zero": (
+        changed("links.2.r", "q3 + 1/rl3").replace("0.4", "0.0"),
+        "not a finite number",
+    ),
+    "gravity divided by zero": (changed("gravity", [0, 0, "1/rl3"]).replace("0.4", "0.0"), "gravity"),
     "constant is a list": (changed("constants.rl3", [1]), "rl3"),
     "constant named like a joint": (changed("constants", {"q1": 1, "rl3": 1}), "q1"),
     "constant named like a parameter": (changed("constants", {"MX2": 1, "rl3": 1}), "MX2"),
