@@ -24,7 +24,7 @@ import numpy as np
 
 import generated
 from generated import cache, compiling
-from generated.kernel import Kernel, Samples
+from generated.kernel import Kernel, Placement, Samples
 from generated.model import BLOCK, _rows
 
 HERE = Path(__file__).parent
@@ -110,11 +110,10 @@ def inertial_blocks(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Callable[
     kernel = m._kernel
     assert isinstance(kernel, Kernel), "no compiler"
     entries = m._description["columns"]
-    rows = _rows(1, entries)
-    block, samples = (
-        kernel.block([rows[:, k] for k in range(entries)], [], BLOCK),
-        Samples(q, dq, ddq, None, np.empty((len(q), 0))),
-    )
+    nothing = np.empty(0, dtype=np.int64)
+    place = Placement(np.arange(entries), nothing.astype(np.int32), nothing, nothing)
+    block = kernel.block(_rows(1, entries), place, BLOCK)
+    samples = Samples(q, dq, ddq, None, np.empty((len(q), 0)))
 
     def run() -> None:
         for first in range(0, len(q), BLOCK):
@@ -200,7 +199,7 @@ def report(options, m, ns: dict[str, float], best: dict[str, float], agreement: 
         return
     print(f"{options.samples} samples, medians of {options.repeats} interleaved rounds; ns per sample")
     print(
-        f"operations of the inertial regressor, given cos and sin: {m.operations['add']} add, {m.operations['mul']} mul"
+        f"inertial regressor, given cos and sin: {m.operations['add']} add, {m.operations['mul']} mul"
     )
     print(f"torques agree with Pinocchio's within {agreement:.1e} N m\n")
     print(f"{'':42}{'median':>9}{'best':>9}")

@@ -89,7 +89,7 @@ static inline void read_table(const table *t, ptrdiff_t first, ptrdiff_t last, i
     }
 }
 
-static inline void read_state(const samples *in, ptrdiff_t first, ptrdiff_t last, state *x)
+static __attribute__((noinline)) void read_state(const samples *in, ptrdiff_t first, ptrdiff_t last, state *x)
 {
     read_table(&in->q, first, last, JOINTS, x->q);
     read_table(&in->dq, first, last, JOINTS, x->dq);

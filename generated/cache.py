@@ -11,15 +11,19 @@ import atexit
 import hashlib
 import json
 import os
+import re
 import shutil
 import stat
 import tempfile
+import time
 import warnings
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 
 MANIFEST = "checksums.json"
+UNUSED_DAYS = 30
 
 
 def key(*parts: bytes | str) -> str:
@@ -88,7 +92,10 @@ def entry(name: str, build: Callable[[Path], None]) -> Path:
     root = folder()
     place = root / name
     if _whole(place):
+        with suppress(OSError):
+            os.utime(place / MANIFEST)  # in use
         return place
+    _prune(root)
     temporary = Path(tempfile.mkdtemp(prefix=".new-", dir=root))
     try:
         build(temporary)
@@ -97,6 +104,17 @@ def entry(name: str, build: Callable[[Path], None]) -> Path:
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return place
+
+
+def _prune(root: Path) -> None:
+    """Remove entries that nobody used for a while, and what a killed process left."""
+    oldest = time.time() - UNUSED_DAYS * 86400
+    for place in root.iterdir():
+        with suppress(OSError):
+            manifest = place / MANIFEST
+            used = (manifest if manifest.is_file() else place).stat().st_mtime
+            if used < oldest and re.match(r"(kernel|model|peer)-|\.(new|old)-", place.name):
+                shutil.rmtree(place, ignore_errors=True)
 
 
 def _move(temporary: Path, place: Path) -> None:

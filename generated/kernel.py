@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,16 @@ class Samples:
         self.pointer = ctypes.addressof(self.tables)
 
 
+@dataclass(frozen=True, slots=True)
+class Placement:
+    """Rows of a buffer: entry k goes to rows[k], then source copy_of[k] to copy_rows[k]; `ones` hold 1."""
+
+    rows: Array  # int64
+    copy_of: Array  # int32
+    copy_rows: Array  # int64
+    ones: Array
+
+
 class Kernel:
     """The functions of one compiled model. `rows` are half-open ranges of samples."""
 
@@ -66,12 +77,9 @@ class Kernel:
         for function in (self._entries, self._dense, self._torque):
             function.restype = None
 
-    def block(self, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int) -> Block:
-        """Where entries go: entry k to rows[k][g, :width], then source s of each (s, row) to that row.
-
-        A row is (groups, width or more): block g of `width` samples goes to row[g].
-        """
-        return Block(self, rows, copies, width)
+    def block(self, buffer: Array, place: Placement, width: int) -> Block:
+        """A writer into `buffer` (groups, rows, width or more): block g goes to buffer[g]."""
+        return Block(self._entries, buffer, place, width)
 
     def dense(
         self,
@@ -107,22 +115,18 @@ class Kernel:
 class Block:
     """A buffer's pointers, made once: `fill(samples, first, last)` writes those samples' entries."""
 
-    def __init__(
-        self, kernel: Kernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int
-    ) -> None:
-        self._keep = (rows, copies)
-        self._width = width
-        self._apart = next((row.strides[0] // 8 for row in (*rows, *(row for _, row in copies))), 0)
-        self._entries = kernel._entries
-        self._rows = (ctypes.c_void_p * max(len(rows), 1))(*(row.ctypes.data for row in rows))
-        self._count = len(copies)
-        self._of = (ctypes.c_int32 * max(len(copies), 1))(*(source for source, _ in copies))
-        self._copy_rows = (ctypes.c_void_p * max(len(copies), 1))(*(row.ctypes.data for _, row in copies))
-        self._pointers = tuple(ctypes.addressof(x) for x in (self._rows, self._of, self._copy_rows))
+    def __init__(self, function: Any, buffer: Array, place: Placement, width: int) -> None:
+        self._function, self._width = function, width
+        self._apart = buffer.strides[0] // 8
+        start, row = buffer.ctypes.data, buffer.strides[1]
+        rows, copy_rows = start + place.rows * row, start + place.copy_rows * row
+        self._keep = (buffer, place, rows, copy_rows)
+        self._count = len(place.copy_of)
+        self._pointers = (rows.ctypes.data, place.copy_of.ctypes.data, copy_rows.ctypes.data)
 
     def fill(self, samples: Samples, first: int, last: int) -> None:
-        """Entries of samples first .. last - 1, block after block from each row's first."""
+        """Entries of samples first .. last - 1, block after block from the buffer's first."""
         rows, of, copy_rows = self._pointers
-        self._entries(
+        self._function(
             samples.pointer, first, last, self._width, self._apart, rows, self._count, of, copy_rows
         )

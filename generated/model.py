@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from generated.errors import GeneratedError
-from generated.kernel import LANES, Samples
+from generated.kernel import LANES, Placement, Samples
 
 Array = np.ndarray
 BLOCK = 256  # samples: the block buffer stays in the second-level cache
@@ -22,7 +22,7 @@ CACHES = 8 << 20  # bytes: a larger W is written past the caches
 class Evaluator(Protocol):
     """What evaluates samples: the compiled `Kernel`, or `NumpyKernel` where there is no compiler."""
 
-    def block(self, rows: Any, copies: Any, width: int) -> Any: ...
+    def block(self, buffer: Array, place: Placement, width: int) -> Any: ...
     def dense(self, *arguments: Any) -> None: ...
     def torque(self, *arguments: Any) -> None: ...
 
@@ -65,6 +65,8 @@ class Model:
         self._source = np.array([self._source_number(entry[2]) for entry in nonzeros], dtype=np.int32)
         width = len(self.parameters)
         self._target = np.array([channel * width + p for channel, p, _ in nonzeros], dtype=np.int32)
+        self._in_W = self._placement(self._target)
+        self._in_nonzeros = self._placement(np.arange(len(nonzeros)))
 
     def __repr__(self) -> str:
         payload = f", payload={self.payload!r}" if self.payload else ""
@@ -178,7 +180,7 @@ class Model:
         def buffer(groups: int) -> Buffer:
             W = _rows(groups, shape[0] * shape[1])
             views = [W[g, :, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1) for g in range(groups)]
-            return Buffer(self._filler(W, self._target), views)
+            return Buffer(self._writer(W, self._in_W), views)
 
         return _blocks(samples, buffer, lambda view, count: view[:count], threads)
 
@@ -197,7 +199,7 @@ class Model:
 
         def buffer(groups: int) -> Buffer:
             values = _rows(groups, len(self._source))
-            return Buffer(self._filler(values, range(len(self._source))), [*values[:, :, :BLOCK]])
+            return Buffer(self._writer(values, self._in_nonzeros), [*values[:, :, :BLOCK]])
 
         return _blocks(samples, buffer, lambda values, count: values[:, :count], threads)
 
@@ -207,19 +209,25 @@ class Model:
             raise GeneratedError(f"there is no CasADi function {name!r}; choose 'regressor' or 'torque'.")
         return self._functions()[name]
 
-    def _filler(self, buffer: Array, place: Any) -> Any:
-        """The kernel's writer of non-zero k into buffer[:, place[k]]; constants are written here."""
+    def _placement(self, place: Array) -> Placement:
+        """Where a buffer holds what, if non-zero k stands in its row place[k]."""
         entries, one = self._description["columns"], self._description["columns"] + 3 * self.n
-        rows: dict[int, Array] = {}
-        copies = []
-        for source, k in zip(self._source.tolist(), place):
+        rows = np.full(entries, -1, dtype=np.int64)
+        ones, copies = [], []
+        for source, k in zip(self._source.tolist(), place.tolist()):
             if source == one:
-                buffer[:, k] = 1.0
-            elif source < entries and source not in rows:
-                rows[source] = buffer[:, k]
+                ones.append(k)
+            elif source < entries and rows[source] < 0:
+                rows[source] = k
             else:
-                copies.append((source, buffer[:, k]))
-        return self._kernel.block([rows[k] for k in range(entries)], copies, BLOCK)
+                copies.append((source, k))
+        of, to = np.array(copies, dtype=np.int64).reshape(-1, 2).T
+        return Placement(rows, of.astype(np.int32), to.copy(), np.array(ones, dtype=np.int64))
+
+    def _writer(self, buffer: Array, place: Placement) -> Any:
+        """The kernel's writer into `buffer` of zeros; constants are written here, once."""
+        buffer[:, place.ones] = 1.0
+        return self._kernel.block(buffer, place, BLOCK)
 
     def _samples(self, q: Any, dq: Any, ddq: Any, sign: Any, extra: Mapping[str, Any] | None) -> Samples:
         arrays = [self._table(name, value) for name, value in (("q", q), ("dq", dq), ("ddq", ddq))]

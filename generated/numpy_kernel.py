@@ -5,12 +5,11 @@ About 1 us a sample; CasADi's virtual machine, the other way without a compiler,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from generated.kernel import Samples
+from generated.kernel import Placement, Samples
 
 Array = np.ndarray
 CHUNK = 2048
@@ -31,8 +30,8 @@ class NumpyKernel:
         symbols = [sp.Symbol(name, real=True) for name in names]
         self._terms = sp.lambdify(symbols, list(derived.terms), "numpy") if derived.terms else None
 
-    def block(self, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int) -> _NumpyBlock:
-        return _NumpyBlock(self, rows, copies, width)
+    def block(self, buffer: Array, place: Placement, width: int) -> _NumpyBlock:
+        return _NumpyBlock(self, buffer, place, width)
 
     def sources(self, samples: Samples, first: int, last: int) -> tuple[list[Any], dict[str, Array]]:
         """Entries, then dq, ddq, sign of each joint and 1, as in batch.c; and the inputs by name."""
@@ -82,15 +81,16 @@ class NumpyKernel:
 
 
 class _NumpyBlock:
-    def __init__(
-        self, kernel: NumpyKernel, rows: Sequence[Array], copies: Sequence[tuple[int, Array]], width: int
-    ) -> None:
-        self._kernel, self._width = kernel, width
-        self._places = [*enumerate(rows), *copies]
+    def __init__(self, kernel: NumpyKernel, buffer: Array, place: Placement, width: int) -> None:
+        self._kernel, self._buffer, self._width = kernel, buffer, width
+        self._places = [
+            *enumerate(place.rows.tolist()),
+            *zip(place.copy_of.tolist(), place.copy_rows.tolist()),
+        ]
 
     def fill(self, samples: Samples, first: int, last: int) -> None:
         for g, start in enumerate(range(first, last, self._width)):
             stop = min(start + self._width, last)
             sources, _ = self._kernel.sources(samples, start, stop)
             for source, row in self._places:
-                row[g, : stop - start] = sources[source]
+                self._buffer[g, row, : stop - start] = sources[source]

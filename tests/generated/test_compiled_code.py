@@ -1,4 +1,4 @@
-"""The committed C: what the generator writes, plain C99, for a controller, the same numbers in every build."""
+"""The committed C: what the generator writes, plain C99, and the same numbers in every build."""
 
 import re
 import shutil
