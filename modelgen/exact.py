@@ -1,4 +1,4 @@
-"""Exact numbers of a robot's geometry, and the little linear algebra that regrouping needs.
+"""Exact numbers of a robot's geometry.
 
 A number is a rational wherever the geometry is (lengths of the robot file, twists of right angles).
 Otherwise it is a `Real`: its value with 100 digits, and its closed form in the geometry's generators, which
@@ -10,7 +10,7 @@ form was simplified. A form that outgrows reading is dropped, and the number is 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import mpmath
@@ -18,15 +18,13 @@ import sympy as sp
 from sympy.polys.domains import QQ
 from sympy.polys.fields import FracElement, FracField
 
-from modelgen.kinematics import Number, add, mul, sub
+from modelgen.kinematics import Number
 
 DIGITS = 100
 MP = mpmath.MPContext()  # our own, so that nobody else's precision changes
 MP.dps = DIGITS
 CANCELLED = MP.mpf(10) ** -60
 LONGEST_FORM = 24  # terms
-
-Vector = list[Number]
 
 
 class Real:
@@ -173,83 +171,3 @@ def _generators(expression: sp.Expr) -> set[sp.Expr]:
 def _nested_first(generator: sp.Expr) -> Any:
     """sqrt(1/2 - sqrt(2)/4) before sqrt(2), so that its square is written with the latter."""
     return -generator.count_ops(), sp.default_sort_key(generator)
-
-
-class Span:
-    """A space of vectors, kept as its reduced row echelon form."""
-
-    def __init__(self, size: int, vectors: Iterable[Vector] = ()) -> None:
-        self.size = size
-        self.rows: dict[int, Vector] = {}  # pivot -> row with 1 there and 0 at the other pivots
-        self.extend(vectors)
-
-    @property
-    def full(self) -> bool:
-        """True if the space is the whole space."""
-        return len(self.rows) == self.size
-
-    def extend(self, vectors: Iterable[Vector]) -> None:
-        """Add vectors to the space."""
-        for vector in vectors:
-            if self.full:
-                return
-            self._add(vector)
-
-    def _add(self, vector: Vector) -> None:
-        v = vector
-        for pivot, row in self.rows.items():
-            v = self._eliminated(v, row, pivot)
-        if not any(v):
-            return
-        pivot = next(i for i, x in enumerate(v) if x)
-        scale = v[pivot]
-        v = [_divided(x, scale) for x in v]
-        v[pivot] = 1
-        for other, row in self.rows.items():
-            self.rows[other] = self._eliminated(row, v, pivot)
-        self.rows[pivot] = v
-
-    def _eliminated(self, v: Vector, row: Vector, pivot: int) -> Vector:
-        factor = v[pivot]
-        if not factor:
-            return v
-        result = [sub(x, mul(factor, y)) for x, y in zip(v, row, strict=True)]
-        result[pivot] = 0
-        return result
-
-    def annihilator(self) -> dict[int, Vector]:
-        """The vectors x with v . x = 0 for all v of the space, as a basis: one per column that is no pivot.
-
-        The vector of such a column has 1 there, and 0 at the others of its kind.
-        """
-        basis = {}
-        for free in range(self.size):
-            if free not in self.rows:
-                x: Vector = [0] * self.size
-                x[free] = 1
-                for pivot, row in self.rows.items():
-                    x[pivot] = sub(0, row[free])
-                basis[free] = x
-        return basis
-
-
-def _divided(x: Number, y: Number) -> Number:
-    return x / (QQ(y) if isinstance(y, int) else y) if x else 0
-
-
-def product(a: Sequence[Sequence[Number]], b: Sequence[Sequence[Number]]) -> list[Vector]:
-    """Matrix product without the products by structural zeros."""
-    columns = list(zip(*b, strict=True))
-    return [[_dot(row, column) for column in columns] for row in a]
-
-
-def transposed(a: Sequence[Sequence[Number]]) -> list[Vector]:
-    """Matrix transpose."""
-    return [list(column) for column in zip(*a, strict=True)]
-
-
-def _dot(u: Sequence[Number], v: Sequence[Number]) -> Number:
-    total: Number = 0
-    for x, y in zip(u, v, strict=True):
-        total = add(total, mul(x, y))
-    return total

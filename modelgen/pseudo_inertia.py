@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 
 from sympy.polys.domains import QQ
 
-from modelgen.exact import product, transposed
+from modelgen.exact_linear_algebra import product, transposed
 from modelgen.kinematics import Geometry, Number, State, Vector, transforms
 
 Matrix = list[list[Number]]

@@ -32,7 +32,8 @@ from dataclasses import dataclass
 import sympy as sp
 from sympy.polys.domains import QQ
 
-from modelgen.exact import Exact, Span, product, transposed
+from modelgen.exact import Exact
+from modelgen.exact_linear_algebra import Span, product, transposed
 from modelgen.kinematics import Geometry, Number, Row, symbolic_geometry
 from modelgen.newton_euler import INERTIAL
 from modelgen.pseudo_inertia import (

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import sympy as sp
-import yaml
 
+from modelgen import strict_yaml
 from modelgen.errors import ExpressionError, ModelgenError, RobotFileError
 from modelgen.expressions import parse
 from modelgen.robot import SIGMA, Limits, Link, Robot
@@ -24,25 +24,6 @@ LINK_KEYS = {"name", "joint", "antecedent", "gamma", "b", "alpha", "d", "theta",
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
 VARIABLE = re.compile(r"q[1-9][0-9]*\Z")
 PARAMETER = re.compile(r"(XX|XY|XZ|YY|YZ|ZZ|MX|MY|MZ|M|Iam|Fvm|Fcm|Offm|Fvl|Fcl|Offl)[A-Z0-9]*\Z")
-
-
-class _StrictLoader(yaml.SafeLoader):
-    """Safe YAML without aliases (a "billion laughs" cannot grow) and without repeated keys."""
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        if self.check_event(yaml.AliasEvent):
-            raise yaml.YAMLError("YAML aliases are not accepted; write the value out")
-        return super().compose_node(parent, index)
-
-    def construct_mapping(self, node: Any, deep: bool = False) -> Any:
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if key.value in seen:
-                raise yaml.YAMLError(
-                    f"the key {key.value} appears twice (line {key.start_mark.line + 1}); keep one"
-                )
-            seen.add(key.value)
-        return super().construct_mapping(node, deep)
 
 
 def built_in_names() -> tuple[str, ...]:
@@ -92,19 +73,7 @@ def parse_robot(data: bytes | str, source: str = "robot") -> Robot:
         size = f"is larger than {LARGEST_FILE // 1024} KiB"
         raise RobotFileError(source, f"{size}; a robot file is a table of at most {MOST_LINKS} links")
     try:
-        table = yaml.load(data.decode(), Loader=_StrictLoader)
-    except UnicodeDecodeError:
-        raise RobotFileError(source, "is not UTF-8 text; save it as a YAML text file") from None
-    except RecursionError:
-        raise RobotFileError(source, "is nested too deeply; a robot file is a flat table") from None
-    except yaml.MarkedYAMLError as error:
-        where = f" (line {error.problem_mark.line + 1})" if error.problem_mark else ""
-        raise RobotFileError(
-            source, f"is not valid YAML{where}: {error.problem or error}; correct the syntax"
-        ) from None
-    except (yaml.YAMLError, ValueError) as error:
-        raise RobotFileError(source, " ".join(str(error).split())) from None
-    try:
+        table = strict_yaml.load(data)
         return _robot(table, hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest())
     except ModelgenError as error:
         raise RobotFileError(source, str(error)) from None

@@ -5,7 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from sympy.polys.domains import QQ
 
-from modelgen.exact import MP, Exact, Real, Span, digits
+from modelgen.exact import MP, Exact, Real, digits
+from modelgen.exact_linear_algebra import Span
 
 C, S = sp.cos(sp.Rational(3, 10)), sp.sin(sp.Rational(3, 10))
 RL3, RL5 = sp.Symbol("rl3", real=True), sp.Symbol("rl5", real=True)

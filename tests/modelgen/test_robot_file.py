@@ -1,10 +1,13 @@
 """Robot files: what they mean, and one sentence with exit status 2 for each way of being wrong."""
 
+import contextlib
 import copy
 import json
 
 import pytest
 import sympy as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from modelgen import cli
 from modelgen.errors import RobotFileError
@@ -138,6 +141,8 @@ BAD = {
     "limits of words": (changed("links.0.limits", {"q": "wide"}), "limits"),
     "billion laughs": (LAUGHS, "aliases"),
     "duplicate key": ("name: a\nname: b\n", "twice"),
+    "a list as key": ("[1, 2]: 3\n", "YAML"),
+    "a number beyond reason": (f"name: {'9' * 5000}\n", "YAML"),
     "python object": ("!!python/object/apply:os.system ['true']", "YAML"),
     "broken YAML": ("name: [unclosed", "YAML"),
     "a list": ("- 1\n- 2\n", "mapping"),
@@ -184,3 +189,28 @@ def test_a_missing_file_suggests_the_robot_that_was_meant(tmp_path):
 def test_line_endings_do_not_change_the_robot_s_hash():
     text = json.dumps(GOOD, indent=1)
     assert parse_robot(text).source_sha256 == parse_robot(text.replace("\n", "\r\n")).source_sha256
+
+
+json_values = st.recursive(
+    st.none() | st.booleans() | st.integers(-9, 9) | st.floats() | st.text(max_size=8) | st.just("q1"),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),
+    max_leaves=5,
+)
+PLACES = ["name", "convention", "gravity", "constants", "links", "payloads", "links.0", "links.1.limits"]
+PLACES += [
+    f"links.2.{key}" for key in ("joint", "antecedent", "alpha", "d", "theta", "r", "gamma", "b", "name")
+]
+
+
+@settings(max_examples=200, deadline=None, derandomize=True)
+@given(st.sampled_from(PLACES), json_values)
+def test_no_content_raises_anything_but_a_refusal(place, value):
+    with contextlib.suppress(RobotFileError):
+        parse_robot(changed(place, value).replace("NaN", ".nan").replace("Infinity", ".inf"))
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(st.binary(max_size=60))
+def test_no_bytes_raise_anything_but_a_refusal(data):
+    with contextlib.suppress(RobotFileError):
+        parse_robot(data)
