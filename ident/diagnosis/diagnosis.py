@@ -247,7 +247,7 @@ def _findings(outcome: Outcome) -> tuple[Finding, ...]:
         drop, _ = error_drop(step)
         out.append(
             Finding(
-                term.effect.finding_name,
+                term.effect.name,
                 _joints(term),
                 _channel_name(term, state),
                 parameters(found, spread.get(term.key), state),
@@ -283,10 +283,10 @@ def alternatives(step: Step) -> tuple[Rival, ...]:
     )
     if chosen is None:
         return ()
-    own = {(chosen.term.effect.finding_name, _joints(chosen.term))}
+    own = {(chosen.term.effect.name, _joints(chosen.term))}
     out = []
     for c in sorted(step.ranking, key=lambda c: -c.total):
-        place = (c.term.effect.finding_name, _joints(c.term))
+        place = (c.term.effect.name, _joints(c.term))
         if place in own or c.total < ALTERNATIVE_SHARE * chosen.total or c.total <= 0:
             continue
         own.add(place)

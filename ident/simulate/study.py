@@ -277,7 +277,7 @@ def _truth(
         visible = float(f"{100 * e.visible:.3g}")
         hidden.append(
             {
-                "effect": e.request.effect.finding_name,
+                "effect": e.name,
                 "joints": joints,
                 "parameters": parameters,
                 "visible_percent": visible,

@@ -110,6 +110,9 @@ def run_twin(
     link_state = _behind_backlash(motion, effects, dt)
     tau_link = twin.link.torque(*link_state, carried)
     extra = _link_effects(twin, t, link_state, tau_link, effects, payload or {})
+    for e in effects:
+        if terms := e.request.effect.torque_terms:  # what an open gap does not pass on
+            extra[:, e.request.joint] += _column_torque(e, t, motion, tau_link + extra, terms)
     tau_link += extra
     motor_state = motion
     elastic = [e for e in effects if e.name == "joint_elasticity"]
@@ -166,8 +169,9 @@ def _behind_backlash(motion: State, effects: tuple[ActiveEffect, ...], dt: float
     for e in effects:
         if e.name != "backlash":
             continue
-        unit = e.request.effect.numpy_columns({"q": motion[0][:, e.request.joint]}, e.nonlinear)[:, 0]
-        state = _moved(state, e.request.joint, smooth(unit * e.linear["gap"], dt, GEAR_S), dt)
+        signals = {"q": motion[0][:, e.request.joint], "tau_link": np.zeros(len(motion[0]))}
+        lag = e.request.effect.numpy_columns(signals, e.nonlinear)[:, 0] * e.linear["gap"]
+        state = _moved(state, e.request.joint, smooth(lag, dt, GEAR_S), dt)
     return state
 
 
@@ -190,15 +194,18 @@ def _moved(state: State, joint: int | None, by: Array, dt: float) -> State:
     return q, dq, ddq
 
 
-def _column_torque(e: ActiveEffect, t: Array, state: State, tau_link: Array) -> Array:
-    """(N,) torque that a column effect adds to its joint."""
+def _column_torque(
+    e: ActiveEffect, t: Array, state: State, tau_link: Array, terms: tuple[str, ...] | None = None
+) -> Array:
+    """(N,) torque that a column effect adds to its joint; of some of its terms where they are named."""
     q, dq, ddq = state
     j, source = e.request.joint, e.request.source_joint
     signals = {"t": t - t[0], "q": q[:, j], "dq": dq[:, j], "ddq": ddq[:, j], "tau_link": tau_link[:, j]}
     if source is not None:
         signals |= {"dq_source": dq[:, source], "ddq_source": ddq[:, source]}
     columns = e.request.effect.numpy_columns(signals, e.nonlinear)
-    return columns @ np.array([e.linear[name] for name in e.request.effect.linear_names])
+    names = e.request.effect.linear_names
+    return columns @ np.array([e.linear[name] * (terms is None or name in terms) for name in names])
 
 
 def _link_effects(

@@ -10,7 +10,8 @@ Expressions use only + - * / exp sin cos tanh sign abs sqrt pow, so that CasADi 
 
 Kinds of effect, and what their terms mean:
     column       the term is added to a torque
-    motion       the term is the change of the link's position, q_link = q + sum p term_p  [rad]
+    motion       the term is the change of the link's position, q_link = q + sum p term_p  [rad], but
+                 for `torque_terms`, which are torques as of a column
     measurement  the term is added to what is recorded; `tau` is the undisturbed channel, `dtau` its rate
     load         the term is a dimensionless gate; :mod:`modelgen.effects.loads` makes torques of it
 """
@@ -135,13 +136,8 @@ class Effect:
     sizes: tuple[str, ...] = ()  # reported parameters that say how large it is; see `size_names`
     typical: Mapping[str, float] = field(default_factory=dict)  # reported values of a usual robot
     shared: bool = False  # all joints may have it with one value (joints [])
-    told_as: str = ""  # the name a finding bears, where two mechanisms have one cause
+    torque_terms: tuple[str, ...] = ()  # of a motion effect: terms that are torques, not displacements
     common: bool = True  # False: rarer than its rivals, to be preferred only when it fits clearly better
-
-    @property
-    def finding_name(self) -> str:
-        """What the user is told: contract 7's name of the cause."""
-        return self.told_as or self.name
 
     @property
     def linear_names(self) -> tuple[str, ...]:

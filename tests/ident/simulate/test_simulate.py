@@ -117,7 +117,7 @@ def test_every_effect_of_the_catalogue_can_be_simulated(name):
         simulate("kuka_lwr4p", model, x, seed=1, sensors=EXACT, runs=SHORT[:2]) for x in ((), (text,))
     )
     (told,) = hidden.truth["effects"]
-    assert told["effect"] == e.finding_name and told["joints"] == ([] if ":" not in text else [2])
+    assert told["effect"] == name and told["joints"] == ([] if ":" not in text else [2])
     assert 0.5 < told["visible_percent"] < 13  # aimed at 3 to 10, less where the model absorbs most
     assert {q.name for q in e.quantities} <= set(told["parameters"])
     channel = "tau_l" if e.channel == "sensor" else "tau_m"
