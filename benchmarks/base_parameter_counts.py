@@ -52,9 +52,8 @@ def main() -> int:
             print(f"seed {seed}: broken rules of {', '.join(broken)}")
     print(f"counts right on {counted} of {arguments.robots} robots, rules right on {ruled}")
     print(f"smallest gap between the singular values that decide a rank: {min(gaps):.0e}")
-    print(
-        f"derivation: median {statistics.median(seconds):.3f} s, slowest {max(seconds):.3f} s of processor time"
-    )
+    times = f"median {statistics.median(seconds):.3f} s, slowest {max(seconds):.3f} s"
+    print(f"derivation, processor time: {times}")
     return 0 if counted == ruled == arguments.robots else 1
 
 

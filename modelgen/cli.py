@@ -111,6 +111,8 @@ def regenerate_model(
 
     with progress(verbose) as tell:
         plan = regenerate.plan(robot, names, tuple(effect or ()), bool(model), tell)
+        for remark in plan.robot.remarks:
+            print(f"regenerate-model: note: {remark}", file=sys.stderr)
         status = 0
         if not rules_only:
             folder = output or regenerate.default_folder(plan, robot)

@@ -10,6 +10,7 @@ both constant on a fixed one (sigma 2). Angles rad, lengths m, gravity m/s^2 in 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -17,6 +18,7 @@ from functools import cached_property
 import sympy as sp
 
 ZERO: sp.Expr = sp.Integer(0)
+BESIDE = 1e-3  # rad
 SIGMA = {"revolute": 0, "prismatic": 1, "fixed": 2}
 
 
@@ -94,6 +96,23 @@ class Robot:
             way.append(j)
             j = self.links[j - 1].antecedent
         return tuple(way)
+
+    @cached_property
+    def remarks(self) -> tuple[str, ...]:
+        """What is legal but seldom meant: an angle beside a right angle, written as a decimal."""
+        found = []
+        for j, link in enumerate(self.links, 1):
+            for key in ("gamma", "alpha", "theta"):
+                angle = self.value(getattr(link, key))
+                quarters = round(float(angle) / (math.pi / 2))
+                beside = angle - quarters * sp.pi / 2
+                if beside != 0 and abs(float(beside)) < BESIDE and (key != "theta" or link.sigma != 0):
+                    near = sp.sstr(quarters * sp.pi / 2)
+                    found.append(
+                        f"link {j}, {key} is not exactly {near}, and the model has more parameters for it; "
+                        f"write {near} if that is meant"
+                    )
+        return tuple(found)
 
     def payload_link(self, label: str) -> int:
         """Row that carries payload `label`: the declared one, else the last link."""

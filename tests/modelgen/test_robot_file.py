@@ -186,6 +186,13 @@ def test_a_missing_file_suggests_the_robot_that_was_meant(tmp_path):
         load_robot(large)
 
 
+def test_an_angle_beside_a_right_angle_is_remarked():
+    robot = parse_robot(changed("links.1.alpha", 1.5708))
+    assert len(robot.remarks) == 1 and "link 2, alpha is not exactly pi/2" in robot.remarks[0]
+    assert parse_robot(json.dumps(GOOD)).remarks == ()
+    assert parse_robot(changed("links.1.alpha", 0.3)).remarks == ()
+
+
 def test_line_endings_do_not_change_the_robot_s_hash():
     text = json.dumps(GOOD, indent=1)
     assert parse_robot(text).source_sha256 == parse_robot(text.replace("\n", "\r\n")).source_sha256
