@@ -91,6 +91,7 @@ def all_terms(view: ModelView, without: Sequence[str]) -> list[Term]:
     known = catalogue()
     left_out = {w.partition(":")[0] for w in without}
     names = [*CONTRACT, *EXTENSIONS, *(o for o in OWN_TERMS if o in left_out)]
+    names += [name for name, e in known.items() if e.common and name not in (*names, *OWN_TERMS)]  # new files
     difference = view.channels[0].startswith("tau_d")
     out: list[Term] = []
     for effect in (known[name] for name in names if name in known):

@@ -1,4 +1,4 @@
-"""A new effect is one new file: here one is dropped into the folder, in another process, and simulated."""
+"""A new effect is one new file: one is dropped in, in another process, simulated, and looked for."""
 
 import subprocess
 import sys
@@ -27,6 +27,11 @@ import modelgen.effects
 modelgen.effects.__path__.append(sys.argv[1])
 from ident.simulate import PlannedRun, simulate
 runs = (PlannedRun("run1", "identify", 6.0), PlannedRun("run2", "test", 6.0, 3))
+from types import SimpleNamespace
+from ident.diagnosis.candidates import all_terms
+view = SimpleNamespace(channels=("tau_m1", "tau_m2"), joint_of=(0, 1), n=2)
+looked_for = {t.joint for t in all_terms(view, ()) if t.effect.name == "wind"}
+assert looked_for == {0, 1}
 print(simulate("kuka_lwr4p", effects=("wind:2",), runs=runs).truth["effects"][0]["effect"])
 """
 
