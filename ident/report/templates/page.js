@@ -77,7 +77,7 @@ const repaint = () => { for (const [canvas, { figure }] of drawn) {
 for (const fold of document.querySelectorAll("details"))
   fold.addEventListener("toggle", () => { if (fold.open) drawAll(); });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
-addEventListener("beforeprint", () => { for (const fold of document.querySelectorAll("details")) fold.open = true; repaint(); });
+addEventListener("beforeprint", repaint);
 addEventListener("afterprint", repaint);
 
 const sortable = (cell) => {
