@@ -140,14 +140,14 @@ class Graph:
         if a is not None and b is not None:
             return self.scalar(a * b)
         low, high = (x.index, y.index) if x.index < y.index else (y.index, x.index)
+        if self.nodes[high].kind == "number":
+            low, high = high, low
         if self.nodes[low].kind == "number" and self.nodes[high].kind == "*":
             inner = self.nodes[high]
             if self.nodes[inner.a].kind == "number":
                 factor = self.scalar(self.nodes[low].a * self.nodes[inner.a].a)
                 product = self.multiply(factor, Scalar(self, inner.b, False))
                 return -product if negative else product
-        if self.nodes[high].kind == "number":
-            low, high = high, low
         return Scalar(self, self._intern(Node("*", low, high)), negative)
 
     def program(self, outputs: Sequence[Scalar]) -> Program:
