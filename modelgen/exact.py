@@ -139,12 +139,25 @@ class Exact:
     def expression(self, number: Number) -> sp.Expr:
         """The number as a SymPy expression of the geometry, or by its digits where its form is long."""
         if isinstance(number, Real):
-            return (
-                sp.Float(MP.nstr(number.value, DIGITS), DIGITS)
-                if number.form is None
-                else number.form.as_expr()
-            )
+            if number.form is None:
+                return sp.Float(MP.nstr(number.value, DIGITS), DIGITS)
+            numer, denom = number.form.numer, number.form.denom
+            if denom.is_ground:
+                return self._with_squared_sines(numer.quo_ground(denom.LC))
+            return self._with_squared_sines(numer) / denom.as_expr()
         return sp.Rational(int(number.numerator), int(number.denominator))
+
+    def _with_squared_sines(self, polynomial: Any) -> sp.Expr:
+        """A polynomial as an expression, its factors 1 - cos^2 written as sin^2."""
+        gens = dict(zip(self.generators, self._field.ring.gens, strict=True))
+        squares = sp.Integer(1)
+        for g, x in gens.items():
+            if isinstance(g, sp.cos) and sp.sin(g.args[0]) in gens:
+                (quotient,), rest = polynomial.div([1 - x**2])
+                while polynomial and not rest:
+                    polynomial, squares = quotient, squares * sp.sin(g.args[0]) ** 2
+                    (quotient,), rest = polynomial.div([1 - x**2])
+        return polynomial.as_expr() * squares
 
     def _value(self, expression: sp.Expr) -> Any:
         return MP.make_mpf(sp.N(expression.xreplace(self._constants), DIGITS)._mpf_)
