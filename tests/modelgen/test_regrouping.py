@@ -9,10 +9,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pinocchio_robot import numeric_base_count
 from random_robots import named_length_chain, random_robot, random_table, robots
+from sympy.polys.domains import QQ
+from sympy.polys.matrices import DomainMatrix
 
+from modelgen.kinematics import geometry
+from modelgen.newton_euler import INERTIAL, regressor
 from modelgen.regrouping import regroup_inertial
 from modelgen.robot_file import built_in_names, load_robot, parse_robot
-from modelgen.rule_check import broken_columns
+from modelgen.rule_check import broken_columns, rational_state
 from modelgen.rules import derive_rules
 
 
@@ -65,6 +69,19 @@ def test_rules_hold_exactly_at_fresh_rational_states(robot, model, payload):
 @pytest.mark.parametrize("model", "ABCD")
 def test_rules_of_the_lwr_hold_exactly_with_its_lengths_as_symbols(model):
     assert broken_columns(derive_rules(load_robot("kuka_lwr4p"), model, "L")) == ()
+
+
+@pytest.mark.parametrize("name", ["kuka_lwr4p", "ur10e"])
+def test_the_count_is_the_exact_rank_at_rational_states(name):
+    """The slow twin: no theorem, just the regressor's columns in rational numbers and their rank over QQ."""
+    robot = load_robot(name)
+    g = geometry(robot, lambda e: QQ(e.p, e.q))
+    columns = [(j, kind) for j in range(1, robot.n + 1) for kind in INERTIAL]
+    rows: list[list] = []
+    for seed in range(12):
+        W = regressor(g, rational_state(robot, seed), columns)
+        rows += [[QQ(W[c][i]) for c in columns] for i in range(robot.n)]
+    assert DomainMatrix(rows, (len(rows), len(columns)), QQ).rank() == len(kept(robot))
 
 
 def test_the_check_finds_a_wrong_rule():
