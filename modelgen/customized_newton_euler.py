@@ -328,7 +328,7 @@ def torque(
     for joint in reversed(rows):
         j, m = joint.index, motions[joint.index]
         link = {name: given.get((j, name), zero) for name in INERTIAL}
-        shift = j in choices.shifted and joint.sigma != 1
+        shift = j in choices.shifted and joint.sigma != 1 and not choices.lines  # a shift would bring lines back
         if shift:
             link = _shifted(link, joint.r)
         vd = m.vd_unshifted if shift else m.vd
