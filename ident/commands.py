@@ -43,13 +43,14 @@ def simulate(
 
 def fit(study_file: Path, output: Path, models: tuple[str, ...], verbose: bool) -> None:
     """`ident fit`: identify, write fit.json, tables, plots and the report, show the result."""
+    from ident.study import load_study
+
+    study = load_study(study_file)  # before the slower imports: a slip is told at once
+    models = checked_models(models)
     from ident.fit import fit_models, fit_study
     from ident.report.fit_result import comparison_html, fit_html
     from ident.results import comparison_table, error_table, parameter_table, write_comparison, write_into
-    from ident.study import load_study
 
-    study = load_study(study_file)
-    models = checked_models(models)
     with staged(output) as stage, progress_bar(verbose) as progress:
         if models:
             results = fit_models(study, models, progress=progress)
@@ -100,14 +101,15 @@ def finish(warnings: list[str], output: Path) -> None:
 
 def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
     """`ident diagnose`: find what the model lacks, write diagnosis.json, plots and the report, show it."""
+    from ident.study import load_study
+
+    study = load_study(study_file)
     from ident.diagnosis import diagnose_study
     from ident.report.diagnosis_plots import draw_all
     from ident.report.diagnosis_report import finding_sentence, unexplained_sentence, verdict
     from ident.report.diagnosis_result import diagnosis_html
     from ident.results import write_csv, write_document
-    from ident.study import load_study
 
-    study = load_study(study_file)
     with staged(output) as stage, progress_bar(verbose) as progress:
         diagnosis = diagnose_study(study, progress)
         progress("writing plots and report")
