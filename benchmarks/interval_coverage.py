@@ -60,7 +60,9 @@ def with_noise(system: RecordingSystem, noise: list[np.ndarray]) -> RecordingSys
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--model", default="C")
     parser.add_argument("--motions", type=int, default=5)
     parser.add_argument("--draws", type=int, default=10)
@@ -73,20 +75,34 @@ def main() -> None:
     chosen = parser.parse_args()
     sensors = Sensors(noise_correlation_s=chosen.correlation, noise_percent=chosen.noise)
     silent = replace(sensors, noise_percent=0.0, noise_floor=0.0)
-    tallies = {kind: Tally() for kind in ("full honest", "full white", "essential honest", "essential white",
-                                          "nonzero essential honest", "essential chi, full std",
-                                          "nonzero essential chi, full std")}  # fmt: skip
+    tallies = {
+        kind: Tally()
+        for kind in (
+            "full honest",
+            "full white",
+            "essential honest",
+            "essential white",
+            "nonzero essential honest",
+            "essential chi, full std",
+            "nonzero essential chi, full std",
+        )
+    }
     each: dict[str, list[float]] = {}
     errors_mass = []
     for motion in range(chosen.motions):
-        simulated = simulate("kuka_lwr4p", chosen.model, payload_kg=4.6136, seed=motion, sensors=silent, runs=RUNS)
+        simulated = simulate(
+            "kuka_lwr4p", chosen.model, payload_kg=4.6136, seed=motion, sensors=silent, runs=RUNS
+        )
         with tempfile.TemporaryDirectory() as folder:
             study = load_study(write_simulation(simulated, Path(folder)))
-            settings = study.filter.model_copy(update={"decimation_cutoff_hz": chosen.cutoff,
-                                                      "sign_velocity": chosen.sign_velocity})
+            settings = study.filter.model_copy(
+                update={"decimation_cutoff_hz": chosen.cutoff, "sign_velocity": chosen.sign_velocity}
+            )
             prepared = prepare_study(study.with_(filter=settings))
-            clean = [observe(stream, bank, prepared.columns, chosen.cutoff)
-                     for stream, bank in zip(prepared.streams, prepared.banks)]  # fmt: skip
+            clean = [
+                observe(stream, bank, prepared.columns, chosen.cutoff)
+                for stream, bank in zip(prepared.streams, prepared.banks)
+            ]
             levels = [noise_level(stream_torque(s), sensors) for s in simulated.recordings]
         truth = true_chi(prepared.columns, simulated.truth)
         rng = np.random.default_rng([motion, 99])
@@ -110,15 +126,22 @@ def main() -> None:
             if "ML" in full.parameters:
                 k = full.parameters.index("ML")
                 errors_mass.append(100 * (essential.chi[k] / truth[k] - 1))
-        print(f"motion {motion + 1}: b = {full.b}, essential {essential.b}, condition {full.condition_number:.0f}, "
-              f"rows {full.rows}, " + ", ".join(f"{k} {t.percent:.1f}" for k, t in tallies.items()), flush=True)
+        print(
+            f"motion {motion + 1}: b = {full.b}, essential {essential.b}, "
+            f"condition {full.condition_number:.0f}, "
+            f"rows {full.rows}, " + ", ".join(f"{k} {t.percent:.1f}" for k, t in tallies.items()),
+            flush=True,
+        )
     if errors_mass:
         print(f"payload mass: largest error {np.abs(errors_mass).max():.3g} %")
     if chosen.list:
         for name, hits in sorted(each.items(), key=lambda item: np.mean(item[1])):
             z = np.array(hits)
-            print(f"{name:8} inside {100 * np.mean(np.abs(z) < 1.96):5.1f} % of {len(z):3d}  mean z {z.mean():+.2f}  "
-                  f"std z {z.std():.2f}")
+            print(
+                f"{name:8} inside {100 * np.mean(np.abs(z) < 1.96):5.1f} % of {len(z):3d}  "
+                f"mean z {z.mean():+.2f}  "
+                f"std z {z.std():.2f}"
+            )
 
 
 def stream_torque(recording: object) -> np.ndarray:
@@ -129,14 +152,24 @@ def stream_torque(recording: object) -> np.ndarray:
 def true_chi(columns: Columns, truth: dict) -> np.ndarray:
     """True values of the study's parameters."""
     model = columns.model
-    standard = truth["standard_parameters"] | {f"{name}L": value for name, value in (truth["payload"] or {}).items()}
-    chi = model.regroup({name: value for name, value in standard.items() if name in model.standard_parameters})
+    standard = truth["standard_parameters"] | {
+        f"{name}L": value for name, value in (truth["payload"] or {}).items()
+    }
+    chi = model.regroup(
+        {name: value for name, value in standard.items() if name in model.standard_parameters}
+    )
     known = dict(zip(model.parameters, chi))
     return np.array([known[name] for name in columns.parameters])
 
 
-def score(estimate: Estimate, systems: list[RecordingSystem], truth: np.ndarray, tallies: dict[str, Tally], kind: str,
-          each: dict[str, list[float]]) -> None:  # fmt: skip
+def score(
+    estimate: Estimate,
+    systems: list[RecordingSystem],
+    truth: np.ndarray,
+    tallies: dict[str, Tally],
+    kind: str,
+    each: dict[str, list[float]],
+) -> None:
     covariance = honest_covariance(systems, estimate, channel_noises(systems, estimate))
     k = np.flatnonzero(estimate.active)
     error = estimate.chi[k] - truth[k]

@@ -20,14 +20,37 @@ from ident.reading import Need
 from ident.study import Study
 
 PAYLOAD = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
-UNITS = {"XX": "kg m^2", "XY": "kg m^2", "XZ": "kg m^2", "YY": "kg m^2", "YZ": "kg m^2", "ZZ": "kg m^2",
-         "MX": "kg m", "MY": "kg m", "MZ": "kg m", "M": "kg", "Iam": "kg m^2", "Iac": "kg m^2",
-         "Ial": "kg m^2",
-         "Fvm": "N m s/rad", "Fvl": "N m s/rad", "Fvc": "N m s/rad", "Fcm": "N m", "Fcl": "N m", "Fcc": "N m",
-         "Offm": "N m", "Offl": "N m", "g": "N m/unit"}  # fmt: skip
-TERMS = {"coulomb_friction": ("Fcm", "Fcl"), "viscous_friction": ("Fvm", "Fvl"), "offset": ("Offm", "Offl"),
-         "rotor_inertia": ("Iam",)}  # fmt: skip
-Values = Callable[[FilteredBlock], np.ndarray]      # -> (N,)
+UNITS = {
+    "XX": "kg m^2",
+    "XY": "kg m^2",
+    "XZ": "kg m^2",
+    "YY": "kg m^2",
+    "YZ": "kg m^2",
+    "ZZ": "kg m^2",
+    "MX": "kg m",
+    "MY": "kg m",
+    "MZ": "kg m",
+    "M": "kg",
+    "Iam": "kg m^2",
+    "Iac": "kg m^2",
+    "Ial": "kg m^2",
+    "Fvm": "N m s/rad",
+    "Fvl": "N m s/rad",
+    "Fvc": "N m s/rad",
+    "Fcm": "N m",
+    "Fcl": "N m",
+    "Fcc": "N m",
+    "Offm": "N m",
+    "Offl": "N m",
+    "g": "N m/unit",
+}
+TERMS = {
+    "coulomb_friction": ("Fcm", "Fcl"),
+    "viscous_friction": ("Fvm", "Fvl"),
+    "offset": ("Offm", "Offl"),
+    "rotor_inertia": ("Iam",),
+}
+Values = Callable[[FilteredBlock], np.ndarray]  # -> (N,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,17 +66,17 @@ class Extra:
 class Columns:
     """The parameters of a study's fit and where their columns come from."""
 
-    model: Any                              # a model of `generated.load`
+    model: Any  # a model of `generated.load`
     need: Need
     channels: tuple[str, ...]
-    parameters: tuple[str, ...]             # b names
+    parameters: tuple[str, ...]  # b names
     units: tuple[str, ...]
-    known: dict[str, float]                 # parameters with a given value: moved to the side of Y
+    known: dict[str, float]  # parameters with a given value: moved to the side of Y
     regroups: dict[str, str]
-    gain_columns: dict[int, int]            # channel -> column of its unknown drive gain
+    gain_columns: dict[int, int]  # channel -> column of its unknown drive gain
     extras: tuple[Extra, ...]
     sources: dict[str | None, tuple[np.ndarray, np.ndarray]]
-    # payload label -> (entries of model.nonzeros to use (E,), their columns (E,); -1 - k is known parameter k)
+    # payload label -> entries of model.nonzeros to use (E,), their columns (E,); -1 - k is known parameter k
 
     def entries(self, payload: str | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Model entries used in a run with this payload: (index into nonzeros, channel, column)."""
@@ -61,7 +84,8 @@ class Columns:
         return used, np.asarray(self.model.nonzeros)[used, 0], columns
 
     def torque(self, block: FilteredBlock) -> np.ndarray:
-        """Y (N, channels) of a block; channels with an unknown gain carry what is known of them (C: 0, D: -tau_l)."""
+        """Y (N, channels) of a block; channels with an unknown gain carry what is known of them (C: 0, D:
+        -tau_l)."""
         motor, sensor = block.motor, block.sensor
         if self.gain_columns and motor is not None:
             motor = np.zeros_like(motor)
@@ -90,7 +114,7 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
     known: dict[str, float] = {}
     gains_unknown = study.drive_gains == "identify"
     placed: dict[str | None, dict[int, int]] = {None: dict(place)}
-    regroups = {name: rule for name, rule in dict(model.rules).items()}
+    regroups = dict(dict(model.rules).items())
     for label in study.payloads:
         placed[label] = dict(place)
         for k, name in enumerate(model.parameters):
@@ -107,12 +131,22 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
     extras += _coupled_drives(study, need, parameters) + _link_inertia(study, need, parameters)
     nonzeros = np.asarray(model.nonzeros)
     sources: dict[str | None, tuple[np.ndarray, np.ndarray]] = {}
-    for label, table in placed.items():
+    for carried, table in placed.items():
         used = np.array([e for e, (_, k) in enumerate(nonzeros) if k in table], int)
-        sources[label] = (used, np.array([table[k] for k in nonzeros[used, 1]], int))
+        sources[carried] = (used, np.array([table[k] for k in nonzeros[used, 1]], int))
     units = tuple(unit_of(name) for name in parameters)
-    return Columns(model, need, tuple(model.channels), tuple(parameters), units, known, regroups, gain_columns,
-                   tuple(extras), sources)  # fmt: skip
+    return Columns(
+        model,
+        need,
+        tuple(model.channels),
+        tuple(parameters),
+        units,
+        known,
+        regroups,
+        gain_columns,
+        tuple(extras),
+        sources,
+    )
 
 
 def unit_of(name: str) -> str:
@@ -135,20 +169,31 @@ def _left_out(study: Study, parameters: tuple[str, ...]) -> set[str]:
     out: set[str] = set()
     for term in study.without:
         kind, _, joint = term.partition(":")
-        names = {name for name in parameters for prefix in TERMS[kind]
-                 if re.fullmatch(rf"{prefix}{joint or '[0-9]+'}R?", name)}  # fmt: skip
+        names = {
+            name
+            for name in parameters
+            for prefix in TERMS[kind]
+            if re.fullmatch(rf"{prefix}{joint or '[0-9]+'}R?", name)
+        }
         if not names and joint:
-            raise StudyError(str(study.file), "without", f"{term}: model {study.model} has no such parameter; "
-                                                         "check the joint number")
+            raise StudyError(
+                str(study.file),
+                "without",
+                f"{term}: model {study.model} has no such parameter; check the joint number",
+            )
         out |= names
     return out
 
 
 def _gains(study: Study, model: Any, need: Need, parameters: list[str]) -> tuple[dict[int, int], list[Extra]]:
-    """One unknown gain per motor channel: column -i_j, so that Y = W chi - g_j i_j with Y free of the motor."""
+    """One unknown gain per motor channel: column -i_j, so that Y = W chi - g_j i_j with Y free of the
+    motor."""
     if study.model == "B":
-        raise StudyError(str(study.file), "drive_gains", "model B has no motor signal, so gains cannot be identified; "
-                                                         "choose C or D")
+        raise StudyError(
+            str(study.file),
+            "drive_gains",
+            "model B has no motor signal, so gains cannot be identified; choose C or D",
+        )
     places: dict[int, int] = {}
     extras = []
     for k, joint in enumerate(need.joints):
@@ -174,11 +219,16 @@ def _coupled_drives(study: Study, need: Need, parameters: list[str]) -> list[Ext
     """
     extras: list[Extra] = []
     if study.coupled_drives and study.model == "B":
-        raise StudyError(str(study.file), "coupled_drives", "acts on motor torques, which model B does not have; "
-                                                            "choose model A, C or D")
+        raise StudyError(
+            str(study.file),
+            "coupled_drives",
+            "acts on motor torques, which model B does not have; choose model A, C or D",
+        )
     for first, second in study.coupled_drives:
         if first not in need.joints or second not in need.joints or first == second:
-            raise StudyError(str(study.file), "coupled_drives", f"[{first}, {second}] are not two joints of this robot")
+            raise StudyError(
+                str(study.file), "coupled_drives", f"[{first}, {second}] are not two joints of this robot"
+            )
         a, b = need.joints.index(first), need.joints.index(second)
         for kind in ("Iac", "Fvc", "Fcc"):
             column = len(parameters)
@@ -188,17 +238,21 @@ def _coupled_drives(study: Study, need: Need, parameters: list[str]) -> list[Ext
 
 
 def _link_inertia(study: Study, need: Need, parameters: list[str]) -> list[Extra]:
-    """`link_inertia: true`: Ial_j ddq_j in sensor channel j, what of the gear's output turns beyond the sensor.
+    """`link_inertia: true`: Ial_j ddq_j in sensor channel j, what of the gear's output turns beyond the
+    sensor.
 
-    The rigid model of a link has a moment about its own axis that other joints' motion shares (ZZ_j); gear and
-    bearing rings, and the sensor's own lag, follow the joint's acceleration alone. All baselines of the recorded
-    robots have this term.
+    The rigid model of a link has a moment about its own axis that other joints' motion shares (ZZ_j); gear
+    and bearing rings, and the sensor's own lag, follow the joint's acceleration alone. All baselines of the
+    recorded robots have this term.
     """
     if not study.link_inertia:
         return []
     if study.model not in "BC":
-        raise StudyError(str(study.file), "link_inertia", f"model {study.model} has no sensor channel of its own; "
-                                                          "choose model B or C")
+        raise StudyError(
+            str(study.file),
+            "link_inertia",
+            f"model {study.model} has no sensor channel of its own; choose model B or C",
+        )
     extras, first = [], len(need.joints) if study.model == "C" else 0
     for k, joint in enumerate(need.joints):
         extras.append(Extra(first + k, len(parameters), _acceleration(k)))

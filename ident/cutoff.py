@@ -1,9 +1,9 @@
 """The cut-off of the decimation filter by the Durbin-Watson rule (paper 3.3).
 
 dw must lie between 1 and 3, best at 2; a low cut-off brings it there and takes the robot's dynamics with it.
-The compromise made here: of the candidates whose |dw - 2| is within `TOLERANCE` of the best one's, the highest
-cut-off is taken, as it keeps most of the dynamics. Residuals hardly depend on the cut-off through chi, so all
-candidates are judged on the residual of one first fit, decimated once for each of them.
+The compromise made here: of the candidates whose |dw - 2| is within `TOLERANCE` of the best one's, the
+highest cut-off is taken, as it keeps most of the dynamics. Residuals hardly depend on the cut-off through
+chi, so all candidates are judged on the residual of one first fit, decimated once for each of them.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from ident.study import Study
 if TYPE_CHECKING:
     from ident.fit import Prepared
 
-TOLERANCE = 0.15        # of |dw - 2|: below it candidates count as equally good
-CANDIDATES = (0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 40.0)     # Hz
+TOLERANCE = 0.15  # of |dw - 2|: below it candidates count as equally good
+CANDIDATES = (0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 40.0)  # Hz
 ROWS_PER_PARAMETER = 3.0
 
 
@@ -51,12 +51,16 @@ def candidates(streams: Sequence[RecordingStream], study: Study, b: int) -> list
 
 
 def first_cutoff(streams: Sequence[RecordingStream], study: Study, b: int) -> float:
-    """Where to begin: the candidate nearest to a twelfth of the position cut-off, the paper's 0.8 for 10 Hz."""
-    return min(candidates(streams, study, b), key=lambda c: abs(np.log(c / (0.08 * study.filter.position_cutoff_hz))))
+    """Where to begin: the candidate nearest to a twelfth of the position cut-off, the paper's 0.8 for 10
+    Hz."""
+    return min(
+        candidates(streams, study, b), key=lambda c: abs(np.log(c / (0.08 * study.filter.position_cutoff_hz)))
+    )
 
 
-def choose_cutoff(prepared: Prepared, chi: np.ndarray, first: float, progress: Progress = silent
-                  ) -> tuple[float, tuple[CutoffTrial, ...]]:  # fmt: skip
+def choose_cutoff(
+    prepared: Prepared, chi: np.ndarray, first: float, progress: Progress = silent
+) -> tuple[float, tuple[CutoffTrial, ...]]:
     """Judge every candidate on the residual of chi. -> the choice and all trials."""
     study = prepared.study
     cutoffs = candidates(prepared.streams, study, len(prepared.columns.parameters))
@@ -76,11 +80,15 @@ def choose_cutoff(prepared: Prepared, chi: np.ndarray, first: float, progress: P
         for index, block in filter_stream(stream, bank):
             if index != current:
                 close(folds, parts)
-                folds = {cutoff: _decimator(cutoff, stream, study, len(prepared.columns.channels)) for cutoff in cutoffs}
+                folds = {
+                    cutoff: _decimator(cutoff, stream, study, len(prepared.columns.channels))
+                    for cutoff in cutoffs
+                }
                 parts = {cutoff: [] for cutoff in cutoffs}
                 current = index
-            rho = measured_torque(prepared.columns, chi, block) \
-                - modelled_torque(prepared.columns, chi, stream.payload, block)  # fmt: skip
+            rho = measured_torque(prepared.columns, chi, block) - modelled_torque(
+                prepared.columns, chi, stream.payload, block
+            )
             rho *= block.certain[:, np.arange(rho.shape[1]) % block.certain.shape[1]]
             for cutoff, fold in folds.items():
                 done = fold.push(np.ascontiguousarray(rho.T))
@@ -95,7 +103,9 @@ def choose_cutoff(prepared: Prepared, chi: np.ndarray, first: float, progress: P
 
 
 def _decimator(cutoff: float, stream: RecordingStream, study: Study, rows: int) -> Decimator:
-    return Decimator(LowPass(cutoff, stream.rate_hz, study.filter.order), kept_every(cutoff, stream.rate_hz), rows)
+    return Decimator(
+        LowPass(cutoff, stream.rate_hz, study.filter.order), kept_every(cutoff, stream.rate_hz), rows
+    )
 
 
 def _trial(cutoff: float, sequences: list[np.ndarray]) -> CutoffTrial:

@@ -4,13 +4,14 @@ The impulse response of G = |H|^2 is a sum of two-sided exponentials,
 
     g[n] = d delta[n] + sum_k c_k p_k^|n|,   p_k the stable poles of H,
 
-so the filtered value at an instant is a left sum plus a right sum that recur from one kept instant to the next
-with the factor p^D, D the samples between two of them. What a block of D samples contributes is its product
-with D x 9 real weights (order 4): W (channels x parameters wide) at 1 kHz is folded as fast as it is evaluated
-and never held. Rate: 2.5 x cut-off, as the paper's `decimate` (cut-off at 0.8 of the new Nyquist frequency).
+so the filtered value at an instant is a left sum plus a right sum that recur from one kept instant to the
+next with the factor p^D, D the samples between two of them. What a block of D samples contributes is its
+product with D x 9 real weights (order 4): W (channels x parameters wide) at 1 kHz is folded as fast as it
+is evaluated and never held. Rate: 2.5 x cut-off, as the paper's `decimate` (cut-off at 0.8 of the new
+Nyquist frequency).
 
-Y and every column of W run through the same weights, which makes any linear filter admissible: at the ends of a
-segment, where the response is cut off, each row is only rescaled to unit gain and stays a true equation.
+Y and every column of W run through the same weights, which makes any linear filter admissible: at the ends
+of a segment, where the response is cut off, each row is only rescaled to unit gain and stays a true equation.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 
 from ident.filtering import TAIL, LowPass
 
-OVERSAMPLING = 2.5      # kept instants per second and Hz of cut-off
+OVERSAMPLING = 2.5  # kept instants per second and Hz of cut-off
 
 
 def kept_every(cutoff_hz: float, rate_hz: float) -> int:
@@ -55,7 +56,8 @@ def _weights(filter: LowPass, every: int) -> tuple[np.ndarray, np.ndarray, np.nd
 
 
 class Decimator:
-    """Feeds on values (m, N) of one segment, sample after sample; gives back (m, kept) at instants D-1, 2D-1, ...
+    """Feeds on values (m, N) of one segment, sample after sample; gives back (m, kept) at instants D-1,
+    2D-1, ...
 
     `push` returns what became final, `finish` the rest. Kept instants become final once the response has died
     out (TAIL) behind them, so some 15 / cut-off seconds are pending and memory is constant.
@@ -105,7 +107,7 @@ class Decimator:
             self.left = self.left * step + (block[:, :k] + 1j * block[:, k : 2 * k])
             kept[:, m] = (self.left @ self.c).real + self.d * block[:, -1]
         right = np.zeros_like(self.left)
-        for m in range(len(self.sums) - 1, 0, -1):      # block m lies to the right of instant m - 1
+        for m in range(len(self.sums) - 1, 0, -1):  # block m lies to the right of instant m - 1
             block = self.sums[m]
             right = right * step + (block[:, 2 * k : 3 * k] + 1j * block[:, 3 * k : 4 * k])
             if m - 1 < count:

@@ -4,19 +4,22 @@ Filter. A Butterworth filter run forwards and backwards has the real response
 
     G(w) = |H(w)|^2 = 1 / (1 + (tan(w/2) / tan(w_c/2))^(2 order)),   w in rad per sample,
 
-so it is applied as a product in the frequency domain (`scipy.fft`), block by block with a halo beyond which its
-impulse response is below 1e-10. The result is that of `scipy.signal.sosfiltfilt` on the whole signal (which the
-tests compare), in memory that does not grow with the log; importing scipy.signal alone would cost a second.
+so it is applied as a product in the frequency domain (`scipy.fft`), block by block with a halo beyond which
+its impulse response is below 1e-10. The result is that of `scipy.signal.sosfiltfilt` on the whole signal
+(which the tests compare), in memory that does not grow with the log; importing scipy.signal alone would
+cost a second.
 
 Derivatives. Central differences over five points of the filtered positions: dq = (q[-2] - 8 q[-1] + 8 q[1] -
 q[2]) / 12 dt. Three points lose 1 % of an acceleration at 4 Hz that is sampled at 100 Hz, five lose 0.01 %.
 
 sign(dq). The velocity that a smooth filter gives begins before the robot does, rings after it stopped, and at
-rest is noise: its sign would put a Coulomb torque where there is none, and at rest friction is anything between
--Fc and Fc. On a twin of the paper's robot this alone biased every Fc and Fv by 3 to 8 standard deviations. Hence
+rest is noise: its sign would put a Coulomb torque where there is none, and at rest friction is anything
+between -Fc and Fc. On a twin of the paper's robot this alone biased every Fc and Fv by 3 to 8 standard
+deviations. Hence
   1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long; vs is
      the standard deviation of its noise, estimated for each recording and joint,
-  2. samples of a joint slower than vs do not count in its channels, from 2 vs on they count fully (`certain`):
+  2. samples of a joint slower than vs do not count in its channels, from 2 vs on they count fully
+  (`certain`):
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a true
      equation; errors are reported over all samples nevertheless,
   3. where it counts, the column is the sign; between -vs and vs it is tanh(2.5 dq / vs),
@@ -32,13 +35,14 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.fft
 
-from ident.reading import Recording, RecordingStream, Segment
+from ident.reading import MIN_SAMPLES, Recording, RecordingStream, Segment
 from ident.study import FilterSettings
 
-TAIL = 1e-10        # where the impulse response is cut off, relative to its peak
-MAX_SHARE = 0.45    # of the sampling rate: highest usable cut-off
+TAIL = 1e-10  # where the impulse response is cut off, relative to its peak
+MAX_SHARE = 0.45  # of the sampling rate: highest usable cut-off
 NOISE_FACTOR = 1.0  # vs in standard deviations of the velocity noise
-STEEPNESS = 2.5     # of the sign between -vs and vs
+NOISE_ROWS = 16000  # samples from which that noise is estimated
+STEEPNESS = 2.5  # of the sign between -vs and vs
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +54,8 @@ class LowPass:
     order: int = 4
 
     def response(self, frequency_hz: np.ndarray) -> np.ndarray:
-        """G at frequencies up to rate/2; 1 for a cut-off of MAX_SHARE of the rate or more (nothing to remove)."""
+        """G at frequencies up to rate/2; 1 for a cut-off of MAX_SHARE of the rate or more (nothing to
+        remove)."""
         if self.cutoff_hz >= MAX_SHARE * self.rate_hz:
             return np.ones_like(frequency_hz)
         scale = np.tan(np.pi * self.cutoff_hz / self.rate_hz)
@@ -71,8 +76,12 @@ class LowPass:
     def poles(self) -> np.ndarray:
         """The `order` stable poles of H(z) after the bilinear transform (pairs of conjugates)."""
         k = np.arange(self.order)
-        s = 2 * self.rate_hz * np.tan(np.pi * self.cutoff_hz / self.rate_hz) * np.exp(
-            1j * np.pi * (2 * k + self.order + 1) / (2 * self.order))  # fmt: skip
+        s = (
+            2
+            * self.rate_hz
+            * np.tan(np.pi * self.cutoff_hz / self.rate_hz)
+            * np.exp(1j * np.pi * (2 * k + self.order + 1) / (2 * self.order))
+        )
         return (2 * self.rate_hz + s) / (2 * self.rate_hz - s)
 
 
@@ -91,7 +100,9 @@ def zero_phase(x: np.ndarray, rate_hz: float, cutoff_hz: float, order: int = 4) 
     size = scipy.fft.next_fast_len(len(padded), real=True)
     spectrum = scipy.fft.rfft(padded, size, axis=0)
     response = filter.response(scipy.fft.rfftfreq(size, 1.0 / rate_hz))
-    out = scipy.fft.irfft(spectrum * response[:, None], size, axis=0)[filter.halo : filter.halo + len(columns)]
+    out = scipy.fft.irfft(spectrum * response[:, None], size, axis=0)[
+        filter.halo : filter.halo + len(columns)
+    ]
     return out if x.ndim == 2 else out[:, 0]
 
 
@@ -132,7 +143,8 @@ class FilteredBlock:
 
 @dataclass(frozen=True, slots=True)
 class FilteredRecording:
-    """A whole segment, filtered. torque (N, channels) as recorded; vs (n,) [rad/s], certain (N, n) of sign_dq."""
+    """A whole segment, filtered. torque (N, channels) as recorded; vs (n,) [rad/s], certain (N, n) of
+    sign_dq."""
 
     label: str
     role: str
@@ -156,7 +168,7 @@ class FilterBank:
 
     position: LowPass
     sign: LowPass
-    vs: np.ndarray | None       # (n,) rad/s; None until estimated
+    vs: np.ndarray | None  # (n,) rad/s; None until estimated
 
     @property
     def halo(self) -> int:
@@ -169,8 +181,11 @@ class FilterBank:
 
 def filter_bank(settings: FilterSettings, rate_hz: float) -> FilterBank:
     sign_cutoff = settings.sign_cutoff_hz or 4 * settings.position_cutoff_hz
-    return FilterBank(LowPass(settings.position_cutoff_hz, rate_hz, settings.order),
-                      LowPass(min(sign_cutoff, 0.4 * rate_hz), rate_hz, settings.order), None)  # fmt: skip
+    return FilterBank(
+        LowPass(settings.position_cutoff_hz, rate_hz, settings.order),
+        LowPass(min(sign_cutoff, 0.4 * rate_hz), rate_hz, settings.order),
+        None,
+    )
 
 
 def velocity_noise(q: np.ndarray, bank: FilterBank) -> np.ndarray:
@@ -205,8 +220,14 @@ def certainty(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
     return np.clip(np.abs(dq) / np.maximum(vs, 1e-9) - 1.0, 0.0, 1.0)
 
 
-def filter_blocks(stream: RecordingStream, segment: Segment, blocks: Iterable[np.ndarray], bank: FilterBank,
-                  *, torque_too: bool = False) -> Iterator[FilteredBlock]:  # fmt: skip
+def filter_blocks(
+    stream: RecordingStream,
+    segment: Segment,
+    blocks: Iterable[np.ndarray],
+    bank: FilterBank,
+    *,
+    torque_too: bool = False,
+) -> Iterator[FilteredBlock]:
     """Filter one segment's blocks of uniform samples; rows at rest and in filter transients are left out.
 
     `torque_too` passes the torques through the position filter as well (for the error at the full rate).
@@ -234,10 +255,17 @@ def filter_blocks(stream: RecordingStream, segment: Segment, blocks: Iterable[np
         _, motor, sensor = stream.split(torque)
         speed = first_difference(light, rate)
         span = slice(int(np.argmax(use)), count - int(np.argmax(use[::-1])))
-        yield FilteredBlock(t[span], q[2:-2][span], first_difference(q, rate)[span], second_difference(q, rate)[span],
-                            smooth_sign(speed[span], vs),
-                            None if motor is None else motor[span], None if sensor is None else sensor[span],
-                            vs, certainty(speed[span], vs))  # fmt: skip
+        yield FilteredBlock(
+            t[span],
+            q[2:-2][span],
+            first_difference(q, rate)[span],
+            second_difference(q, rate)[span],
+            smooth_sign(speed[span], vs),
+            None if motor is None else motor[span],
+            None if sensor is None else sensor[span],
+            vs,
+            certainty(speed[span], vs),
+        )
 
 
 def windows(blocks: Iterable[np.ndarray], halo: int) -> Iterator[tuple[int, np.ndarray, slice]]:
@@ -278,34 +306,39 @@ def _odd_end(rows: np.ndarray, halo: int) -> np.ndarray:
 
 
 def prepare(stream: RecordingStream, settings: FilterSettings) -> FilterBank:
-    """The filters of a recording with the velocity noise estimated on its first minute."""
+    """The filters of a recording with the velocity noise estimated on the first samples that move."""
     bank = filter_bank(settings, stream.rate_hz)
     if settings.sign_velocity is not None:
         return FilterBank(bank.position, bank.sign, np.full(len(stream.need.joints), settings.sign_velocity))
     q: list[np.ndarray] = []
     rows = 0
-    for _, blocks in stream.segments():
+    for segment, blocks in stream.segments():
+        skip = int((segment.move_start - segment.start) * stream.rate_hz)
         for block in blocks:
-            q.append(block[:, : len(stream.need.joints)])
-            rows += len(block)
-            if rows > 65536:
+            moving = block[max(skip, 0) :, : len(stream.need.joints)]
+            skip -= len(block)
+            q.append(moving)
+            rows += len(moving)
+            if rows > NOISE_ROWS:
                 break
-        if rows > 1000:
+        if rows > MIN_SAMPLES:
             break
     noise = velocity_noise(np.concatenate(q), bank)
     return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise)
 
 
-def filter_stream(stream: RecordingStream, bank: FilterBank, *, torque_too: bool = False
-                  ) -> Iterator[tuple[int, FilteredBlock]]:  # fmt: skip
+def filter_stream(
+    stream: RecordingStream, bank: FilterBank, *, torque_too: bool = False
+) -> Iterator[tuple[int, FilteredBlock]]:
     """All filtered blocks of a recording with the number of their segment."""
     for index, (segment, blocks) in enumerate(stream.segments()):
         for block in filter_blocks(stream, segment, blocks, bank, torque_too=torque_too):
             yield index, block
 
 
-def filter_recording(stream: RecordingStream, settings: FilterSettings, *, torque_too: bool = False
-                     ) -> list[FilteredRecording]:  # fmt: skip
+def filter_recording(
+    stream: RecordingStream, settings: FilterSettings, *, torque_too: bool = False
+) -> list[FilteredRecording]:
     """The segments of a recording, filtered and whole in memory; torque has the channels of the model."""
     bank = prepare(stream, settings)
     found: dict[int, list[FilteredBlock]] = {}
@@ -318,12 +351,37 @@ def filter_recording(stream: RecordingStream, settings: FilterSettings, *, torqu
     out = []
     for index, blocks in found.items():
         torque = np.concatenate([stream.need.torque(block.motor, block.sensor) for block in blocks])
-        out.append(FilteredRecording(stream.label, stream.role, stream.payload, joined(blocks, "t"),
-                                     joined(blocks, "q"), joined(blocks, "dq"), joined(blocks, "ddq"),
-                                     joined(blocks, "sign_dq"), torque, stream.rate_hz, index, bank.vs,
-                                     stream.notes, joined(blocks, "certain")))  # fmt: skip
+        out.append(
+            FilteredRecording(
+                stream.label,
+                stream.role,
+                stream.payload,
+                joined(blocks, "t"),
+                joined(blocks, "q"),
+                joined(blocks, "dq"),
+                joined(blocks, "ddq"),
+                joined(blocks, "sign_dq"),
+                torque,
+                stream.rate_hz,
+                index,
+                bank.vs,
+                stream.notes,
+                joined(blocks, "certain"),
+            )
+        )
     return out
 
 
-__all__ = ["FilterBank", "FilteredBlock", "FilteredRecording", "LowPass", "Recording", "filter_recording",
-           "filter_stream", "prepare", "smooth_sign", "velocity_noise", "zero_phase"]  # fmt: skip
+__all__ = [
+    "FilterBank",
+    "FilteredBlock",
+    "FilteredRecording",
+    "LowPass",
+    "Recording",
+    "filter_recording",
+    "filter_stream",
+    "prepare",
+    "smooth_sign",
+    "velocity_noise",
+    "zero_phase",
+]

@@ -55,9 +55,9 @@ class Prepared:
 class FitResult:
     """Everything that results, plots and reports need; they compute nothing.
 
-    estimate: the essential parameters (paper 3.4); full: all base parameters; covariance (b, b): honest, of the
-    essential ones, full_covariance of all. normalised (rows,): residuals of the identify recordings divided by
-    sigma_j. errors: relative errors over all samples, at both rates, and curves to draw.
+    estimate: the essential parameters (paper 3.4); full: all base parameters; covariance (b, b): honest, of
+    the essential ones, full_covariance of all. normalised (rows,): residuals of the identify recordings
+    divided by sigma_j. errors: relative errors over all samples, at both rates, and curves to draw.
     """
 
     study: Study
@@ -83,9 +83,9 @@ class FitResult:
     def std(self) -> np.ndarray:
         """Honest standard deviations (b,): correlated noise, and no profit from the selection.
 
-        They are those of the full model. A reduced model's own (`covariance`) take the cancelled parameters as
-        known to be zero, which the same data only suggested: intervals from them held 87 to 91 % of the essential
-        values on twins, these 92 to 96 % (benchmarks/interval_coverage.py).
+        They are those of the full model. A reduced model's own (`covariance`) take the cancelled parameters
+        as known to be zero, which the same data only suggested: intervals from them held 87 to 91 % of the
+        essential values on twins, these 92 to 96 % (benchmarks/interval_coverage.py).
         """
         return np.sqrt(np.diag(self.full_covariance))
 
@@ -115,7 +115,8 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
     columns = study_columns(study, model, need)
     progress("reading the recordings")
     streams = tuple(open_recordings(study, need))
-    return Prepared(study, model, columns, streams, tuple(prepare(stream, study.filter) for stream in streams))
+    banks = tuple(prepare(stream, study.filter) for stream in streams)
+    return Prepared(study, model, columns, streams, banks)
 
 
 def fit_study(study: Study, *, progress: Progress = silent) -> FitResult:
@@ -132,13 +133,18 @@ def fit_study(study: Study, *, progress: Progress = silent) -> FitResult:
 
 
 def _with_gains_of_c(study: Study, progress: Progress) -> FitResult:
-    """Model A with unknown drive gains: motor signals have no scale of their own, joint torque sensors give it."""
+    """Model A with unknown drive gains: motor signals have no scale of their own, joint torque sensors give
+    it."""
     try:
         gains = drive_gains(_fit(study.with_(model="C"), progress))
     except RecordingError as error:
-        raise StudyError(str(study.file), "drive_gains", "with motor signals alone the scale of all torques is unknown; "
-                         "give payload_mass: {L: kg} of one weighed payload, or recordings with joint torques "
-                         f"({error})") from None  # fmt: skip
+        raise StudyError(
+            str(study.file),
+            "drive_gains",
+            "with motor signals alone the scale of all torques is unknown; "
+            "give payload_mass: {L: kg} of one weighed payload, or recordings with joint torques "
+            f"({error})",
+        ) from None
     result = _fit(study.with_(drive_gains=tuple(gains)), progress)
     said = "drive gains as identified by model C: " + ", ".join(f"{gain:.4g}" for gain in gains)
     return replace(result, notes=(said, *result.notes))
@@ -166,7 +172,9 @@ def _fit(study: Study, progress: Progress) -> FitResult:
     return fit_systems(prepared, systems, cutoff, trials, progress)
 
 
-def observe_all(prepared: Prepared, cutoff_hz: float, progress: Progress = silent) -> tuple[RecordingSystem, ...]:
+def observe_all(
+    prepared: Prepared, cutoff_hz: float, progress: Progress = silent
+) -> tuple[RecordingSystem, ...]:
     """Every recording folded into factors at one decimation cut-off."""
     total = sum(stream.survey.rows for stream in prepared.streams)
     done = 0
@@ -178,15 +186,22 @@ def observe_all(prepared: Prepared, cutoff_hz: float, progress: Progress = silen
 
     slowest = min(stream.rate_hz for stream in prepared.streams)
     if cutoff_hz > 0.4 * slowest:
-        raise StudyError(str(prepared.study.file), "filter.decimation_cutoff_hz", f"{cutoff_hz:g} Hz is too high for "
-                         f"samples at {slowest:g} Hz; give at most {0.4 * slowest:.3g}")  # fmt: skip
-    return tuple(observe(stream, bank, prepared.columns, cutoff_hz, prepared.study.filter.order, tick)
-                 for stream, bank in zip(prepared.streams, prepared.banks))  # fmt: skip
+        raise StudyError(
+            str(prepared.study.file),
+            "filter.decimation_cutoff_hz",
+            f"{cutoff_hz:g} Hz is too high for samples at {slowest:g} Hz; give at most {0.4 * slowest:.3g}",
+        )
+    return tuple(
+        observe(stream, bank, prepared.columns, cutoff_hz, prepared.study.filter.order, tick)
+        for stream, bank in zip(prepared.streams, prepared.banks)
+    )
 
 
-def estimate_all(systems: Sequence[RecordingSystem], prepared: Prepared
-                 ) -> tuple[Estimate, tuple[ChannelFactor, ...]]:  # fmt: skip
-    """WLS of all base parameters on the identify recordings, with the study's options. -> estimate, factors used."""
+def estimate_all(
+    systems: Sequence[RecordingSystem], prepared: Prepared
+) -> tuple[Estimate, tuple[ChannelFactor, ...]]:
+    """WLS of all base parameters on the identify recordings, with the study's options. -> estimate, factors
+    used."""
     study, names = prepared.study, prepared.columns.parameters
     factors = stack(systems)
     if prepared.columns.gain_columns:
@@ -214,8 +229,13 @@ def _robust_sigma(systems: Sequence[RecordingSystem], chi: np.ndarray) -> np.nda
     return np.maximum(1.4826 * np.median(np.abs(rho), axis=1), 1e-9)
 
 
-def fit_systems(prepared: Prepared, systems: tuple[RecordingSystem, ...], cutoff_hz: float,
-                trials: tuple[CutoffTrial, ...] = (), progress: Progress = silent) -> FitResult:  # fmt: skip
+def fit_systems(
+    prepared: Prepared,
+    systems: tuple[RecordingSystem, ...],
+    cutoff_hz: float,
+    trials: tuple[CutoffTrial, ...] = (),
+    progress: Progress = silent,
+) -> FitResult:
     """Estimate, reduce, test and compare, from factors at one cut-off."""
     study, columns = prepared.study, prepared.columns
     fitted = [system for system in systems if system.role == "identify"]
@@ -226,9 +246,13 @@ def fit_systems(prepared: Prepared, systems: tuple[RecordingSystem, ...], cutoff
     share = min(1.0, sum(noise.effective_rows for noise in noises) / full.rows)
     normalised = _normalised(fitted, full)
     used = [segment.used for system in fitted for segment in system.segments]
-    normality = kolmogorov_smirnov(np.concatenate([rho[count] for rho, count in zip(normalised, used)]), share)
+    normality = kolmogorov_smirnov(
+        np.concatenate([rho[count] for rho, count in zip(normalised, used)]), share
+    )
     reduction = _reduction(study, columns, full, share)
-    estimate, at_bound = bounded(reduction.estimate) if study.bounds == "physical" else (reduction.estimate, ())
+    estimate, at_bound = (
+        bounded(reduction.estimate) if study.bounds == "physical" else (reduction.estimate, ())
+    )
     covariance = honest_covariance(fitted, estimate, channel_noises(fitted, estimate))
     normalised = _normalised(fitted, estimate)
     notes = [note for stream in prepared.streams for note in stream.notes]
@@ -236,18 +260,42 @@ def fit_systems(prepared: Prepared, systems: tuple[RecordingSystem, ...], cutoff
     warnings += _excitation_warnings(full, fitted)
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]
     notes += _payload_notes(study, estimate, covariance)
-    compared = compare_torques(prepared.streams, prepared.banks, columns, estimate.chi, full.chi, cutoff_hz,
-                               study.filter.order, progress)  # fmt: skip
+    compared = compare_torques(
+        prepared.streams,
+        prepared.banks,
+        columns,
+        estimate.chi,
+        full.chi,
+        cutoff_hz,
+        study.filter.order,
+        progress,
+    )
     worst = max(compared.decimated.by_role()["identify"].values())
     if worst > BAD_PERCENT:
         progress("asking why the fit is bad")
         warnings += suspected_mix_ups(prepared.streams, prepared.banks, columns)
     warnings += _implausible(estimate)
     progress("done", 1.0)
-    return FitResult(study, columns, prepared.streams, systems, cutoff_hz, trials, full, reduction, estimate, covariance,
-                     full_covariance, noises, durbin_watson(normalised, used), normality,
-                     np.concatenate([rho[count] for rho, count in zip(normalised, used)]), compared, tuple(notes),
-                     tuple(warnings))  # fmt: skip
+    return FitResult(
+        study,
+        columns,
+        prepared.streams,
+        systems,
+        cutoff_hz,
+        trials,
+        full,
+        reduction,
+        estimate,
+        covariance,
+        full_covariance,
+        noises,
+        durbin_watson(normalised, used),
+        normality,
+        np.concatenate([rho[count] for rho, count in zip(normalised, used)]),
+        compared,
+        tuple(notes),
+        tuple(warnings),
+    )
 
 
 def _reduction(study: Study, columns: Columns, full: Estimate, share: float) -> Reduction:
@@ -264,11 +312,18 @@ def _normalised(systems: Sequence[RecordingSystem], estimate: Estimate) -> list[
 
 def _excitation_warnings(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:
     """Which parameters the motion leaves open, in words."""
-    out = [f"{dependence.sentence()}; the identify recordings cannot tell them apart" if dependence.seen_in
-           else f"{dependence.sentence()} by the identify recordings" for dependence in full.dependent]  # fmt: skip
+    out = [
+        f"{dependence.sentence()}; the identify recordings cannot tell them apart"
+        if dependence.seen_in
+        else f"{dependence.sentence()} by the identify recordings"
+        for dependence in full.dependent
+    ]
     if full.weak:
-        out.append(f"the motion hardly excites {', '.join(full.weak)} (condition number {full.condition_number:.3g}); "
-                   "add motions that move those joints faster and at other postures")
+        out.append(
+            f"the motion hardly excites {', '.join(full.weak)} "
+            f"(condition number {full.condition_number:.3g}); "
+            "add motions that move those joints faster and at other postures"
+        )
     if len(systems) > 1:
         out += _blind_runs(full, systems)
     return out
@@ -281,25 +336,35 @@ def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]
     carried = np.zeros((len(systems), b), bool)
     for k, system in enumerate(systems):
         for factor, sigma in zip(system.factors, full.sigma):
-            lengths[k, factor.columns] += np.sum((factor.R[:, :-1] / sigma) ** 2, axis=0) / max(factor.rows, 1)
+            lengths[k, factor.columns] += np.sum((factor.R[:, :-1] / sigma) ** 2, axis=0) / max(
+                factor.rows, 1
+            )
             carried[k, factor.columns] = True
     best = lengths.max(axis=0)
     out = []
     for k, system in enumerate(systems):
         blind = [full.parameters[i] for i in np.flatnonzero(carried[k] & (lengths[k] < 1e-4 * best))]
         if blind:
-            out.append(f"{system.label} does not excite {', '.join(blind[:8])}{' ...' if len(blind) > 8 else ''}")
+            out.append(
+                f"{system.label} does not excite {', '.join(blind[:8])}{' ...' if len(blind) > 8 else ''}"
+            )
     return out
 
 
 def _implausible(estimate: Estimate) -> list[str]:
     """Masses of tonnes and friction of kilonewton metres: torque is in N mm, or in drive units."""
-    heavy = [name for name, value in zip(estimate.parameters, estimate.chi)
-             if abs(value) > 5e4 or name[0] == "M" and name[1:2] not in "XYZ" and abs(value) > 2e3]  # fmt: skip
+    heavy = [
+        name
+        for name, value in zip(estimate.parameters, estimate.chi)
+        if abs(value) > 5e4 or (name[0] == "M" and name[1:2] not in "XYZ" and abs(value) > 2e3)
+    ]
     if not heavy:
         return []
-    return [f"parameters such as {heavy[0]} come out larger than robots are; torque looks recorded in N mm or in drive "
-            "units, if so give scale: 0.001 or drive_gains in the study"]
+    return [
+        f"parameters such as {heavy[0]} come out larger than robots are; "
+        "torque looks recorded in N mm or in drive "
+        "units, if so give scale: 0.001 or drive_gains in the study"
+    ]
 
 
 def _payload_notes(study: Study, estimate: Estimate, covariance: np.ndarray) -> list[str]:
@@ -308,8 +373,10 @@ def _payload_notes(study: Study, estimate: Estimate, covariance: np.ndarray) -> 
         name = f"M{label}"
         if name in estimate.parameters and estimate.active[estimate.parameters.index(name)]:
             k = estimate.parameters.index(name)
-            out.append(f"{name} identified as {estimate.chi[k]:.4g} kg (std {np.sqrt(covariance[k, k]):.2g}), "
-                       f"weighed {mass:g} kg, difference {100 * (estimate.chi[k] / mass - 1):+.2g} %")
+            out.append(
+                f"{name} identified as {estimate.chi[k]:.4g} kg (std {np.sqrt(covariance[k, k]):.2g}), "
+                f"weighed {mass:g} kg, difference {100 * (estimate.chi[k] / mass - 1):+.2g} %"
+            )
     return out
 
 
@@ -322,6 +389,7 @@ def fit_models(study: Study, models: Sequence[str], *, progress: Progress = sile
     """The same recordings by several models: the paper's Table II."""
     results = {}
     for number, model in enumerate(models):
+
         def tell(text: str, done: float | None = None, name: str = model, n: int = number) -> None:
             progress(f"model {name}: {text}", None if done is None else (n + done) / len(models))
 

@@ -2,8 +2,8 @@
 
 At the full rate both sides run through the position filter and nothing else; the model's friction with them:
 without that, a sign that jumps at a reversal would be held against a measurement that cannot jump. At the
-decimated rate both run through the decimation filter, as Y and W do in the fit. Samples of joints at rest, which
-the fit leaves out, are in both.
+decimated rate both run through the decimation filter, as Y and W do in the fit. Samples of joints at rest,
+which the fit leaves out, are in both.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ from ident.progress import Progress, silent
 from ident.reading import RecordingStream
 from ident.study import ROLES
 
-CURVE_RATE = 5.0        # drawn samples per second and Hz of position cut-off
-CURVE_POINTS = 12000    # of one recording
+CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off
+CURVE_POINTS = 12000  # of one recording
 
 
 @dataclass(frozen=True, slots=True)
 class Curves:
-    """Torques of one recording for plots: t (m,), measured, modelled (m, channels); NaN rows part segments."""
+    """Torques of one recording for plots: t (m,), measured, modelled (m, channels); NaN rows part
+    segments."""
 
     label: str
     role: str
@@ -49,7 +50,8 @@ class FullRate:
 
 @dataclass(frozen=True, slots=True)
 class Squares:
-    """above, below: sums of squares of error and of torque, {recording label: (channels,)}; roles of the labels."""
+    """above, below: sums of squares of error and of torque, {recording label: (channels,)}; roles of the
+    labels."""
 
     channels: tuple[str, ...]
     roles: dict[str, str]
@@ -58,8 +60,12 @@ class Squares:
 
     @classmethod
     def empty(cls, channels: tuple[str, ...], roles: dict[str, str]) -> Squares:
-        return cls(channels, roles, {label: np.zeros(len(channels)) for label in roles},
-                   {label: np.zeros(len(channels)) for label in roles})  # fmt: skip
+        return cls(
+            channels,
+            roles,
+            {label: np.zeros(len(channels)) for label in roles},
+            {label: np.zeros(len(channels)) for label in roles},
+        )
 
     def add(self, label: str, measured: np.ndarray, modelled: np.ndarray) -> None:
         """Rows (N, channels) of one recording."""
@@ -85,10 +91,15 @@ class Squares:
         return out | {name: float(100 * np.sqrt(a / b)) for name, a, b in zip(self.channels, above, below)}
 
 
-def modelled_torque(columns: Columns, chi: np.ndarray, payload: str | None, block: FilteredBlock) -> np.ndarray:
-    """W chi of a block (N, channels) with the study's own columns; drive gains are left to the measured side."""
+def modelled_torque(
+    columns: Columns, chi: np.ndarray, payload: str | None, block: FilteredBlock
+) -> np.ndarray:
+    """W chi of a block (N, channels) with the study's own columns; drive gains are left to the measured
+    side."""
     model = columns.model
-    torque = np.asarray(model.torque(block.q, block.dq, block.ddq, columns.model_chi(chi, payload), sign=block.sign_dq))
+    torque = np.asarray(
+        model.torque(block.q, block.dq, block.ddq, columns.model_chi(chi, payload), sign=block.sign_dq)
+    )
     gains = set(columns.gain_columns.values())
     for extra in columns.extras:
         if extra.column not in gains and chi[extra.column] != 0:
@@ -104,10 +115,18 @@ def measured_torque(columns: Columns, chi: np.ndarray, block: FilteredBlock) -> 
     return columns.need.torque(motor, block.sensor)
 
 
-def compare_torques(streams: Sequence[RecordingStream], banks: Sequence[FilterBank], columns: Columns,
-                    chi: np.ndarray, full_chi: np.ndarray, cutoff_hz: float, order: int = 4,
-                    progress: Progress = silent) -> FullRate:  # fmt: skip
-    """One pass over all recordings: chi at both rates, full_chi (all base parameters) at the decimated one."""
+def compare_torques(
+    streams: Sequence[RecordingStream],
+    banks: Sequence[FilterBank],
+    columns: Columns,
+    chi: np.ndarray,
+    full_chi: np.ndarray,
+    cutoff_hz: float,
+    order: int = 4,
+    progress: Progress = silent,
+) -> FullRate:
+    """One pass over all recordings: chi at both rates, full_chi (all base parameters) at the decimated
+    one."""
     channels = columns.channels
     roles: dict[str, str] = {stream.label: stream.role for stream in streams}
     at_full_rate, decimated, full_model = (Squares.empty(channels, roles) for _ in range(3))
@@ -116,8 +135,11 @@ def compare_torques(streams: Sequence[RecordingStream], banks: Sequence[FilterBa
     total = sum(stream.survey.rows for stream in streams)
     done = 0
     for stream, bank in zip(streams, banks):
-        stride = max(1, int(stream.rate_hz / (CURVE_RATE * bank.position.cutoff_hz)),
-                     -(-stream.survey.rows // CURVE_POINTS))  # fmt: skip
+        stride = max(
+            1,
+            int(stream.rate_hz / (CURVE_RATE * bank.position.cutoff_hz)),
+            -(-stream.survey.rows // CURVE_POINTS),
+        )
         kept: list[np.ndarray] = []
         filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)
         for blocks in by_segment(filter_stream(stream, bank)):
@@ -143,8 +165,14 @@ def compare_torques(streams: Sequence[RecordingStream], banks: Sequence[FilterBa
 class _Tap:
     """Turns the filtered blocks of one segment into torques, and decimates them on the way."""
 
-    def __init__(self, stream: RecordingStream, columns: Columns, chi: np.ndarray, full_chi: np.ndarray,
-                 fold: Decimator) -> None:  # fmt: skip
+    def __init__(
+        self,
+        stream: RecordingStream,
+        columns: Columns,
+        chi: np.ndarray,
+        full_chi: np.ndarray,
+        fold: Decimator,
+    ) -> None:
         self.stream, self.columns, self.chi, self.full_chi, self.fold = stream, columns, chi, full_chi, fold
         self.kept: list[np.ndarray] = []
         self.start = 0.0

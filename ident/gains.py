@@ -1,9 +1,10 @@
-"""Unknown drive gains: motor signals i_j in drive units, g_j i_j = W_j chi - Y0_j (Y0 = 0 in model C, -tau_l in D).
+"""Unknown drive gains: motor signals i_j in drive units, g_j i_j = W_j chi - Y0_j (Y0 = 0 in model C,
+-tau_l in D).
 
-With the column -i_j the equation is linear in chi and g, but least squares then has its noise (friction that no
-model knows) among the regressors and shrinks g, to nothing on a joint that carries little torque. So the error
-is taken in the motor signal, rho = g0 (i - (W chi - Y0) / g), and the fit is Gauss and Newton's: linearised about
-(chi0, g0) the rows are
+With the column -i_j the equation is linear in chi and g, but least squares then has its noise (friction
+that no model knows) among the regressors and shrinks g, to nothing on a joint that carries little torque.
+So the error is taken in the motor signal, rho = g0 (i - (W chi - Y0) / g), and the fit is Gauss and
+Newton's: linearised about (chi0, g0) the rows are
 
     W chi - i0 g = Y0 + g0 i - i0 g0,    i0 = (W chi0 - Y0) / g0   the modelled motor signal,
 
@@ -36,14 +37,16 @@ def estimate_with_gains(factors: Sequence[ChannelFactor], columns: Columns) -> E
         step = estimate.chi - chi
         gains = list(columns.gain_columns.values())
         largest = np.max(np.abs(step[gains]) / np.abs(chi[gains]))
-        chi = chi + step * min(1.0, 0.5 / max(largest, 1e-12))      # at most half a gain at a time
+        chi = chi + step * min(1.0, 0.5 / max(largest, 1e-12))  # at most half a gain at a time
         if largest < 1e-9:
             break
     assert estimate is not None
     for j, place in columns.gain_columns.items():
         if not estimate.chi[place] > 0:
-            raise FitFailedError(f"drive_gains: the gain of joint {columns.need.joints[j]} has no positive value; check the "
-                                 "signs of its motor signal and its torque sensor")
+            raise FitFailedError(
+                f"drive_gains: the gain of joint {columns.need.joints[j]} has no positive value; check the "
+                "signs of its motor signal and its torque sensor"
+            )
     return estimate
 
 
@@ -63,7 +66,8 @@ def linearised(factor: ChannelFactor, columns: Columns, j: int, chi: np.ndarray)
 
 
 def _start(factors: Sequence[ChannelFactor], columns: Columns) -> tuple[np.ndarray, np.ndarray]:
-    """chi and sigma to begin with: the torque that the sensors explain, then each motor signal regressed on it."""
+    """chi and sigma to begin with: the torque that the sensors explain, then each motor signal regressed on
+    it."""
     b = len(columns.parameters)
     chi, sigma = np.zeros(b), np.ones(len(factors))
     sensors = [j for j in range(len(factors)) if j not in columns.gain_columns]
@@ -82,7 +86,11 @@ def _start(factors: Sequence[ChannelFactor], columns: Columns) -> tuple[np.ndarr
         W = np.column_stack([torque, factor.R[:, :-1][:, own]])
         scale = np.maximum(np.linalg.norm(W, axis=0), 1e-300)
         found = np.linalg.lstsq(W / scale, signal, rcond=1e-9)[0] / scale
-        g = 1 / found[0] if found[0] > 0 else np.linalg.norm(torque) / max(float(np.linalg.norm(signal)), 1e-300)
+        g = (
+            1 / found[0]
+            if found[0] > 0
+            else np.linalg.norm(torque) / max(float(np.linalg.norm(signal)), 1e-300)
+        )
         chi[gain] = g
         chi[factor.columns[own]] = found[1:] * g
         left = signal - W @ found

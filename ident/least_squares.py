@@ -5,9 +5,9 @@
     Sigma     = (W' Omega^-1 W)^-1                                                          eq. (15)
     % sigma_i = 100 sqrt(Sigma_ii) / |chi_i|                                                eq. (16)
 
-Everything is computed from the R factors of observation.py, stacked after division by sigma_j. Columns that the
-motion leaves dependent are found by a pivoted QR of the factor with columns scaled to length one; the rest is
-identified, and each dropped parameter is told with the combination it was seen in.
+Everything is computed from the R factors of observation.py, stacked after division by sigma_j. Columns that
+the motion leaves dependent are found by a pivoted QR of the factor with columns scaled to length one; the
+rest is identified, and each dropped parameter is told with the combination it was seen in.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ import scipy.linalg
 from ident.errors import NotEnoughDataError
 from ident.observation import ChannelFactor, RecordingSystem, triangular
 
-DEPENDENT = 1e-8        # of the longest pivot (scaled columns): below it a column is a combination of others
-WEAK = 1e-4             # singular value, relative: this combination is hardly excited
-HUBER = 1.345           # 95 % efficiency on Gaussian errors (Huber 1981)
+DEPENDENT = 1e-8  # of the longest pivot (scaled columns): below it a column is a combination of others
+WEAK = 1e-4  # singular value, relative: this combination is hardly excited
+HUBER = 1.345  # 95 % efficiency on Gaussian errors (Huber 1981)
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +31,7 @@ class Dependence:
     """A parameter whose column is a combination of others in these data; the others absorb it."""
 
     parameter: str
-    seen_in: tuple[tuple[str, float], ...]      # kept parameter, how much of it moves per unit of this one
+    seen_in: tuple[tuple[str, float], ...]  # kept parameter, how much of it moves per unit of this one
 
     def sentence(self) -> str:
         if not self.seen_in:
@@ -42,15 +42,16 @@ class Dependence:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """chi (b,) with zeros for what is not `active`; covariance (b, b) as eq. 15; R factor of the active columns."""
+    """chi (b,) with zeros for what is not `active`; covariance (b, b) as eq. 15; R factor of the active
+    columns."""
 
     parameters: tuple[str, ...]
     chi: np.ndarray
     covariance: np.ndarray
-    active: np.ndarray              # (b,) bool: columns in the fit
-    sigma: np.ndarray               # (channels,)
-    R: np.ndarray                   # (b + 1, b + 1) weighted factor of all columns and Y
-    rss: float                      # ||Y - W chi||^2 weighted
+    active: np.ndarray  # (b,) bool: columns in the fit
+    sigma: np.ndarray  # (channels,)
+    R: np.ndarray  # (b + 1, b + 1) weighted factor of all columns and Y
+    rss: float  # ||Y - W chi||^2 weighted
     rows: int
     condition_number: float
     dependent: tuple[Dependence, ...] = ()
@@ -74,13 +75,16 @@ class Estimate:
         """Name, value, sigma and % sigma of every parameter in the fit, one line each."""
         lines = [f"{'':10} {'value':>12} {'std':>12} {'% std':>8}"]
         for k in np.flatnonzero(self.active):
-            lines.append(f"{self.parameters[k]:10} {self.chi[k]:12.5g} {self.std[k]:12.3g} "
-                         f"{self.relative_std_percent[k]:8.3g}")
+            lines.append(
+                f"{self.parameters[k]:10} {self.chi[k]:12.5g} {self.std[k]:12.3g} "
+                f"{self.relative_std_percent[k]:8.3g}"
+            )
         return "\n".join(lines)
 
 
 def channel_sigma(factors: Sequence[ChannelFactor]) -> np.ndarray:
-    """sigma_j of eq. 12: each channel by ordinary least squares alone, residual over rows minus rank -> (channels,).
+    """sigma_j of eq. 12: each channel by ordinary least squares alone, residual over rows minus rank ->
+    (channels,).
 
     A channel with no more rows than its own parameters (its joint hardly moves) takes the mean of the others.
     """
@@ -94,17 +98,21 @@ def channel_sigma(factors: Sequence[ChannelFactor]) -> np.ndarray:
             sigma[j] = np.sqrt(np.sum((Y - W / scale @ solution) ** 2) / (factor.rows - int(rank)))
     rows = sum(factor.rows for factor in factors)
     if rows == 0:
-        raise NotEnoughDataError("no joint moves in the identify recordings, so nothing can be identified; "
-                                 "record the robot moving")  # fmt: skip
+        raise NotEnoughDataError(
+            "no joint moves in the identify recordings, so nothing can be identified; record the robot moving"
+        )
     if np.isnan(sigma).all():
-        raise NotEnoughDataError(f"{rows} decimated rows are fewer than each channel has parameters; record longer or "
-                                 "raise decimation_cutoff_hz")  # fmt: skip
+        raise NotEnoughDataError(
+            f"{rows} decimated rows are fewer than each channel has parameters; record longer or "
+            "raise decimation_cutoff_hz"
+        )
     sigma = np.where(np.isnan(sigma), np.nanmean(sigma), sigma)
-    return np.maximum(sigma, max(float(sigma.max()), 1e-12) * 1e-6)      # an exact fit keeps a finite weight
+    return np.maximum(sigma, max(float(sigma.max()), 1e-12) * 1e-6)  # an exact fit keeps a finite weight
 
 
-def joint_sigma(factors: Sequence[ChannelFactor], chi: np.ndarray, covariance: np.ndarray, sigma: np.ndarray
-                ) -> np.ndarray:  # fmt: skip
+def joint_sigma(
+    factors: Sequence[ChannelFactor], chi: np.ndarray, covariance: np.ndarray, sigma: np.ndarray
+) -> np.ndarray:
     """sigma_j from the residuals of the common fit, with the rows that the fit used up in each channel."""
     out = np.empty(len(factors))
     for j, factor in enumerate(factors):
@@ -140,16 +148,23 @@ def solve(R: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, np.ndarray, fl
     return chi, covariance, float(np.sum(part[k:, -1] ** 2))
 
 
-def weighted_least_squares(factors: Sequence[ChannelFactor], sigma: np.ndarray, names: tuple[str, ...],
-                           allowed: np.ndarray | None = None) -> Estimate:  # fmt: skip
-    """Solve Y = W chi + rho with every row divided by its channel's noise (eq. 13), what is dependent left out."""
+def weighted_least_squares(
+    factors: Sequence[ChannelFactor],
+    sigma: np.ndarray,
+    names: tuple[str, ...],
+    allowed: np.ndarray | None = None,
+) -> Estimate:
+    """Solve Y = W chi + rho with every row divided by its channel's noise (eq. 13), what is dependent left
+    out."""
     b = len(names)
     R = weighted_factor(factors, sigma, b)
     rows = sum(factor.rows for factor in factors)
     allowed = np.ones(b, bool) if allowed is None else allowed
     if rows <= allowed.sum():
-        raise NotEnoughDataError(f"{rows} decimated rows cannot carry {int(allowed.sum())} parameters; record longer, "
-                                 "or raise decimation_cutoff_hz")
+        raise NotEnoughDataError(
+            f"{rows} decimated rows cannot carry {int(allowed.sum())} parameters; record longer, "
+            "or raise decimation_cutoff_hz"
+        )
     active, dependent = _independent(R[:, :b], names, allowed)
     chi, covariance, rss = solve(R, active)
     condition, weak = _conditioning(R[:, :b][:, active], tuple(np.array(names)[active]))
@@ -161,11 +176,24 @@ def restrict(estimate: Estimate, active: np.ndarray) -> Estimate:
     chi, covariance, rss = solve(estimate.R, active)
     names = tuple(np.array(estimate.parameters)[active])
     condition, weak = _conditioning(estimate.R[:, :-1][:, active], names)
-    return Estimate(estimate.parameters, chi, covariance, active, estimate.sigma, estimate.R, rss, estimate.rows,
-                    condition, estimate.dependent, weak)  # fmt: skip
+    return Estimate(
+        estimate.parameters,
+        chi,
+        covariance,
+        active,
+        estimate.sigma,
+        estimate.R,
+        rss,
+        estimate.rows,
+        condition,
+        estimate.dependent,
+        weak,
+    )
 
 
-def _independent(W: np.ndarray, names: tuple[str, ...], allowed: np.ndarray) -> tuple[np.ndarray, tuple[Dependence, ...]]:
+def _independent(
+    W: np.ndarray, names: tuple[str, ...], allowed: np.ndarray
+) -> tuple[np.ndarray, tuple[Dependence, ...]]:
     """Which columns are independent, by QR with column pivoting of the columns scaled to length one."""
     columns = np.flatnonzero(allowed)
     norm = np.linalg.norm(W[:, columns], axis=0)
@@ -184,15 +212,22 @@ def _independent(W: np.ndarray, names: tuple[str, ...], allowed: np.ndarray) -> 
         combine = scipy.linalg.solve_triangular(R[:rank, :rank], R[:rank, rank:])
         for number, column in enumerate(order[rank:]):
             per_unit = combine[:, number] * norm[column] / norm[order[:rank]]
-            strong = sorted((k for k in range(rank) if abs(combine[k, number]) > 1e-3),
-                            key=lambda k: -abs(combine[k, number]))
-            dependent.append(Dependence(names[columns[column]],
-                                        tuple((names[columns[order[k]]], float(per_unit[k])) for k in strong)))
+            strong = sorted(
+                (k for k in range(rank) if abs(combine[k, number]) > 1e-3),
+                key=lambda k: -abs(combine[k, number]),
+            )
+            dependent.append(
+                Dependence(
+                    names[columns[column]],
+                    tuple((names[columns[order[k]]], float(per_unit[k])) for k in strong),
+                )
+            )
     return active, tuple(dependent)
 
 
 def _conditioning(W: np.ndarray, names: tuple[str, ...]) -> tuple[float, tuple[str, ...]]:
-    """Condition number of the columns scaled to length one, and the parameters of combinations hardly excited."""
+    """Condition number of the columns scaled to length one, and the parameters of combinations hardly
+    excited."""
     if W.shape[1] == 0:
         return 1.0, ()
     scaled = W / np.linalg.norm(W, axis=0)
@@ -200,7 +235,9 @@ def _conditioning(W: np.ndarray, names: tuple[str, ...]) -> tuple[float, tuple[s
     weak: dict[str, None] = {}
     for k in np.flatnonzero(singular < WEAK * singular[0]):
         strength = np.abs(V[k])
-        weak |= dict.fromkeys(names[i] for i in np.argsort(-strength)[:4] if strength[i] > 0.3 * strength.max())
+        weak |= dict.fromkeys(
+            names[i] for i in np.argsort(-strength)[:4] if strength[i] > 0.3 * strength.max()
+        )
     return float(singular[0] / max(singular[-1], 1e-300)), tuple(weak)
 
 
@@ -226,13 +263,16 @@ def bounded(estimate: Estimate) -> tuple[Estimate, tuple[str, ...]]:
 
 def not_negative(name: str) -> bool:
     """Whether physics forbids a negative value: rotor inertia, friction, mass (regrouped friction too)."""
-    return name.startswith(("Iam", "Iac", "Ial", "Fv", "Fc")) or (name[0] == "M" and name[1:2] not in ("X", "Y", "Z")
-                                                           and not name.endswith("R"))  # fmt: skip
+    return name.startswith(("Iam", "Iac", "Ial", "Fv", "Fc")) or (
+        name[0] == "M" and name[1:2] not in ("X", "Y", "Z") and not name.endswith("R")
+    )
 
 
-def huber_factors(systems: Sequence[RecordingSystem], sigma: np.ndarray, chi: np.ndarray
-                  ) -> tuple[tuple[ChannelFactor, ...], int]:  # fmt: skip
-    """Factors with Huber's weights min(1, 1.345 sigma_j / |rho|) for residuals of chi; and how many rows lost weight."""
+def huber_factors(
+    systems: Sequence[RecordingSystem], sigma: np.ndarray, chi: np.ndarray
+) -> tuple[tuple[ChannelFactor, ...], int]:
+    """Factors with Huber's weights min(1, 1.345 sigma_j / |rho|) for residuals of chi; and how many rows
+    lost weight."""
     n_channels = len(systems[0].factors)
     out, down = [], 0
     for j in range(n_channels):

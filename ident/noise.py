@@ -1,8 +1,8 @@
 """How correlated the decimated residuals are, and what that does to standard deviations.
 
-Eq. 15 takes rows as independent. Decimated rows are not quite: the filter leaves neighbours correlated, friction
-and other model errors more so. A model of the correlation, autoregressive per channel, gives Omega its true
-off-diagonal entries, and
+Eq. 15 takes rows as independent. Decimated rows are not quite: the filter leaves neighbours correlated,
+friction and other model errors more so. A model of the correlation, autoregressive per channel, gives Omega
+its true off-diagonal entries, and
 
     cov(chi) = Sigma (W' Omega_w^-1 Omega Omega_w^-1 W) Sigma,   Omega_w = diag(sigma_j^2)
 
@@ -32,8 +32,8 @@ class ChannelNoise:
     """Autoregressive noise of one channel: variance, coefficients (p,), rows and effective rows."""
 
     variance: float
-    coefficients: np.ndarray        # rho[t] = sum_k coefficients[k] rho[t-1-k] + e[t]
-    autocorrelation: np.ndarray     # (lags,) from lag 0, corrected
+    coefficients: np.ndarray  # rho[t] = sum_k coefficients[k] rho[t-1-k] + e[t]
+    autocorrelation: np.ndarray  # (lags,) from lag 0, corrected
     rows: int
 
     @property
@@ -64,7 +64,9 @@ def channel_noises(systems: Sequence[RecordingSystem], estimate: Estimate) -> tu
                     counts[lag] += np.sum(used[:stop] & used[lag:])
         covariance = sums / np.maximum(counts, 1)
         variance = max(float(covariance[0]), 1e-30, 1e-12 * sigma**2)
-        correlation = covariance / variance * (counts / max(counts[0], 1))      # tapered: keeps the sequence positive
+        correlation = (
+            covariance / variance * (counts / max(counts[0], 1))
+        )  # tapered: keeps the sequence positive
         correlation[0] = 1.0
         out.append(ChannelNoise(variance, autoregression(correlation, rows), correlation, rows))
     return tuple(out)
@@ -85,13 +87,17 @@ def _project(system: RecordingSystem, segment: object, j: int, half: np.ndarray)
 
 
 def autoregression(correlation: np.ndarray, rows: int) -> np.ndarray:
-    """AR coefficients by Levinson and Durbin's recursion, the order by Akaike's criterion with a small-sample term."""
+    """AR coefficients by Levinson and Durbin's recursion, the order by Akaike's criterion with a
+    small-sample term."""
     best, chosen = np.inf, np.zeros(0)
     coefficients, error = np.zeros(0), 1.0
     for order in range(len(correlation)):
         if order:
-            reflection = (correlation[order] - coefficients @ correlation[order - 1 : 0 : -1]) / error if order > 1 \
-                else correlation[1] / error  # fmt: skip
+            reflection = (
+                (correlation[order] - coefficients @ correlation[order - 1 : 0 : -1]) / error
+                if order > 1
+                else correlation[1] / error
+            )
             if abs(reflection) >= 0.999:
                 break
             coefficients = np.append(coefficients - reflection * coefficients[::-1], reflection)
@@ -125,7 +131,7 @@ def colour(W: np.ndarray, noise: ChannelNoise) -> np.ndarray:
     if p == 0:
         return W
     predictors = _orders(noise.coefficients, noise.autocorrelation)
-    band = np.zeros((p + 1, m))     # A' is upper triangular: row k of `band` is its k-th diagonal from the top
+    band = np.zeros((p + 1, m))  # A' is upper triangular: row k of `band` is its k-th diagonal from the top
     for t in range(m):
         a, error = predictors[min(t, p)]
         scale = 1 / np.sqrt(error)
@@ -139,12 +145,14 @@ def colour(W: np.ndarray, noise: ChannelNoise) -> np.ndarray:
     band[p, p:] = scale
     for k in range(p):
         band[p - 1 - k, p:] = -a[k] * scale
-    # prediction errors are A rho with A[t, t-1-k] = -a[k]; A' X = W gives X = L' W. Column t of A' holds row t of A.
+    # Prediction errors are A rho with A[t, t-1-k] = -a[k]; A' X = W gives X = L' W.
+    # Column t of A' holds row t of A.
     return scipy.linalg.solve_banded((0, p), band, W)
 
 
-def honest_covariance(systems: Sequence[RecordingSystem], estimate: Estimate, noises: Sequence[ChannelNoise]
-                      ) -> np.ndarray:  # fmt: skip
+def honest_covariance(
+    systems: Sequence[RecordingSystem], estimate: Estimate, noises: Sequence[ChannelNoise]
+) -> np.ndarray:
     """Covariance (b, b) of the weighted estimate under the correlated noise of `noises`."""
     half = _half(estimate)
     middle = np.zeros((half.shape[1], half.shape[1]))

@@ -1,7 +1,7 @@
 """From recordings to triangular factors: Y = W chi + rho, decimated, one R per channel (paper eq. 9 to 12).
 
-A block of filtered samples is evaluated (the non-zero entries of W only), decimated, and its decimated rows are
-pushed into an upper triangular factor per channel,
+A block of filtered samples is evaluated (the non-zero entries of W only), decimated, and its decimated rows
+are pushed into an upper triangular factor per channel,
 
     R = qr([W_j Y_j]),   ||Y_j - W_j chi|| = ||R [chi; -1]||  for every chi,
 
@@ -25,9 +25,9 @@ from ident.errors import NotEnoughDataError
 from ident.filtering import FilterBank, LowPass, filter_stream
 from ident.reading import RecordingStream
 
-STACK = 512     # decimated rows gathered before a factor takes them in
-LEAST = 0.1     # share of a row's samples that must count
-HELD = 2_000_000    # decimated entries of a recording that are held in double precision; longer ones in single
+STACK = 512  # decimated rows gathered before a factor takes them in
+LEAST = 0.1  # share of a row's samples that must count
+HELD = 2_000_000  # decimated entries of a recording that are held in double precision; longer ones in single
 Tick = Callable[[int], None]
 
 
@@ -53,8 +53,8 @@ class ChannelFactor:
 class DecimatedSegment:
     """Decimated rows of one segment: t (m,), values (E, m) of W's entries, Y (channels, m).
 
-    weight (channels, m) is the share of a row's samples that count (filtering.py: certain); rows below LEAST are
-    zero throughout and not counted.
+    weight (channels, m) is the share of a row's samples that count (filtering.py: certain); rows below
+    LEAST are zero throughout and not counted.
     """
 
     t: np.ndarray
@@ -75,11 +75,11 @@ class RecordingSystem:
     label: str
     role: str
     payload: str | None
-    channel: np.ndarray                     # (E,) of each entry
-    column: np.ndarray                      # (E,)
+    channel: np.ndarray  # (E,) of each entry
+    column: np.ndarray  # (E,)
     factors: tuple[ChannelFactor, ...]
     segments: tuple[DecimatedSegment, ...]
-    samples: int                            # uniform samples that went in
+    samples: int  # uniform samples that went in
 
     @property
     def rows(self) -> int:
@@ -134,11 +134,17 @@ class _Growing:
 
 def triangular(rows: np.ndarray) -> np.ndarray:
     """R of a QR factorisation (at most as many rows as columns)."""
-    return np.linalg.qr(rows, mode="r")
+    return np.asarray(np.linalg.qr(rows, mode="r"))
 
 
-def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_hz: float, order: int = 4,
-            tick: Tick | None = None) -> RecordingSystem:  # fmt: skip
+def observe(
+    stream: RecordingStream,
+    bank: FilterBank,
+    columns: Columns,
+    cutoff_hz: float,
+    order: int = 4,
+    tick: Tick | None = None,
+) -> RecordingSystem:
     """Evaluate, decimate and factor one recording. Raises NotEnoughDataError when nothing remains of it."""
     model = columns.model
     used, channel, column = columns.entries(stream.payload)
@@ -154,7 +160,7 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
     growing = [_Growing(np.unique(column[free & (channel == j)])) for j in range(n_channels)]
     segments: list[DecimatedSegment] = []
     samples = 0
-    few = stream.survey.rows / every * len(channel) < HELD      # R is double in any case
+    few = stream.survey.rows / every * len(channel) < HELD  # R is double in any case
 
     parts_t: list[np.ndarray] = []
     parts_W: list[np.ndarray] = []
@@ -176,7 +182,7 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
         weight[weight < LEAST] = 0.0
         Y[weight == 0] = 0.0
         W *= weight[channel] > 0
-        for e in np.flatnonzero(~free):      # parameters of known value go over to Y
+        for e in np.flatnonzero(~free):  # parameters of known value go over to Y
             Y[channel[e]] -= known[-1 - column[e]] * W[e]
         W = W[free]
         m = W.shape[1]
@@ -196,8 +202,11 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
     def finish(fold_W: Decimator, fold_rest: Decimator) -> None:
         take(fold_W.finish(), fold_rest.finish())
         if parts_W:
-            segments.append(DecimatedSegment(np.concatenate(parts_t), np.hstack(parts_W), np.hstack(parts_Y),
-                                             np.hstack(parts_weight)))  # fmt: skip
+            segments.append(
+                DecimatedSegment(
+                    np.concatenate(parts_t), np.hstack(parts_W), np.hstack(parts_Y), np.hstack(parts_weight)
+                )
+            )
         for parts in (parts_t, parts_W, parts_Y, parts_weight):
             parts.clear()
 
@@ -207,13 +216,20 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
         if index != current:
             if folds:
                 finish(*folds)
-            folds = (Decimator(filter, every, len(used)),
-                     Decimator(filter, every, len(columns.extras) + n_channels + n_joints))  # fmt: skip
+            folds = (
+                Decimator(filter, every, len(used)),
+                Decimator(filter, every, len(columns.extras) + n_channels + n_joints),
+            )
             current, kept, t_first = index, 0, float(block.t[0]) - 1.0 / stream.rate_hz
         assert folds is not None
         certain = np.ascontiguousarray(block.certain.T)
-        rest = np.vstack([*(extra.values(block) * certain[extra.channel % n_joints] for extra in columns.extras),
-                          columns.torque(block).T * certain[joint_of], certain])  # fmt: skip
+        rest = np.vstack(
+            [
+                *(extra.values(block) * certain[extra.channel % n_joints] for extra in columns.extras),
+                columns.torque(block).T * certain[joint_of],
+                certain,
+            ]
+        )
         for rows, values in model.nonzero_blocks(block.q, block.dq, block.ddq, sign=block.sign_dq):
             weighted = values if everything else values[used]
             weighted = weighted * certain[:, rows][entry_joint]
@@ -224,10 +240,20 @@ def observe(stream: RecordingStream, bank: FilterBank, columns: Columns, cutoff_
     if folds:
         finish(*folds)
     if not segments:
-        raise NotEnoughDataError(f"{stream.file}: nothing is left of {stream.label} after rest and filter transients "
-                                 "are cut; record longer or raise the filter's cut-off")
-    return RecordingSystem(stream.label, stream.role, stream.payload, channel[free], column[free],
-                           tuple(factor.factor() for factor in growing), tuple(segments), samples)  # fmt: skip
+        raise NotEnoughDataError(
+            f"{stream.file}: nothing is left of {stream.label} after rest and filter transients "
+            "are cut; record longer or raise the filter's cut-off"
+        )
+    return RecordingSystem(
+        stream.label,
+        stream.role,
+        stream.payload,
+        channel[free],
+        column[free],
+        tuple(factor.factor() for factor in growing),
+        tuple(segments),
+        samples,
+    )
 
 
 def stack(systems: Sequence[RecordingSystem]) -> tuple[ChannelFactor, ...]:

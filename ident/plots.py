@@ -1,7 +1,7 @@
 """The paper's figures: torques with their error (4 to 7), histogram of normalised errors (3). Only drawing.
 
-Every function takes results and an axes and returns the artists. `draw_all` writes SVG files without pyplot, so
-no display and no global state are involved.
+Every function takes results and an axes and returns the artists. `draw_all` writes SVG files without
+pyplot, so no display and no global state are involved.
 """
 
 from __future__ import annotations
@@ -16,13 +16,17 @@ import numpy as np
 from ident.fit import FitResult
 from ident.full_rate import Curves
 
-POINTS = 1500       # of a drawn line
+POINTS = 1500  # of a drawn line
 
 
 def torque(curves: Curves, channel: int, ax: Any) -> list[Any]:
     """Measured (red), reconstructed (blue) torque and their difference (black) of one channel."""
     step = max(1, len(curves.t) // POINTS)
-    t, measured, modelled = curves.t[::step], curves.measured[::step, channel], curves.modelled[::step, channel]
+    t, measured, modelled = (
+        curves.t[::step],
+        curves.measured[::step, channel],
+        curves.modelled[::step, channel],
+    )
     lines = ax.plot(t, measured, "r", lw=0.8, label="measured")
     lines += ax.plot(t, modelled, "b", lw=0.8, label="reconstructed")
     lines += ax.plot(t, measured - modelled, "k", lw=0.6, label="error")
@@ -33,7 +37,7 @@ def torque(curves: Curves, channel: int, ax: Any) -> list[Any]:
 def histogram(normalised: np.ndarray, ax: Any) -> list[Any]:
     """Density of rho / sigma_j (rows,) with the Gaussian N(0, 1) that weighting assumes."""
     values = np.ravel(normalised)
-    counts, edges, bars = ax.hist(values[np.abs(values) < 5], bins=60, density=True, color="0.7")
+    _counts, _edges, bars = ax.hist(values[np.abs(values) < 5], bins=60, density=True, color="0.7")
     x = np.linspace(-5, 5, 200)
     line = ax.plot(x, np.exp(-(x**2) / 2) / math.sqrt(2 * math.pi), "k", lw=1.2, label="N(0, 1)")
     ax.set_xlabel("error / standard deviation")
@@ -64,7 +68,9 @@ def draw_all(result: FitResult, folder: Path) -> None:
 
 
 def _torques(figure: Any, curves: Curves, channels: Sequence[str], rows: int, columns: int) -> None:
-    figure.subplots_adjust(left=0.08 / columns + 0.02, right=0.99, top=0.97, bottom=0.05, hspace=0.15, wspace=0.12)
+    figure.subplots_adjust(
+        left=0.08 / columns + 0.02, right=0.99, top=0.97, bottom=0.05, hspace=0.15, wspace=0.12
+    )
     for k, name in enumerate(channels):
         ax = figure.add_subplot(rows, columns, k % rows * columns + k // rows + 1)
         torque(curves, k, ax)

@@ -1,13 +1,14 @@
 """Recordings: from somebody's table to uniform samples in SI units, and what was done to get there.
 
-`open_recordings(study, joints, need)` opens every recording of a study and surveys it once (time stamps, gaps,
-repeats, rest, units). `RecordingStream.segments()` then yields its uninterrupted stretches as blocks of uniform
-samples, however long the log is; `RecordingStream.load()` holds them whole as `Recording` values.
+`open_recordings(study, joints, need)` opens every recording of a study and surveys it once (time stamps,
+gaps, repeats, rest, units). `RecordingStream.segments()` then yields its uninterrupted stretches as blocks
+of uniform samples, however long the log is; `RecordingStream.load()` holds them whole as `Recording` values.
 
 What is refused: time that runs backwards, values that are not finite, a missing column, fewer than
 `MIN_SAMPLES` samples. What is mended and said (`notes`, `warnings`): rows whose time stamp repeats, rows that
-repeat the previous one (the same state read twice: dropped where single, so that motion is interpolated across
-them), jitter (resampled), gaps (the recording is split, never bridged), rest at both ends (not fitted).
+repeat the previous one (the same state read twice: dropped where single, so that motion is interpolated
+across them), jitter (resampled), gaps (the recording is split, never bridged), rest at both ends (not
+fitted).
 """
 
 from __future__ import annotations
@@ -24,14 +25,15 @@ from ident.study import ColumnMap, RecordingEntry, Role, Study
 from ident.tables import Table, open_table
 
 MIN_SAMPLES = 50
-MOVED = 1e-3            # rad or m from the first position: motion has begun
-COARSE_S = 0.05         # spacing of the positions by which rest is found
-Block = tuple[np.ndarray, np.ndarray]     # t (N,), values (N, m): q, then motor, then sensor signals
+MOVED = 1e-3  # rad or m from the first position: motion has begun
+COARSE_S = 0.05  # spacing of the positions by which rest is found
+Block = tuple[np.ndarray, np.ndarray]  # t (N,), values (N, m): q, then motor, then sensor signals
 
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """Which signals a model wants: motor torque, joint torque sensor; joints are numbered as in the robot file."""
+    """Which signals a model wants: motor torque, joint torque sensor; joints are numbered as in the robot
+    file."""
 
     joints: tuple[int, ...]
     motor: bool
@@ -39,7 +41,8 @@ class Need:
     model: str = "A"
 
     def torque(self, motor: np.ndarray | None, sensor: np.ndarray | None) -> np.ndarray:
-        """The channels of the model, (N, channels): A motor, B sensor, C both, D motor - sensor (paper eq. 7)."""
+        """The channels of the model, (N, channels): A motor, B sensor, C both, D motor - sensor (paper eq.
+        7)."""
         if self.model == "C":
             assert motor is not None and sensor is not None
             return np.hstack([motor, sensor])
@@ -66,17 +69,17 @@ class Survey:
     """What one pass over a recording showed."""
 
     rows: int
-    rate_hz: float            # of the uniform samples handed on
-    uniform: bool             # the table's own samples are handed on
+    rate_hz: float  # of the uniform samples handed on
+    uniform: bool  # the table's own samples are handed on
     jitter_rms_s: float
     same_stamp_rows: int
     repeated_rows: int
     held_position_rows: int
-    lowest: np.ndarray        # (m,)
+    lowest: np.ndarray  # (m,)
     highest: np.ndarray
     segments: tuple[Segment, ...]
-    gap_s: float              # intervals longer than this split
-    missing_rows: int         # shorter holes that interpolation crosses
+    gap_s: float  # intervals longer than this split
+    missing_rows: int  # shorter holes that interpolation crosses
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,12 +115,12 @@ class RecordingStream:
     file: str
     need: Need
     table: Table
-    names: tuple[str, ...]          # columns of the table: t (unless counted), q, motor, sensor
-    factors: np.ndarray             # (columns,)
+    names: tuple[str, ...]  # columns of the table: t (unless counted), q, motor, sensor
+    factors: np.ndarray  # (columns,)
     offsets: np.ndarray
-    counted_rate_hz: float | None   # t is the row number over this where the table has no time
+    counted_rate_hz: float | None  # t is the row number over this where the table has no time
     window: tuple[float, float]
-    stiffness: np.ndarray | None    # (n,) when positions are the joints'
+    stiffness: np.ndarray | None  # (n,) when positions are the joints'
     survey: Survey
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -127,11 +130,15 @@ class RecordingStream:
         return self.survey.rate_hz
 
     def segments(self) -> Iterator[tuple[Segment, Iterator[np.ndarray]]]:
-        """Segments in order; each with blocks (N, m) of uniform samples, to be used up before the next one."""
+        """Segments in order; each with blocks (N, m) of uniform samples, to be used up before the next
+        one."""
         pieces = _Pieces(_clean(self, self.survey.gap_s, drop_repeats=not self.survey.uniform))
         for segment in self.survey.segments:
             blocks = pieces.take(segment.start, segment.end)
-            yield segment, (values for _, values in blocks) if self.survey.uniform else resample(blocks, self.rate_hz)
+            yield (
+                segment,
+                (values for _, values in blocks) if self.survey.uniform else resample(blocks, self.rate_hz),
+            )
 
     def split(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
         """Columns of a block (N, m) -> q, motor signal, sensor signal, each (N, n) or None."""
@@ -146,9 +153,23 @@ class RecordingStream:
         for index, (segment, blocks) in enumerate(self.segments()):
             values = np.concatenate(list(blocks))
             q, motor, sensor = self.split(values)
-            out.append(Recording(self.label, self.role, self.payload, segment.start + np.arange(len(q)) / self.rate_hz,
-                                 q, None, motor, sensor, self.rate_hz, index, segment.move_start, segment.move_end,
-                                 self.notes))  # fmt: skip
+            out.append(
+                Recording(
+                    self.label,
+                    self.role,
+                    self.payload,
+                    segment.start + np.arange(len(q)) / self.rate_hz,
+                    q,
+                    None,
+                    motor,
+                    sensor,
+                    self.rate_hz,
+                    index,
+                    segment.move_start,
+                    segment.move_end,
+                    self.notes,
+                )
+            )
         return out
 
 
@@ -177,8 +198,21 @@ def open_recording(study: Study, entry: RecordingEntry, need: Need) -> Recording
     names, factors, offsets, notes = _columns(study, entry, need, table)
     window = (-np.inf if entry.from_s is None else entry.from_s, np.inf if entry.to_s is None else entry.to_s)
     stiffness = np.array(study.stiffness) if study.positions == "joint" and study.stiffness else None
-    stream = RecordingStream(entry.label, entry.use, entry.payload, str(path), need, table, names, factors, offsets,
-                             entry.rate_hz if "t" not in notes else None, window, stiffness, _NO_SURVEY)  # fmt: skip
+    stream = RecordingStream(
+        entry.label,
+        entry.use,
+        entry.payload,
+        str(path),
+        need,
+        table,
+        names,
+        factors,
+        offsets,
+        entry.rate_hz if "t" not in notes else None,
+        window,
+        stiffness,
+        _NO_SURVEY,
+    )
     survey = _survey(stream, study)
     said, warnings = _describe(stream, survey)
     return replace(stream, survey=survey, notes=said, warnings=warnings)
@@ -188,20 +222,28 @@ def _check_sizes(study: Study, need: Need) -> None:
     n = len(need.joints)
     for key, values in (("drive_gains", study.drive_gains), ("stiffness", study.stiffness)):
         if isinstance(values, tuple) and len(values) != n:
-            raise StudyError(str(study.file), key, f"has {len(values)} values, the robot {study.robot} has {n} joints; "
-                                                   "give one per joint")
+            raise StudyError(
+                str(study.file),
+                key,
+                f"has {len(values)} values, the robot {study.robot} has {n} joints; give one per joint",
+            )
 
 
-def _columns(study: Study, entry: RecordingEntry, need: Need, table: Table
-             ) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, set[str]]:  # fmt: skip
+def _columns(
+    study: Study, entry: RecordingEntry, need: Need, table: Table
+) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, set[str]]:
     """The table's columns for t, q, motor, sensor with their factors and offsets."""
     maps = {**study.columns, **entry.columns}
     known = {"t"} | {f"{kind}{j}" for kind in ("q", "dq", "ddq", "tau_m", "tau_l", "i") for j in need.joints}
     for name in maps:
         if name not in known:
             close = difflib.get_close_matches(name, sorted(known), n=1)
-            raise StudyError(str(study.file), f"columns.{name}", "is not a signal of this robot"
-                             + (f", did you mean {close[0]}?" if close else "; signals are t, q1, tau_m1, tau_l1, i1 ..."))  # fmt: skip
+            raise StudyError(
+                str(study.file),
+                f"columns.{name}",
+                "is not a signal of this robot"
+                + (f", did you mean {close[0]}?" if close else "; signals are t, q1, tau_m1, tau_l1, i1 ..."),
+            )
     names: list[str] = []
     factors: list[float] = []
     offsets: list[float] = []
@@ -212,8 +254,11 @@ def _columns(study: Study, entry: RecordingEntry, need: Need, table: Table
         where = str(column.column)
         if isinstance(column.column, int):
             if not 0 <= column.column < len(table.columns):
-                raise RecordingError(table.file, f"has {len(table.columns)} columns, so column {column.column} for "
-                                                 f"{signal} does not exist (the first is 0); correct the study's columns")
+                raise RecordingError(
+                    table.file,
+                    f"has {len(table.columns)} columns, so column {column.column} for "
+                    f"{signal} does not exist (the first is 0); correct the study's columns",
+                )
             where = table.columns[column.column]
         if where not in table.columns:
             raise _missing(table, signal, where, signal in maps)
@@ -238,8 +283,12 @@ def _columns(study: Study, entry: RecordingEntry, need: Need, table: Table
             elif isinstance(gains, tuple) and currents:
                 add(f"i{j}", gains[k])
             elif not has(f"tau_m{j}") and has(f"i{j}"):
-                raise StudyError(str(study.file), "drive_gains", f"{entry.file} holds motor currents; give one gain "
-                                 "[N m/A] per joint, or drive_gains: identify where joint torques are recorded too")  # fmt: skip
+                raise StudyError(
+                    str(study.file),
+                    "drive_gains",
+                    f"{entry.file} holds motor currents; give one gain "
+                    "[N m/A] per joint, or drive_gains: identify where joint torques are recorded too",
+                )
             else:
                 add(f"tau_m{j}")
     if need.sensor:
@@ -250,16 +299,25 @@ def _columns(study: Study, entry: RecordingEntry, need: Need, table: Table
 
 def _missing(table: Table, signal: str, where: str, mapped: bool) -> RecordingError:
     if not table.has_names:
-        return RecordingError(table.file, f"has no header, so {signal} must be told by its index; "
-                                          f"add columns: {{{signal}: {{column: 0}}}} (the first is 0) to the study")
+        return RecordingError(
+            table.file,
+            f"has no header, so {signal} must be told by its index; "
+            f"add columns: {{{signal}: {{column: 0}}}} (the first is 0) to the study",
+        )
     close = difflib.get_close_matches(where, table.columns, n=1, cutoff=0.6)
     columns = ", ".join(table.columns[:12]) + (" ..." if len(table.columns) > 12 else "")
     hint = f"the nearest is {close[0]}" if close else f"the columns are {columns}"
     if signal == "t" and not mapped:
-        return RecordingError(table.file, f"column t is missing ({hint}); map it with columns: {{t: ...}}, or give "
-                                          "rate_hz: beside the file when samples are uniform")
-    return RecordingError(table.file, f"column {where} is missing ({hint}); map it in the study with "
-                                      f"columns: {{{signal}: {{column: NAME}}}}")
+        return RecordingError(
+            table.file,
+            f"column t is missing ({hint}); map it with columns: {{t: ...}}, or give "
+            "rate_hz: beside the file when samples are uniform",
+        )
+    return RecordingError(
+        table.file,
+        f"column {where} is missing ({hint}); map it in the study with "
+        f"columns: {{{signal}: {{column: NAME}}}}",
+    )
 
 
 def _raw(stream: RecordingStream) -> Iterator[Block]:
@@ -274,10 +332,13 @@ def _raw(stream: RecordingStream) -> Iterator[Block]:
         inside = (t >= stream.window[0]) & (t < stream.window[1]) | ~np.isfinite(t)
         if not np.isfinite(block[inside]).all():
             bad_row, bad_column = np.argwhere(~np.isfinite(block) & inside[:, None])[0]
-            raise RecordingError(stream.file, f"column {stream.names[bad_column]} is not a finite number in row "
-                                              f"{row + bad_row + 1}; repair it, or leave it out with from: and to:")
+            raise RecordingError(
+                stream.file,
+                f"column {stream.names[bad_column]} is not a finite number in row "
+                f"{row + bad_row + 1}; repair it, or leave it out with from: and to:",
+            )
         row += len(block)
-        if stream.stiffness is not None:    # Appendix 2: q - tau_l / k
+        if stream.stiffness is not None:  # Appendix 2: q - tau_l / k
             n = len(stream.need.joints)
             values = values.copy()
             values[:, :n] -= values[:, -n:] / stream.stiffness
@@ -286,7 +347,8 @@ def _raw(stream: RecordingStream) -> Iterator[Block]:
 
 
 def _clean(stream: RecordingStream, gap_s: float, drop_repeats: bool) -> Iterator[Block]:
-    """Blocks without rows whose stamp repeats and, where asked, without rows that repeat the one before them."""
+    """Blocks without rows whose stamp repeats and, where asked, without rows that repeat the one before
+    them."""
     last_t, last_row = None, None
     for t, values in _raw(stream):
         dt = np.diff(t, prepend=t[0] - 1.0 if last_t is None else last_t)
@@ -345,9 +407,9 @@ def _survey(stream: RecordingStream, study: Study) -> Survey:
     lowest = highest = np.empty(0)
     last_t: float | None = None
     last_row = np.empty(0)
-    sums = np.zeros(3)                      # intervals inside segments: count, sum, sum of squares about the median
+    sums = np.zeros(3)  # intervals inside segments: count, sum, sum of squares about the median
     worst = 0.0
-    marks: list[tuple[float, float]] = []   # gaps
+    marks: list[tuple[float, float]] = []  # gaps
     coarse_t: list[np.ndarray] = []
     coarse_q: list[np.ndarray] = []
     begin = None
@@ -364,7 +426,7 @@ def _survey(stream: RecordingStream, study: Study) -> Survey:
             dt, before = intervals, values[:-1]
             after, after_t = values[1:], t[1:]
         else:
-            dt = np.diff(t, prepend=last_t)
+            dt = np.diff(t, prepend=float(last_t or 0.0))
             before, after, after_t = np.vstack([last_row, values[:-1]]), values, t
         if (dt < 0).any():
             _refuse_time(stream, after_t, dt, rows)
@@ -387,10 +449,14 @@ def _survey(stream: RecordingStream, study: Study) -> Survey:
             coarse_q.append(values[picks, :n])
         last_t, last_row = float(t[-1]), values[-1]
     if begin is None or last_t is None:
-        raise RecordingError(stream.file, "holds no rows between from and to; correct the window in the study")
+        raise RecordingError(
+            stream.file, "holds no rows between from and to; correct the window in the study"
+        )
     if rows < MIN_SAMPLES:
-        raise RecordingError(stream.file, f"holds only {rows} samples, at least {MIN_SAMPLES} are needed; "
-                                          "record longer or widen from/to")
+        raise RecordingError(
+            stream.file,
+            f"holds only {rows} samples, at least {MIN_SAMPLES} are needed; record longer or widen from/to",
+        )
     mean = sums[1] / max(sums[0], 1)
     uniform = worst < 0.02 * first_interval and same_stamp == 0 and settings.resample_hz is None
     uniform = uniform and repeated < 0.001 * rows
@@ -399,17 +465,26 @@ def _survey(stream: RecordingStream, study: Study) -> Survey:
     edges = [begin, *[edge for mark in marks for edge in mark], last_t]
     segments = _segments(edges, np.concatenate(coarse_t), np.concatenate(coarse_q), study.trim_rest, rate)
     if not segments:
-        raise RecordingError(stream.file, "has no stretch without gaps that is long enough to filter; record again")
-    return Survey(rows, rate, uniform, jitter, same_stamp, repeated, held, lowest, highest, segments, gap_s, missing)
+        raise RecordingError(
+            stream.file, "has no stretch without gaps that is long enough to filter; record again"
+        )
+    return Survey(
+        rows, rate, uniform, jitter, same_stamp, repeated, held, lowest, highest, segments, gap_s, missing
+    )
 
 
 def _refuse_time(stream: RecordingStream, t: np.ndarray, dt: np.ndarray, row: int) -> None:
     if not (dt < 0).any():
-        raise RecordingError(stream.file, "the time column does not advance; map the right column with columns: {t: ...}")
+        raise RecordingError(
+            stream.file, "the time column does not advance; map the right column with columns: {t: ...}"
+        )
     k = int(np.argmax(dt < 0))
     at = float(t[k])
-    raise RecordingError(stream.file, f"time runs backwards near row {row + k + 1} (at {at:g} s); sort the rows, or "
-                                      "split the file where the clock was reset")
+    raise RecordingError(
+        stream.file,
+        f"time runs backwards near row {row + k + 1} (at {at:g} s); sort the rows, or "
+        "split the file where the clock was reset",
+    )
 
 
 def _round_rate(rate: float) -> float:
@@ -423,7 +498,9 @@ def _every(t: np.ndarray, spacing: float, last: float) -> np.ndarray:
     return np.flatnonzero(new)
 
 
-def _segments(edges: list[float], t: np.ndarray, q: np.ndarray, trim: bool, rate: float) -> tuple[Segment, ...]:
+def _segments(
+    edges: list[float], t: np.ndarray, q: np.ndarray, trim: bool, rate: float
+) -> tuple[Segment, ...]:
     """Segments between gaps, at least MIN_SAMPLES long, with the times at which motion begins and ends."""
     out = []
     for start, end in zip(edges[::2], edges[1::2]):
@@ -437,30 +514,41 @@ def _segments(edges: list[float], t: np.ndarray, q: np.ndarray, trim: bool, rate
             back = np.flatnonzero((np.abs(positions - positions[-1]) > MOVED).any(axis=1))
             if len(away) and len(back):
                 move_start = float(times[max(away[0] - 1, 0)]) if away[0] > 1 else start
-                move_end = float(times[min(back[-1] + 1, len(times) - 1)]) if back[-1] < len(times) - 2 else end
+                move_end = (
+                    float(times[min(back[-1] + 1, len(times) - 1)]) if back[-1] < len(times) - 2 else end
+                )
         out.append(Segment(start, end, move_start, move_end))
     return tuple(out)
 
 
 def _describe(stream: RecordingStream, survey: Survey) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Notes (what was done) and warnings (what looks wrong), each one sentence that begins with the label."""
-    notes, warnings = [], []
+    notes: list[str] = []
+    warnings: list[str] = []
     if not survey.uniform:
-        notes.append(f"{stream.label}: time stamps jitter by {1e3 * survey.jitter_rms_s:.3g} ms rms; "
-                     f"resampled at {survey.rate_hz:g} Hz")
+        notes.append(
+            f"{stream.label}: time stamps jitter by {1e3 * survey.jitter_rms_s:.3g} ms rms; "
+            f"resampled at {survey.rate_hz:g} Hz"
+        )
     if survey.missing_rows:
-        notes.append(f"{stream.label}: {survey.missing_rows} missing samples in short holes were interpolated")
+        notes.append(
+            f"{stream.label}: {survey.missing_rows} missing samples in short holes were interpolated"
+        )
     if survey.same_stamp_rows:
         notes.append(f"{stream.label}: {survey.same_stamp_rows} rows with a repeated time stamp dropped")
     if survey.repeated_rows and not survey.uniform:
         notes.append(f"{stream.label}: {survey.repeated_rows} rows that repeat the previous row dropped")
     if survey.held_position_rows > 0.001 * survey.rows:
         share = 100 * survey.held_position_rows / survey.rows
-        notes.append(f"{stream.label}: {survey.held_position_rows} rows ({share:.2g} %) repeat the previous position "
-                     "while the torque moves on (sample and hold); kept")
+        notes.append(
+            f"{stream.label}: {survey.held_position_rows} rows ({share:.2g} %) repeat the previous position "
+            "while the torque moves on (sample and hold); kept"
+        )
     if len(survey.segments) > 1:
-        notes.append(f"{stream.label}: gaps longer than {1e3 * survey.gap_s:.3g} ms split it into "
-                     f"{len(survey.segments)} segments")
+        notes.append(
+            f"{stream.label}: gaps longer than {1e3 * survey.gap_s:.3g} ms split it into "
+            f"{len(survey.segments)} segments"
+        )
     rest = sum(s.move_start - s.start + s.end - s.move_end for s in survey.segments)
     if rest > 0.05:
         notes.append(f"{stream.label}: {rest:.3g} s of rest at the ends not used")
@@ -472,22 +560,31 @@ def _suspicious_units(stream: RecordingStream, survey: Survey) -> Iterator[str]:
     """What can only be suspected: degrees, N mm, a joint that never moves."""
     joints, n = stream.need.joints, len(stream.need.joints)
     reach = np.maximum(np.abs(survey.lowest), np.abs(survey.highest))
-    columns = stream.names[-len(reach):]
+    columns = stream.names[-len(reach) :]
     degrees = [k for k in range(n) if reach[k] > 4 * np.pi]
     if degrees:
         k = degrees[0]
-        yield (f"{stream.label}: {columns[k]} reaches {reach[k]:.4g}, more than two turns in rad, it looks like degrees "
-               f"(joints {_list(joints[k] for k in degrees)}); if so add columns: {{q{joints[k]}: {{column: "
-               f"{columns[k]}, scale: 0.0174533}}}} to the study")
+        yield (
+            f"{stream.label}: {columns[k]} reaches {reach[k]:.4g}, more than two turns in rad, "
+            "it looks like degrees "
+            f"(joints {_list(joints[k] for k in degrees)}); if so add columns: {{q{joints[k]}: {{column: "
+            f"{columns[k]}, scale: 0.0174533}}}} to the study"
+        )
     still = [k for k in range(n) if survey.highest[k] - survey.lowest[k] < MOVED]
     if still:
-        yield (f"{stream.label}: joint {_list(joints[k] for k in still)} never moves, so its own parameters cannot "
-               "be seen here; record it moving")
+        yield (
+            f"{stream.label}: joint {_list(joints[k] for k in still)} never moves, "
+            "so its own parameters cannot "
+            "be seen here; record it moving"
+        )
     large = [k for k in range(n, len(reach)) if reach[k] > 2e4]
     if large:
         k = large[0]
-        yield (f"{stream.label}: {columns[k]} reaches {reach[k]:.3g} N m, more than robots' joints give, it looks like "
-               f"N mm; if so add scale: 0.001 to that column in the study ({_list(columns[k] for k in large)})")
+        yield (
+            f"{stream.label}: {columns[k]} reaches {reach[k]:.3g} N m, more than robots' joints give, "
+            "it looks like "
+            f"N mm; if so add scale: 0.001 to that column in the study ({_list(columns[k] for k in large)})"
+        )
 
 
 def _list(items: Iterator[object]) -> str:

@@ -41,7 +41,8 @@ class FTest:
 
     def __str__(self) -> str:
         verdict = "cancelled" if self.accepted else "kept"
-        return (f"{self.dropped}: F = {self.statistic:.3g}, F_d = {self.threshold:.3g}, p = {self.p_value:.2g}, {verdict}")
+        numbers = f"F = {self.statistic:.3g}, F_d = {self.threshold:.3g}, p = {self.p_value:.2g}"
+        return f"{self.dropped}: {numbers}, {verdict}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +68,9 @@ class Reduction:
         return tuple(np.array(self.full.parameters)[self.estimate.active])
 
 
-def reduce(full: Estimate, alpha: float = 0.05, effective_share: float = 1.0,
-           keep: frozenset[str] = frozenset()) -> Reduction:  # fmt: skip
+def reduce(
+    full: Estimate, alpha: float = 0.05, effective_share: float = 1.0, keep: frozenset[str] = frozenset()
+) -> Reduction:
     """Cancel parameters until the F-test refuses. effective_share = r_eff / r; `keep` are never cancelled."""
     steps: list[FTest] = []
     estimate = full
@@ -83,8 +85,13 @@ def reduce(full: Estimate, alpha: float = 0.05, effective_share: float = 1.0,
         free = max(rows - estimate.b, 1.0)
         spread = estimate.rss / max(estimate.rows - estimate.b, 1)
         statistic = estimate.chi[worst] ** 2 / (estimate.covariance[worst, worst] * spread) * effective_share
-        step = FTest(estimate.parameters[worst], float(statistic), 1, free,
-                     float(scipy.special.fdtri(1, free, 1 - alpha)))  # fmt: skip
+        step = FTest(
+            estimate.parameters[worst],
+            float(statistic),
+            1,
+            free,
+            float(scipy.special.fdtri(1, free, 1 - alpha)),
+        )
         steps.append(step)
         if not step.accepted:
             break
@@ -95,11 +102,14 @@ def reduce(full: Estimate, alpha: float = 0.05, effective_share: float = 1.0,
 
 
 def kolmogorov_smirnov(normalised: np.ndarray, effective_share: float = 1.0) -> NormalityTest:
-    """Distance of the residuals' distribution from N(0, 1); p by Kolmogorov's limit with Stephens' correction."""
+    """Distance of the residuals' distribution from N(0, 1); p by Kolmogorov's limit with Stephens'
+    correction."""
     x = np.sort(np.ravel(normalised))
     n = len(x)
     cdf = scipy.special.ndtr(x)
     distance = float(max(np.max(np.arange(1, n + 1) / n - cdf), np.max(cdf - np.arange(n) / n)))
     rows = n * effective_share
     root = np.sqrt(rows)
-    return NormalityTest(distance, float(scipy.special.kolmogorov((root + 0.12 + 0.11 / root) * distance)), rows)
+    return NormalityTest(
+        distance, float(scipy.special.kolmogorov((root + 0.12 + 0.11 / root) * distance)), rows
+    )

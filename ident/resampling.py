@@ -13,7 +13,8 @@ import numpy as np
 
 
 def cubic_at(t: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (N, m) at increasing times t (N,), N >= 2, interpolated at `at` (M,) inside [t[0], t[-1]] -> (M, m)."""
+    """Values (N, m) at increasing times t (N,), N >= 2, interpolated at `at` (M,) inside [t[0], t[-1]] ->
+    (M, m)."""
     n = len(t)
     if n < 4:
         return np.column_stack([np.interp(at, t, column) for column in values.T])
@@ -41,7 +42,7 @@ def resample(blocks: Iterable[tuple[np.ndarray, np.ndarray]], rate_hz: float) ->
             t_held, held = np.concatenate([t_held, t]), np.concatenate([held, values])
         if len(t_held) < 8:
             continue
-        last = int(np.floor((t_held[-3] - start) * rate_hz * (1 + 1e-12)))   # two samples follow every point
+        last = int(np.floor((t_held[-3] - start) * rate_hz * (1 + 1e-12)))  # two samples follow every point
         if last >= k:
             yield cubic_at(t_held, held, start + np.arange(k, last + 1) / rate_hz)
             k = last + 1

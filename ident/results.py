@@ -1,8 +1,8 @@
 """`fit.json` (contract 5) and the tables beside it, from a FitResult. Nothing is estimated here.
 
-A cancelled parameter has the value 0, as in the reduced model whose errors are quoted; what the full model gave
-for it stands in `full_value`. `std` is the honest standard deviation (noise.py, FitResult.std), `std_selected`
-the one that takes the cancelled parameters as known to be zero, `std_white` that of eq. 15.
+A cancelled parameter has the value 0, as in the reduced model whose errors are quoted; what the full model
+gave for it stands in `full_value`. `std` is the honest standard deviation (noise.py, FitResult.std),
+`std_selected` the one that takes the cancelled parameters as known to be zero, `std_white` that of eq. 15.
 """
 
 from __future__ import annotations
@@ -38,7 +38,10 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "relative_error_full_model_percent": result.errors.decimated_full_model.by_role(),
         "tests": {
             "durbin_watson": result.durbin_watson,
-            "kolmogorov_smirnov": {"statistic": result.normality.statistic, "p_value": result.normality.p_value},
+            "kolmogorov_smirnov": {
+                "statistic": result.normality.statistic,
+                "p_value": result.normality.p_value,
+            },
             "condition_number": full.condition_number,
             "condition_number_essential": estimate.condition_number,
             "rows": estimate.rows,
@@ -49,21 +52,36 @@ def fit_document(result: FitResult) -> dict[str, Any]:
             "position_cutoff_hz": result.study.filter.position_cutoff_hz,
             "decimation_cutoff_hz": result.cutoff_hz,
             "order": result.study.filter.order,
-            "trials": [{"decimation_cutoff_hz": trial.cutoff_hz, "durbin_watson": trial.durbin_watson,
-                        "rows": trial.rows} for trial in result.cutoff_trials],
+            "trials": [
+                {
+                    "decimation_cutoff_hz": trial.cutoff_hz,
+                    "durbin_watson": trial.durbin_watson,
+                    "rows": trial.rows,
+                }
+                for trial in result.cutoff_trials
+            ],
         },
         "reduction": {
             "alpha": result.reduction.alpha,
             "effective_rows_used": result.study.effective_rows,
-            "steps": [{"dropped": step.dropped, "F": step.statistic, "F_d": step.threshold, "df": [step.df_num, step.df_den],
-                       "p_value": step.p_value, "accepted": step.accepted} for step in result.reduction.steps],
+            "steps": [
+                {
+                    "dropped": step.dropped,
+                    "F": step.statistic,
+                    "F_d": step.threshold,
+                    "df": [step.df_num, step.df_den],
+                    "p_value": step.p_value,
+                    "accepted": step.accepted,
+                }
+                for step in result.reduction.steps
+            ],
         },
         "not_identified": [dependence.sentence() for dependence in full.dependent],
         "unidentifiable": list(columns.model.unidentifiable),
         "recordings": _recordings(result),
         "notes": list(result.notes),
         "warnings": list(result.warnings),
-    }  # fmt: skip
+    }
 
 
 def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
@@ -82,15 +100,29 @@ def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
             "unit": columns.units[k],
             "regroups": columns.regroups.get(name, name),
             "std_white": float(estimate.std[k] if essential else full.std[k]),
-            "interval_95": [value - half_width * float(std[k]), value + half_width * float(std[k])] if essential else None,
+            "interval_95": [value - half_width * float(std[k]), value + half_width * float(std[k])]
+            if essential
+            else None,
             "full_value": float(full.chi[k]) if full.active[k] else None,
             "std_selected": float(selected[k]) if essential else None,
-        }  # fmt: skip
+        }
         rows.append(row)
     for name, value in columns.known.items():
-        rows.append({"name": name, "value": value, "std": 0.0, "relative_std_percent": 0.0, "essential": True,
-                     "unit": "kg", "regroups": f"{name} (given)", "std_white": 0.0, "interval_95": [value, value],
-                     "full_value": value, "std_selected": 0.0})  # fmt: skip
+        rows.append(
+            {
+                "name": name,
+                "value": value,
+                "std": 0.0,
+                "relative_std_percent": 0.0,
+                "essential": True,
+                "unit": "kg",
+                "regroups": f"{name} (given)",
+                "std_white": 0.0,
+                "interval_95": [value, value],
+                "full_value": value,
+                "std_selected": 0.0,
+            }
+        )
     return rows
 
 
@@ -99,54 +131,84 @@ def _recordings(result: FitResult) -> list[dict[str, Any]]:
     out = []
     for stream, system in zip(result.recordings, result.systems):
         survey = stream.survey
-        out.append({
-            "name": stream.label, "use": stream.role, "payload": stream.payload, "rows": survey.rows,
-            "rate_hz": survey.rate_hz, "resampled": not survey.uniform, "jitter_rms_s": survey.jitter_rms_s,
-            "repeated_time_stamps": survey.same_stamp_rows, "repeated_rows": survey.repeated_rows,
-            "held_positions": survey.held_position_rows, "missing_rows": survey.missing_rows,
-            "segments": [{"from": s.start, "to": s.end, "motion_from": s.move_start, "motion_to": s.move_end}
-                         for s in survey.segments],
-            "samples_used": system.samples, "decimated_rows": system.rows,
-            "relative_error_percent": decimated[stream.label],
-            "full_rate_error_percent": full_rate[stream.label],
-        })  # fmt: skip
+        out.append(
+            {
+                "name": stream.label,
+                "use": stream.role,
+                "payload": stream.payload,
+                "rows": survey.rows,
+                "rate_hz": survey.rate_hz,
+                "resampled": not survey.uniform,
+                "jitter_rms_s": survey.jitter_rms_s,
+                "repeated_time_stamps": survey.same_stamp_rows,
+                "repeated_rows": survey.repeated_rows,
+                "held_positions": survey.held_position_rows,
+                "missing_rows": survey.missing_rows,
+                "segments": [
+                    {"from": s.start, "to": s.end, "motion_from": s.move_start, "motion_to": s.move_end}
+                    for s in survey.segments
+                ],
+                "samples_used": system.samples,
+                "decimated_rows": system.rows,
+                "relative_error_percent": decimated[stream.label],
+                "full_rate_error_percent": full_rate[stream.label],
+            }
+        )
     return out
 
 
 def parameter_table(result: FitResult) -> tuple[Row, list[Row]]:
     """Header and rows of the essential parameters: name, value, std, % std, unit."""
     std = result.std
-    rows = []
+    rows: list[Row] = []
     for k in np.flatnonzero(result.estimate.active):
         value = result.estimate.chi[k]
-        rows.append((result.columns.parameters[k], f"{value:.4g}", f"{std[k]:.2g}", f"{100 * std[k] / abs(value):.2g}",
-                     result.columns.units[k]))
+        rows.append(
+            (
+                result.columns.parameters[k],
+                f"{value:.4g}",
+                f"{std[k]:.2g}",
+                f"{100 * std[k] / abs(value):.2g}",
+                result.columns.units[k],
+            )
+        )
     return ("parameter", "value", "std", "% std", "unit"), rows
 
 
 def error_table(result: FitResult) -> tuple[Row, list[Row]]:
     """Header and rows of relative errors in percent: one row per channel, one column per role and rate."""
     blocks = [(f"{role} %", errors) for role, errors in result.relative_error.items()]
-    blocks += [(f"{role} % full rate", errors) for role, errors in
-               result.full_rate_error.items()]  # fmt: skip
+    blocks += [(f"{role} % full rate", errors) for role, errors in result.full_rate_error.items()]
     names = ("total", *result.columns.channels)
     return ("channel", *(title for title, _ in blocks)), [
-        (name, *(f"{errors[name]:.2f}" for _, errors in blocks)) for name in names]
+        (name, *(f"{errors[name]:.2f}" for _, errors in blocks)) for name in names
+    ]
 
 
 def comparison_table(results: Mapping[str, FitResult]) -> tuple[Row, list[Row]]:
-    """The paper's Table II: value, % std of each model and |e %| to the first model that has the parameter."""
+    """The paper's Table II: value, % std of each model and |e %| to the first model that has the
+    parameter."""
     header: list[str] = ["parameter"]
     for number, model in enumerate(results):
         header += [f"{model} value", f"{model} % std"] + ([f"{model} |e %|"] if number else [])
-    names = dict.fromkeys(_plain(name) for result in results.values()
-                          for k, name in enumerate(result.columns.parameters) if result.estimate.active[k])  # fmt: skip
+    names = dict.fromkeys(
+        _plain(name)
+        for result in results.values()
+        for k, name in enumerate(result.columns.parameters)
+        if result.estimate.active[k]
+    )
     rows = []
     for name in names:
         row, first = [name], None
         for number, result in enumerate(results.values()):
-            place = next((k for k, other in enumerate(result.columns.parameters)
-                          if _plain(other) == name and result.estimate.active[k]), None)  # fmt: skip
+            place = next(
+                (
+                    k
+                    for k, other in enumerate(result.columns.parameters)
+                    if _plain(other) == name and result.estimate.active[k]
+                ),
+                None,
+            )
             if place is None:
                 row += ["-", "-"] + (["-"] if number else [])
                 continue
@@ -189,12 +251,21 @@ def _finite(value: Any) -> Any:
 
 
 def write_into(result: FitResult, folder: Path, *, plots: bool = True) -> None:
-    """Files of one fit into an existing folder: fit.json, parameters.csv, errors.csv, reduction.csv, plots/."""
+    """Files of one fit into an existing folder: fit.json, parameters.csv, errors.csv, reduction.csv,
+    plots/."""
     write_document(folder / "fit.json", fit_document(result))
     write_csv(folder / "parameters.csv", parameter_table(result))
     write_csv(folder / "errors.csv", error_table(result))
-    steps = [(s.dropped, f"{s.statistic:.4g}", f"{s.threshold:.4g}", f"{s.p_value:.3g}",
-              "cancelled" if s.accepted else "kept") for s in result.reduction.steps]  # fmt: skip
+    steps = [
+        (
+            s.dropped,
+            f"{s.statistic:.4g}",
+            f"{s.threshold:.4g}",
+            f"{s.p_value:.3g}",
+            "cancelled" if s.accepted else "kept",
+        )
+        for s in result.reduction.steps
+    ]
     write_csv(folder / "reduction.csv", (("parameter", "F", "F_d", "p", "verdict"), steps))
     if plots:
         from ident import plots as drawing

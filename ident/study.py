@@ -62,7 +62,8 @@ class ColumnMap(_Strict):
 
 
 class RecordingEntry(_Strict):
-    """One table and its use; `from`, `to` [s of its own time] cut a window, `payload` labels what is carried."""
+    """One table and its use; `from`, `to` [s of its own time] cut a window, `payload` labels what is
+    carried."""
 
     file: str
     use: Role = "identify"
@@ -70,8 +71,8 @@ class RecordingEntry(_Strict):
     name: str | None = None
     from_s: Number | None = Field(default=None, alias="from")
     to_s: Number | None = Field(default=None, alias="to")
-    rate_hz: Annotated[Number, Field(gt=0)] | None = None   # only for tables without a time column
-    decimal: Literal[".", ","] = "."                         # only for CSV
+    rate_hz: Annotated[Number, Field(gt=0)] | None = None  # only for tables without a time column
+    decimal: Literal[".", ","] = "."  # only for CSV
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
 
     @field_validator("payload")
@@ -103,8 +104,8 @@ class FilterSettings(_Strict):
     `position_cutoff_hz` smooths positions before they are differentiated, `decimation_cutoff_hz` is the
     parallel decimation of Y and of every column of W; `auto` chooses it by the Durbin-Watson rule.
     `sign_cutoff_hz` (default 4 x position) smooths the velocity whose sign Coulomb friction takes.
-    `sign_velocity` [rad/s or m/s]: samples of a joint slower than this do not count in its fit; default: what the
-    noise of its velocity asks for, 0: every sample counts, with the plain sign (see filtering.py).
+    `sign_velocity` [rad/s or m/s]: samples of a joint slower than this do not count in its fit; default:
+    what the noise of its velocity asks for, 0: every sample counts, with the plain sign (see filtering.py).
     `resample_hz` is the uniform rate of jittered recordings (default: their own mean rate).
     """
 
@@ -119,11 +120,11 @@ class FilterSettings(_Strict):
 class Study(_Strict):
     """What is identified from which runs.
 
-    Beside the keys of the contract: `without` leaves terms out of the model; `link_inertia` gives each joint torque
-    sensor an inertia of its own, Ial ddq_j; `coupled_drives` pairs joints whose motors a gearbox couples;
-    `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads [kg]; `bounds`, `robust`,
-    `reduction`, `alpha`, `effective_rows` choose the estimator; `trim_rest: false` keeps rest at the ends; `folder`
-    is where the recordings are.
+    Beside the keys of the contract: `without` leaves terms out of the model; `link_inertia` gives each
+    joint torque sensor an inertia of its own, Ial ddq_j; `coupled_drives` pairs joints whose motors a
+    gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads
+    [kg]; `bounds`, `robust`, `reduction`, `alpha`, `effective_rows` choose the estimator; `trim_rest:
+    false` keeps rest at the ends; `folder` is where the recordings are.
     """
 
     robot: str
@@ -146,7 +147,7 @@ class Study(_Strict):
     effective_rows: bool = True
     trim_rest: bool = True
     folder: str | None = None
-    file: Path = Field(default=Path("study.yaml"), exclude=True)   # where it was read; not a key of the file
+    file: Path = Field(default=Path("study.yaml"), exclude=True)  # where it was read; not a key of the file
 
     @field_validator("columns", mode="before")
     @classmethod
@@ -159,8 +160,10 @@ class Study(_Strict):
         for term in terms:
             name, _, joint = term.partition(":")
             if name not in WITHOUT or (joint and not joint.isdigit()):
-                raise ValueError(f"{term!r} is not a term that can be left out{_did_you_mean(name, WITHOUT)}; "
-                                 f"the terms are {', '.join(WITHOUT)}, each also for one joint as {WITHOUT[0]}:2")
+                raise ValueError(
+                    f"{term!r} is not a term that can be left out{_did_you_mean(name, WITHOUT)}; "
+                    f"the terms are {', '.join(WITHOUT)}, each also for one joint as {WITHOUT[0]}:2"
+                )
         return terms
 
     @model_validator(mode="after")
@@ -219,7 +222,9 @@ def load_study(path: str | Path) -> Study:
     except (OSError, UnicodeDecodeError) as error:
         raise StudyError(str(file), "", f"cannot be read as text ({type(error).__name__})") from None
     if len(text) > 1_000_000:
-        raise StudyError(str(file), "", "is larger than 1 MB and so no study; name the YAML file, not a recording")
+        raise StudyError(
+            str(file), "", "is larger than 1 MB and so no study; name the YAML file, not a recording"
+        )
     try:
         if re.search(r"(^|[\s\[{,:-])[&*][A-Za-z0-9_]+", text):
             raise StudyError(str(file), "", "YAML anchors and aliases are not accepted; write the values out")
@@ -227,14 +232,18 @@ def load_study(path: str | Path) -> Study:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         where = f" near line {mark.line + 1}" if mark else ""
-        raise StudyError(str(file), "", f"is not valid YAML{where}; check indentation, brackets, colons") from None
+        raise StudyError(
+            str(file), "", f"is not valid YAML{where}; check indentation, brackets, colons"
+        ) from None
     return study_from(data, file)
 
 
 def study_from(data: Any, file: Path) -> Study:
     """A study from plain values as YAML gives them; `file` is what messages name and paths start from."""
     if not isinstance(data, dict):
-        raise StudyError(str(file), "", "is not a table of keys; a study begins with robot:, model:, recordings:")
+        raise StudyError(
+            str(file), "", "is not a table of keys; a study begins with robot:, model:, recordings:"
+        )
     if "file" in data:
         raise StudyError(str(file), "file", "unknown key; did you mean recordings?")
     try:
@@ -252,8 +261,10 @@ def expand(text: str) -> str:
 def _expand_columns(columns: Any) -> Any:
     """Allow `q1: position_1` and `q1: 3` for `q1: {column: ...}`."""
     if isinstance(columns, dict):
-        return {str(key): {"column": value} if isinstance(value, (str, int)) else value
-                for key, value in columns.items()}
+        return {
+            str(key): {"column": value} if isinstance(value, (str, int)) else value
+            for key, value in columns.items()
+        }
     return columns
 
 
@@ -263,7 +274,11 @@ def _did_you_mean(name: str, known: tuple[str, ...] | list[str]) -> str:
 
 
 def _known_keys(model: type[BaseModel]) -> list[str]:
-    return [field.alias or name for name, field in model.model_fields.items() if name != "file" or model is not Study]
+    return [
+        field.alias or name
+        for name, field in model.model_fields.items()
+        if name != "file" or model is not Study
+    ]
 
 
 def _as_study_error(error: ValidationError, file: Path) -> StudyError:
@@ -275,8 +290,13 @@ def _as_study_error(error: ValidationError, file: Path) -> StudyError:
         key += f"[{part + 1}]" if isinstance(part, int) else (f".{part}" if key else str(part))
     kind, given = first["type"], first.get("input")
     if kind == "extra_forbidden":
-        owner: type[BaseModel] = {"recordings": RecordingEntry, "filter": FilterSettings,
-                                  "columns": ColumnMap}.get(str(where[0]) if len(where) > 1 else "", Study)  # fmt: skip
+        owner: type[BaseModel] = Study
+        for parent, model in (
+            ("recordings", RecordingEntry),
+            ("filter", FilterSettings),
+            ("columns", ColumnMap),
+        ):
+            owner = model if parent in where[:-1] else owner
         keys = _known_keys(owner)
         hint = _did_you_mean(str(where[-1]), keys) or f"; the keys are {', '.join(keys)}"
         problem = f"unknown key{hint}"
@@ -295,7 +315,12 @@ def _as_study_error(error: ValidationError, file: Path) -> StudyError:
     return StudyError(str(file), key, problem)
 
 
-_EXPECTED = {"drive_gains": "a list of N m/A, one per joint, or identify", "recordings": "a list of {file: ..., use: ...}",
-             "stiffness": "a list of N m/rad, one per joint", "without": "a list such as [coulomb_friction]",
-             "filter": "{position_cutoff_hz: 10, decimation_cutoff_hz: 0.8}", "payload_mass": "{L: 4.6}"}  # fmt: skip
+_EXPECTED = {
+    "drive_gains": "a list of N m/A, one per joint, or identify",
+    "recordings": "a list of {file: ..., use: ...}",
+    "stiffness": "a list of N m/rad, one per joint",
+    "without": "a list such as [coulomb_friction]",
+    "filter": "{position_cutoff_hz: 10, decimation_cutoff_hz: 0.8}",
+    "payload_mass": "{L: 4.6}",
+}
 _TAGS = {"float", "int", "str", "tuple", "list", "function-before"}

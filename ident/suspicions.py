@@ -1,8 +1,8 @@
 """A bad fit asks a question: were two joints swapped, was a sign reversed?
 
 Only when a fit explains its own recordings badly, some hundred samples are fitted again under every single
-hypothesis (two torque columns exchanged, two position columns exchanged, one of either reversed). One that makes
-the error collapse is told as a warning; nothing is changed by it.
+hypothesis (two torque columns exchanged, two position columns exchanged, one of either reversed). One that
+makes the error collapse is told as a warning; nothing is changed by it.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from ident.columns import Columns
 from ident.filtering import FilterBank, filter_stream
 from ident.reading import RecordingStream
 
-BAD_PERCENT = 20.0      # error on its own recordings from which a fit is questioned
-COLLAPSE = 0.6          # of the error must go
+BAD_PERCENT = 20.0  # error on its own recordings from which a fit is questioned
+COLLAPSE = 0.6  # of the error must go
 SAMPLES = 500
 
 
@@ -31,8 +31,9 @@ class _Sample:
     Y: np.ndarray
 
 
-def suspected_mix_ups(streams: Sequence[RecordingStream], banks: Sequence[FilterBank], columns: Columns
-                      ) -> list[str]:  # fmt: skip
+def suspected_mix_ups(
+    streams: Sequence[RecordingStream], banks: Sequence[FilterBank], columns: Columns
+) -> list[str]:
     """Warnings, at most one: the hypothesis that explains the recordings best, if it does so far better."""
     pairs = [(s, bank) for s, bank in zip(streams, banks) if s.role == "identify"]
     sample = _sample(pairs[0][0], pairs[0][1], columns)
@@ -46,15 +47,20 @@ def suspected_mix_ups(streams: Sequence[RecordingStream], banks: Sequence[Filter
     error, text = min(found)
     if error > (1 - COLLAPSE) * plain:
         return []
-    return [f"{pairs[0][0].label}: {text}; with that undone the error falls from {100 * plain:.0f} to {100 * error:.0f} %, "
-            "so check the columns"]
+    return [
+        f"{pairs[0][0].label}: {text}; with that undone the error falls "
+        f"from {100 * plain:.0f} to {100 * error:.0f} %, "
+        "so check the columns"
+    ]
 
 
 def _sample(stream: RecordingStream, bank: FilterBank, columns: Columns) -> _Sample | None:
     total = sum(s.move_end - s.move_start for s in stream.survey.segments) * stream.rate_hz
     stride = max(1, int(total / SAMPLES))
-    parts = [(b.q[::stride], b.dq[::stride], b.ddq[::stride], b.sign_dq[::stride], columns.torque(b)[::stride])
-             for _, b in islice(filter_stream(stream, bank, torque_too=True), 40)]  # fmt: skip
+    parts = [
+        (b.q[::stride], b.dq[::stride], b.ddq[::stride], b.sign_dq[::stride], columns.torque(b)[::stride])
+        for _, b in islice(filter_stream(stream, bank, torque_too=True), 40)
+    ]
     return _Sample(*(np.concatenate(part) for part in zip(*parts))) if parts else None
 
 
@@ -86,19 +92,30 @@ def _hypotheses(columns: Columns, s: _Sample, joints: tuple[int, ...]) -> Iterat
         for a, b in combinations(range(n), 2):
             order = np.arange(s.Y.shape[1])
             order[[first + a, first + b]] = order[[first + b, first + a]]
-            yield _error(W, s.Y[:, order]), f"the {kind} torques of joints {joints[a]} and {joints[b]} look swapped"
+            yield (
+                _error(W, s.Y[:, order]),
+                f"the {kind} torques of joints {joints[a]} and {joints[b]} look swapped",
+            )
         for a in range(n):
             sign = np.ones(s.Y.shape[1])
             sign[first + a] = -1.0
-            yield _error(W, s.Y * sign), f"the {kind} torque of joint {joints[a]} looks recorded with the other sign"
+            yield (
+                _error(W, s.Y * sign),
+                f"the {kind} torque of joint {joints[a]} looks recorded with the other sign",
+            )
     for a, b in combinations(range(n), 2):
         order = np.arange(n)
         order[[a, b]] = b, a
         swapped = _Sample(s.q[:, order], s.dq[:, order], s.ddq[:, order], s.sign[:, order], s.Y)
-        yield _error(_regressor(columns, swapped), s.Y), f"the positions of joints {joints[a]} and {joints[b]} look swapped"
+        yield (
+            _error(_regressor(columns, swapped), s.Y),
+            f"the positions of joints {joints[a]} and {joints[b]} look swapped",
+        )
     for a in range(n):
         sign = np.ones(n)
         sign[a] = -1.0
         turned = _Sample(s.q * sign, s.dq * sign, s.ddq * sign, s.sign * sign, s.Y)
-        yield (_error(_regressor(columns, turned), s.Y),
-               f"the position of joint {joints[a]} looks recorded with the other sign")  # fmt: skip
+        yield (
+            _error(_regressor(columns, turned), s.Y),
+            f"the position of joint {joints[a]} looks recorded with the other sign",
+        )

@@ -20,7 +20,7 @@ import numpy as np
 
 from ident.errors import RecordingError
 
-ROWS = 16384     # of one block: a few MB with 30 columns
+ROWS = 16384  # of one block: a few MB with 30 columns
 Blocks = Iterator[np.ndarray]
 
 
@@ -46,16 +46,33 @@ def open_table(path: Path, decimal: str = ".") -> Table:
     """Open a recording. Raises RecordingError naming the file and the remedy."""
     file = str(path)
     if not path.is_file():
-        what = "is a folder, not a recording" if path.is_dir() else "there is no such file; check the path in the study"
+        what = (
+            "is a folder, not a recording"
+            if path.is_dir()
+            else "there is no such file; check the path in the study"
+        )
         raise RecordingError(file, what)
     readers: dict[str, Callable[[Path, str], Table]] = {
-        ".parquet": _parquet, ".pq": _parquet, ".csv": _csv, ".txt": _csv, ".tsv": _csv, ".dat": _csv,
-        ".npz": _npz, ".npy": _npz, ".mat": _mat, ".h5": _hdf5, ".hdf5": _hdf5, ".hdf": _hdf5,
-    }  # fmt: skip
+        ".parquet": _parquet,
+        ".pq": _parquet,
+        ".csv": _csv,
+        ".txt": _csv,
+        ".tsv": _csv,
+        ".dat": _csv,
+        ".npz": _npz,
+        ".npy": _npz,
+        ".mat": _mat,
+        ".h5": _hdf5,
+        ".hdf5": _hdf5,
+        ".hdf": _hdf5,
+    }
     reader = readers.get(path.suffix.lower())
     if reader is None:
-        raise RecordingError(file, f"the ending {path.suffix or '(none)'} is not known; "
-                                   "convert it to Parquet, CSV, NPZ, MAT or HDF5")
+        raise RecordingError(
+            file,
+            f"the ending {path.suffix or '(none)'} is not known; "
+            "convert it to Parquet, CSV, NPZ, MAT or HDF5",
+        )
     if path.stat().st_size == 0:
         raise RecordingError(file, "is empty; record or copy it again")
     try:
@@ -68,8 +85,11 @@ def open_table(path: Path, decimal: str = ".") -> Table:
 
 def _damaged(file: str, error: Exception) -> RecordingError:
     reason = " ".join(str(error).split())[:160] or type(error).__name__
-    return RecordingError(file, f"cannot be read as {Path(file).suffix.lstrip('.').upper()}, it looks truncated or "
-                                f"damaged ({reason}); copy or export it again")
+    return RecordingError(
+        file,
+        f"cannot be read as {Path(file).suffix.lstrip('.').upper()}, it looks truncated or "
+        f"damaged ({reason}); copy or export it again",
+    )
 
 
 def _parquet(path: Path, decimal: str) -> Table:
@@ -80,7 +100,9 @@ def _parquet(path: Path, decimal: str) -> Table:
 
     def read(columns: Sequence[str]) -> Blocks:
         with pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 17) as opened:
-            for batch in opened.iter_batches(batch_size=ROWS, columns=list(dict.fromkeys(columns)), use_threads=False):
+            for batch in opened.iter_batches(
+                batch_size=ROWS, columns=list(dict.fromkeys(columns)), use_threads=False
+            ):
                 yield np.column_stack([_numbers(str(path), name, batch.column(name)) for name in columns])
 
     return Table(str(path), names, True, read)
@@ -90,7 +112,9 @@ def _numbers(file: str, name: str, column: Any) -> np.ndarray:
     try:
         return np.asarray(column.to_numpy(zero_copy_only=False), float)
     except (TypeError, ValueError):
-        raise RecordingError(file, f"column {name} is not numeric ({column.type}); export it as numbers") from None
+        raise RecordingError(
+            file, f"column {name} is not numeric ({column.type}); export it as numbers"
+        ) from None
 
 
 def _csv(path: Path, decimal: str) -> Table:
@@ -110,20 +134,25 @@ def _csv(path: Path, decimal: str) -> Table:
     rows = split[1:] if named else split
     _refuse_decimal_comma(str(path), separator, decimal, split[0] if named else None, rows)
     width = len(split[0])
-    names = tuple(cell.strip().strip('"') for cell in split[0]) if named else tuple(str(k) for k in range(width))
+    names = (
+        tuple(cell.strip().strip('"') for cell in split[0]) if named else tuple(str(k) for k in range(width))
+    )
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise RecordingError(str(path), f"two columns are called {twice}; rename one")
     skip = 1 if named else 0
 
     def read(columns: Sequence[str]) -> Blocks:
-        if separator == " ":       # runs of blanks: not what a CSV parser splits
+        if separator == " ":  # runs of blanks: not what a CSV parser splits
             yield from _blank_separated(path, skip, [names.index(name) for name in columns])
             return
         options = pc.ReadOptions(column_names=list(names), skip_rows=skip, block_size=1 << 21)
-        convert = pc.ConvertOptions(column_types={name: pa.float64() for name in columns}, decimal_point=decimal,
-                                    include_columns=list(dict.fromkeys(columns)),
-                                    null_values=["", "nan", "NaN", "NAN", "NA", "null"])  # fmt: skip
+        convert = pc.ConvertOptions(
+            column_types={name: pa.float64() for name in columns},
+            decimal_point=decimal,
+            include_columns=list(dict.fromkeys(columns)),
+            null_values=["", "nan", "NaN", "NAN", "NA", "null"],
+        )
         with pc.open_csv(path, options, pc.ParseOptions(delimiter=separator), convert) as reader:
             for batch in reader:
                 yield np.column_stack([_numbers(str(path), name, batch.column(name)) for name in columns])
@@ -146,20 +175,28 @@ def _is_number(cell: str, decimal: str = ".") -> bool:
     return True
 
 
-def _refuse_decimal_comma(file: str, separator: str, decimal: str, header: list[str] | None,
-                          rows: list[list[str]]) -> None:  # fmt: skip
+def _refuse_decimal_comma(
+    file: str, separator: str, decimal: str, header: list[str] | None, rows: list[list[str]]
+) -> None:
     """A comma that stands for the decimal point must not be taken for a separator, nor for text."""
-    remedy = "write decimal points, or separate by semicolons and say decimal: ',' beside the file in the study"
+    remedy = (
+        "write decimal points, or separate by semicolons and say decimal: ',' beside the file in the study"
+    )
     if header is not None and separator == "," and any(len(row) > len(header) for row in rows):
         ratio = max(len(row) for row in rows) / len(header)
         if ratio > 1.4:
-            raise RecordingError(file, f"the rows have more cells than the header, as when numbers are written with "
-                                       f"a decimal comma; {remedy}")
+            raise RecordingError(
+                file,
+                f"the rows have more cells than the header, as when numbers are written with "
+                f"a decimal comma; {remedy}",
+            )
     if decimal == "." and separator != ",":
         for row in rows:
             for cell in row:
                 if "," in cell and not _is_number(cell) and _is_number(cell, ","):
-                    raise RecordingError(file, f"numbers are written with a decimal comma ({cell.strip()}); {remedy}")
+                    raise RecordingError(
+                        file, f"numbers are written with a decimal comma ({cell.strip()}); {remedy}"
+                    )
 
 
 def _from_arrays(path: Path, arrays: dict[str, np.ndarray]) -> Table:
@@ -179,7 +216,7 @@ def _from_arrays(path: Path, arrays: dict[str, np.ndarray]) -> Table:
             flat[name] = table[:, 0]
         else:
             flat |= {f"{name}{k + 1}": table[:, k] for k in range(table.shape[1])}
-    if len(numeric) == 1 and len(flat) > 1:      # one matrix, no names: columns by index
+    if len(numeric) == 1 and len(flat) > 1:  # one matrix, no names: columns by index
         flat = {str(k): column for k, column in enumerate(flat.values())}
     return _in_memory(path, flat)
 
@@ -208,19 +245,25 @@ def _mat(path: Path, decimal: str) -> Table:
     import scipy.io
 
     loaded = scipy.io.loadmat(path)
-    return _from_arrays(path, {name: np.asarray(value) for name, value in loaded.items() if not name.startswith("__")})
+    return _from_arrays(
+        path, {name: np.asarray(value) for name, value in loaded.items() if not name.startswith("__")}
+    )
 
 
 def _hdf5(path: Path, decimal: str) -> Table:
     """Datasets at any depth (the last part of their path is the name), read slice by slice."""
     import h5py
 
-    places: dict[str, tuple[str, int | None, bool]] = {}    # column: dataset, index in it, transposed
+    places: dict[str, tuple[str, int | None, bool]] = {}  # column: dataset, index in it, transposed
     with h5py.File(path, "r") as opened:
         found: dict[str, tuple[str, tuple[int, ...]]] = {}
-        opened.visititems(lambda name, item: found.__setitem__(name.rsplit("/", 1)[-1], (name, item.shape))
-                          if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and item.ndim in (1, 2)
-                          else None)  # fmt: skip
+        opened.visititems(
+            lambda name, item: (
+                found.__setitem__(name.rsplit("/", 1)[-1], (name, item.shape))
+                if isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu" and item.ndim in (1, 2)
+                else None
+            )
+        )
     if not found:
         raise RecordingError(str(path), "holds no numeric dataset; save t, q, tau_m or tau_l in it")
     n_rows = max(max(shape) for _, shape in found.values())

@@ -1,4 +1,5 @@
-"""Bad studies and recordings: one sentence that names the offender and the remedy, or a warning with the reason."""
+"""Bad studies and recordings: one sentence that names the offender and the remedy, or a warning with the
+reason."""
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ def good():
 
 def fit(folder, table, name="run.parquet", entry=None, **keys):
     write_parquet(folder / name, table)
-    return fit_study(load_study(write_study(folder, [{"file": name, "use": "identify"} | (entry or {})], **keys)))
+    return fit_study(
+        load_study(write_study(folder, [{"file": name, "use": "identify"} | (entry or {})], **keys))
+    )
 
 
 def refusal(folder, table, **keys):
@@ -138,12 +141,16 @@ def test_currents_without_gains(tmp_path, good):
 
 
 def test_standstill(tmp_path, good):
-    still = {name: (values if name == "t" else np.full_like(values, values[0])) for name, values in good.items()}
+    still = {
+        name: (values if name == "t" else np.full_like(values, values[0])) for name, values in good.items()
+    }
     assert "moving" in refusal(tmp_path, still) or "motion" in refusal(tmp_path, still)
 
 
 def test_degrees_are_suspected(tmp_path, good):
-    columns = {name: (np.degrees(values) if name.startswith("q") else values) for name, values in good.items()}
+    columns = {
+        name: (np.degrees(values) if name.startswith("q") else values) for name, values in good.items()
+    }
     result = fit(tmp_path, columns)
     assert any("degrees" in warning and "0.0174533" in warning for warning in result.warnings)
 

@@ -21,12 +21,15 @@ from ident.filtering import (
 from ident.study import FilterSettings
 
 
-@pytest.mark.parametrize(("rate", "cutoff", "order"), [(1000, 10, 4), (100, 8, 4), (250, 20, 2), (5000, 100, 5)])
+@pytest.mark.parametrize(
+    ("rate", "cutoff", "order"), [(1000, 10, 4), (100, 8, 4), (250, 20, 2), (5000, 100, 5)]
+)
 def test_zero_phase_is_sosfiltfilt(rate, cutoff, order):
     x = np.cumsum(np.random.default_rng(0).normal(size=(20000, 2)), axis=0)
     halo = LowPass(cutoff, rate, order).halo
-    plain = scipy.signal.sosfiltfilt(scipy.signal.butter(order, cutoff, fs=rate, output="sos"), x, axis=0,
-                                     padtype="odd", padlen=halo)  # fmt: skip
+    plain = scipy.signal.sosfiltfilt(
+        scipy.signal.butter(order, cutoff, fs=rate, output="sos"), x, axis=0, padtype="odd", padlen=halo
+    )
     # 1e-9: the impulse response is cut at 1e-10 of its peak, the plain twin starts from a guessed state
     assert np.abs(zero_phase(x, rate, cutoff, order) - plain).max() < 1e-8 * np.abs(x).max()
 
@@ -53,13 +56,17 @@ def plain_decimation(x, rate, cutoff, order):
 
     def both_ways(z):
         z = np.concatenate([pad, z, pad])
-        return scipy.signal.sosfilt(sos, scipy.signal.sosfilt(sos, z, axis=0)[::-1], axis=0)[::-1][len(pad) : -len(pad)]
+        return scipy.signal.sosfilt(sos, scipy.signal.sosfilt(sos, z, axis=0)[::-1], axis=0)[::-1][
+            len(pad) : -len(pad)
+        ]
 
     every = kept_every(cutoff, rate)
     return (both_ways(x) / both_ways(np.ones_like(x)))[every - 1 :: every]
 
 
-@pytest.mark.parametrize(("rate", "cutoff", "order"), [(1000, 0.8, 4), (1000, 4, 3), (100, 4, 4), (100, 30, 4), (250, 5, 1)])
+@pytest.mark.parametrize(
+    ("rate", "cutoff", "order"), [(1000, 0.8, 4), (1000, 4, 3), (100, 4, 4), (100, 30, 4), (250, 5, 1)]
+)
 def test_decimation_is_the_plain_filter_at_kept_instants(rate, cutoff, order):
     x = np.random.default_rng(1).normal(size=(15000, 2)) + 1
     assert np.allclose(decimate(x, rate, cutoff, order), plain_decimation(x, rate, cutoff, order), atol=1e-9)
@@ -71,7 +78,9 @@ def test_decimation_does_not_see_block_boundaries(sizes):
     x = np.random.default_rng(2).normal(size=(sum(sizes), 3))
     decimator = Decimator(LowPass(2.0, 200), kept_every(2.0, 200), 3)
     parts = [decimator.push(piece.T) for piece in np.split(x, np.cumsum(sizes)[:-1])] + [decimator.finish()]
-    assert np.allclose(np.hstack([part for part in parts if part is not None]).T, decimate(x, 200, 2.0), atol=1e-9)
+    assert np.allclose(
+        np.hstack([part for part in parts if part is not None]).T, decimate(x, 200, 2.0), atol=1e-9
+    )
 
 
 @given(st.integers(0, 4))

@@ -1,4 +1,5 @@
-"""`fit_study` on small twins: the truth comes back, whatever the file format, the time stamps or the options."""
+"""`fit_study` on small twins: the truth comes back, whatever the file format, the time stamps or the
+options."""
 
 import json
 
@@ -51,7 +52,9 @@ def same(result, reference, rtol=1e-9):
     assert np.allclose(result.full.chi, reference.full.chi, rtol=rtol, atol=rtol)
 
 
-@pytest.mark.parametrize("kind", ["csv", "csv_semicolon", "npz", "npz_2d", "mat", "hdf5", "hdf5_2d", "csv_bare", "blanks"])
+@pytest.mark.parametrize(
+    "kind", ["csv", "csv_semicolon", "npz", "npz_2d", "mat", "hdf5", "hdf5_2d", "csv_bare", "blanks"]
+)
 def test_every_format_reads_the_same(tmp_path, table, reference, kind):
     columns = table[0]
     entry = {"file": "run.csv"}
@@ -73,7 +76,9 @@ def test_every_format_reads_the_same(tmp_path, table, reference, kind):
         np.savez(tmp_path / "run.npz", t=columns["t"], q=matrix[:, 1:8], tau_m=matrix[:, 8:])
         entry["file"] = "run.npz"
     elif kind == "mat":
-        scipy.io.savemat(tmp_path / "run.mat", {"t": columns["t"], "q": matrix[:, 1:8], "tau_m": matrix[:, 8:].T})
+        scipy.io.savemat(
+            tmp_path / "run.mat", {"t": columns["t"], "q": matrix[:, 1:8], "tau_m": matrix[:, 8:].T}
+        )
         entry["file"] = "run.mat"
     else:
         with h5py.File(tmp_path / "run.h5", "w") as out:
@@ -90,22 +95,28 @@ def test_column_map_scale_offset_sign(tmp_path, table, reference):
     columns = {name: values for name, values in table[0].items() if name not in ("q2", "tau_m4")}
     columns |= {"pos": np.degrees(table[0]["q2"]) - 90.0, "torque": -1000 * table[0]["tau_m4"]}
     write_parquet(tmp_path / "run.parquet", columns)
-    maps = {"q2": {"column": "pos", "scale": np.pi / 180, "offset": np.pi / 2},
-            "tau_m4": {"column": "torque", "scale": 0.001, "sign": -1}}  # fmt: skip
+    maps = {
+        "q2": {"column": "pos", "scale": np.pi / 180, "offset": np.pi / 2},
+        "tau_m4": {"column": "torque", "scale": 0.001, "sign": -1},
+    }
     # noise-free positions: the width of sign(dq) is estimated from rounding errors, which the map changes
     same(run(tmp_path, [{"file": "run.parquet"}], columns=maps), reference, 1e-3)
 
 
 def test_currents_with_gains(tmp_path, table, reference):
     gains = [2.0, 3, 4, 5, 6, 7, 8]
-    columns = {name.replace("tau_m", "i"): (values / gains[int(name[-1]) - 1] if name.startswith("tau") else values)
-               for name, values in table[0].items()}  # fmt: skip
+    columns = {
+        name.replace("tau_m", "i"): (values / gains[int(name[-1]) - 1] if name.startswith("tau") else values)
+        for name, values in table[0].items()
+    }
     write_parquet(tmp_path / "run.parquet", columns)
     same(run(tmp_path, [{"file": "run.parquet"}], drive_gains=gains), reference)
 
 
 def test_no_time_column_but_a_rate(tmp_path, table, reference):
-    write_parquet(tmp_path / "run.parquet", {name: values for name, values in table[0].items() if name != "t"})
+    write_parquet(
+        tmp_path / "run.parquet", {name: values for name, values in table[0].items() if name != "t"}
+    )
     same(run(tmp_path, [{"file": "run.parquet", "rate_hz": 200}]), reference, 1e-6)
 
 
@@ -129,7 +140,7 @@ def test_jitter_is_resampled_and_said(tmp_path, table):
 
 def test_gaps_split_and_are_never_bridged(tmp_path, table):
     keep = np.ones(len(table[0]["t"]), bool)
-    keep[3000:3400] = False         # 2 s lost, in which the robot moved on
+    keep[3000:3400] = False  # 2 s lost, in which the robot moved on
     write_parquet(tmp_path / "run.parquet", {name: values[keep] for name, values in table[0].items()})
     result = run(tmp_path, [{"file": "run.parquet"}])
     assert any("2 segments" in note for note in result.notes)
@@ -152,7 +163,9 @@ def test_rest_at_the_ends_is_not_used(tmp_path, table):
     columns = {}
     for name, values in table[0].items():
         head, tail = np.full(600, values[0]), np.full(600, values[-1])
-        columns[name] = np.concatenate([head, values, tail]) if name != "t" else np.arange(len(values) + 1200) / 200
+        columns[name] = (
+            np.concatenate([head, values, tail]) if name != "t" else np.arange(len(values) + 1200) / 200
+        )
     write_parquet(tmp_path / "run.parquet", columns)
     result = run(tmp_path, [{"file": "run.parquet"}])
     assert any("of rest at the ends" in note for note in result.notes)
@@ -161,7 +174,8 @@ def test_rest_at_the_ends_is_not_used(tmp_path, table):
 
 
 def test_streaming_is_the_same_as_all_at_once(tmp_path, table, monkeypatch):
-    """Tables read in blocks of 500 rows against one block, and the factors against the dense decimated system."""
+    """Tables read in blocks of 500 rows against one block, and the factors against the dense decimated
+    system."""
     import ident.tables
 
     write_parquet(tmp_path / "run.parquet", table[0])
@@ -196,7 +210,7 @@ def test_payload_by_two_sets_of_runs(tmp_path):
     entries[1]["payload"] = "P"
     result = run(tmp_path, [*entries, {"file": "again.parquet", "payload": "Q"}], model="B")
     P, Q = (result.estimate.chi[result.columns.parameters.index(name)] for name in ("MP", "MQ"))
-    assert P == pytest.approx(Q) and P == pytest.approx(truth["ML"], rel=0.01)
+    assert pytest.approx(Q) == P and pytest.approx(truth["ML"], rel=0.01) == P
 
 
 def test_four_models_of_one_recording(tmp_path):
@@ -221,7 +235,7 @@ def truth_of(name, truth_c):
 
 
 def test_drive_gains_are_identified_with_both_signals(tmp_path):
-    columns, truth = recording("C", seconds=60, seed=4)
+    columns, _truth = recording("C", seconds=60, seed=4)
     gains = np.array([100.0, 140, 110, 112, 62, 86, 45])
     for j in range(7):
         columns[f"i{j + 1}"] = columns.pop(f"tau_m{j + 1}") / gains[j]
@@ -244,14 +258,18 @@ def test_a_weighed_payload_is_the_reference_where_there_is_no_sensor(tmp_path):
     for name, columns in (("free", free), ("loaded", loaded)):
         drive = {f"i{j + 1}": columns.pop(f"tau_m{j + 1}") / gains[j] for j in range(7)}
         write_parquet(tmp_path / f"{name}.parquet", columns | drive)
-    result = run(tmp_path, [{"file": "free.parquet"}, {"file": "loaded.parquet", "payload": "L"}], drive_gains="identify",
-                 payload_mass={"L": float(truth["ML"])})  # fmt: skip
+    result = run(
+        tmp_path,
+        [{"file": "free.parquet"}, {"file": "loaded.parquet", "payload": "L"}],
+        drive_gains="identify",
+        payload_mass={"L": float(truth["ML"])},
+    )
     found = np.array([result.estimate.chi[result.columns.parameters.index(f"g{j + 1}")] for j in range(7)])
     assert np.allclose(found, gains, rtol=0.05)
 
 
 def test_joint_positions_follow_the_stiffness(tmp_path):
-    columns, truth = recording("B", seconds=40, seed=7)
+    columns, _truth = recording("B", seconds=40, seed=7)
     stiffness = [10000.0] * 5 + [7500.0] * 2
     soft = dict(columns)
     for j in range(7):
@@ -275,7 +293,9 @@ def test_huber_resists_spikes(tmp_path, table):
     columns = {name: values.copy() for name, values in table[0].items()}
     columns["tau_m2"][2000:2100] += 800.0
     write_parquet(tmp_path / "run.parquet", columns)
-    plain, robust = (run(tmp_path, [{"file": "run.parquet"}], robust=how, reduction=False) for how in (None, "huber"))
+    plain, robust = (
+        run(tmp_path, [{"file": "run.parquet"}], robust=how, reduction=False) for how in (None, "huber")
+    )
     truth = np.array([table[1][name] for name in plain.columns.parameters])
     assert np.linalg.norm(robust.full.chi - truth) < 0.5 * np.linalg.norm(plain.full.chi - truth)
 
@@ -290,27 +310,47 @@ def test_automatic_cutoff_obeys_the_rule(tmp_path, table):
 
 def test_document_follows_the_contract(tmp_path, reference, table):
     document = json.loads(json.dumps(fit_document(reference)))
-    assert {"robot", "model", "base_parameters", "essential_parameters", "parameters", "relative_error_percent",
-            "full_rate_error_percent", "tests"} <= set(document)  # fmt: skip
+    assert {
+        "robot",
+        "model",
+        "base_parameters",
+        "essential_parameters",
+        "parameters",
+        "relative_error_percent",
+        "full_rate_error_percent",
+        "tests",
+    } <= set(document)
     assert set(document["tests"]) >= {"durbin_watson", "kolmogorov_smirnov", "condition_number", "rows"}
     row = document["parameters"][0]
     assert {"name", "value", "std", "relative_std_percent", "essential", "unit", "regroups"} <= set(row)
     assert document["base_parameters"] == len(document["parameters"])
     assert document["essential_parameters"] == sum(row["essential"] for row in document["parameters"])
     assert all(row["value"] == 0 for row in document["parameters"] if not row["essential"])
-    assert list(document["relative_error_percent"]["identify"]) == ["total"] + [f"tau_m{j}" for j in range(1, 8)]
+    assert list(document["relative_error_percent"]["identify"]) == ["total"] + [
+        f"tau_m{j}" for j in range(1, 8)
+    ]
     write_results(reference, tmp_path / "out")
     assert json.loads((tmp_path / "out" / "fit.json").read_text())["robot"] == "kuka_lwr4p"
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"fit.json", "parameters.csv", "errors.csv",
-                                                                   "reduction.csv", "plots"}  # fmt: skip
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {
+        "fit.json",
+        "parameters.csv",
+        "errors.csv",
+        "reduction.csv",
+        "plots",
+    }
     assert len(parameter_table(reference)[1]) == reference.estimate.b
     assert error_table(reference)[1][0][0] == "total"
 
 
 def test_a_window_is_cut_before_anything_else(tmp_path, table):
     write_parquet(tmp_path / "run.parquet", table[0])
-    result = run(tmp_path, [{"file": "run.parquet", "name": "first", "to": 30},
-                            {"file": "run.parquet", "name": "rest", "from": 30, "use": "validate"}])  # fmt: skip
+    result = run(
+        tmp_path,
+        [
+            {"file": "run.parquet", "name": "first", "to": 30},
+            {"file": "run.parquet", "name": "rest", "from": 30, "use": "validate"},
+        ],
+    )
     first, rest = result.systems
     assert first.segments[0].t[-1] < 30 < rest.segments[0].t[0]
     assert set(result.relative_error) == {"identify", "validate"}

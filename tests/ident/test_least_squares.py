@@ -1,4 +1,5 @@
-"""WLS, covariance, F-statistics, normality and Durbin-Watson against statsmodels and scipy on the same rows."""
+"""WLS, covariance, F-statistics, normality and Durbin-Watson against statsmodels and scipy on the same
+rows."""
 
 import numpy as np
 import pytest
@@ -21,7 +22,11 @@ from ident.reduction import kolmogorov_smirnov, reduce
 
 B, CHANNELS = 9, 3
 NAMES = tuple(f"p{k}" for k in range(B))
-SPARSE = [np.array([0, 1, 2, 3, 6]), np.array([1, 2, 4, 5, 7]), np.array([2, 3, 5, 6, 8])]     # columns of a channel
+SPARSE = [
+    np.array([0, 1, 2, 3, 6]),
+    np.array([1, 2, 4, 5, 7]),
+    np.array([2, 3, 5, 6, 8]),
+]  # columns of a channel
 LEVELS = np.array([0.5, 2.0, 0.1])
 
 
@@ -39,8 +44,10 @@ def system(W, Y, label="run"):
     channel = np.concatenate([np.full(len(c), j) for j, c in enumerate(SPARSE)])
     column = np.concatenate(SPARSE)
     values = np.stack([W[j][:, k] for j, k in zip(channel, column)])
-    factors = tuple(ChannelFactor(c, triangular(np.column_stack([W[j][:, c], Y[j]])), W.shape[1])
-                    for j, c in enumerate(SPARSE))  # fmt: skip
+    factors = tuple(
+        ChannelFactor(c, triangular(np.column_stack([W[j][:, c], Y[j]])), W.shape[1])
+        for j, c in enumerate(SPARSE)
+    )
     segment = DecimatedSegment(np.arange(W.shape[1]) * 0.5, values, Y, np.ones(Y.shape))
     return RecordingSystem(label, "identify", None, channel, column, factors, (segment,), W.shape[1])
 
@@ -63,8 +70,10 @@ def test_wls_and_covariance_are_those_of_statsmodels():
     weights = np.repeat(1 / estimate.sigma**2, W.shape[1])
     plain = sm.WLS(Y.ravel(), W.reshape(-1, B), weights=weights).fit(cov_type="fixed scale")
     assert np.allclose(estimate.chi, plain.params, rtol=1e-9, atol=1e-12)
-    assert np.allclose(estimate.covariance, plain.normalized_cov_params, rtol=1e-9, atol=1e-15)   # eq. 15
-    assert np.allclose(estimate.relative_std_percent, 100 * np.sqrt(np.diag(plain.normalized_cov_params)) / abs(plain.params))
+    assert np.allclose(estimate.covariance, plain.normalized_cov_params, rtol=1e-9, atol=1e-15)  # eq. 15
+    assert np.allclose(
+        estimate.relative_std_percent, 100 * np.sqrt(np.diag(plain.normalized_cov_params)) / abs(plain.params)
+    )
     assert estimate.rss == pytest.approx(plain.ssr, rel=1e-9)
 
 
@@ -96,7 +105,7 @@ def test_kolmogorov_smirnov_is_that_of_scipy():
     x = np.random.default_rng(0).normal(size=900) * 1.05
     ours, plain = kolmogorov_smirnov(x), scipy.stats.kstest(x, "norm")
     assert ours.statistic == pytest.approx(plain.statistic, rel=1e-12)
-    assert ours.p_value == pytest.approx(plain.pvalue, rel=0.05)      # limit law against the exact one
+    assert ours.p_value == pytest.approx(plain.pvalue, rel=0.05)  # limit law against the exact one
 
 
 def test_durbin_watson_is_that_of_statsmodels():
@@ -105,18 +114,18 @@ def test_durbin_watson_is_that_of_statsmodels():
 
 
 def test_dependent_columns_are_named_and_the_rest_identified():
-    W, Y = rows(1)
-    W[:, :, 6] = 2 * W[:, :, 3]     # p6 moves as p3 does, p8 not at all
+    W, _Y = rows(1)
+    W[:, :, 6] = 2 * W[:, :, 3]  # p6 moves as p3 does, p8 not at all
     W[:, :, 8] = 0
     estimate = fitted(W, W @ np.ones(B))
-    assert [d.parameter for d in estimate.dependent][0] == "p8"
+    assert next(d.parameter for d in estimate.dependent) == "p8"
     pair = estimate.dependent[1]
     assert {pair.parameter, pair.seen_in[0][0]} == {"p3", "p6"}
     assert pair.sentence().startswith(f"{pair.parameter} is seen only together with")
     others = [0, 1, 2, 4, 5, 7]
     assert np.allclose(estimate.chi[others], 1)
     kept, factor = (3, 3.0) if estimate.active[3] else (6, 1.5)
-    assert estimate.chi[kept] == pytest.approx(factor)      # it absorbs the other
+    assert estimate.chi[kept] == pytest.approx(factor)  # it absorbs the other
 
 
 @given(st.permutations(list(range(60))), st.integers(0, CHANNELS - 1))
@@ -161,7 +170,9 @@ def test_a_dropped_column_of_zeros_changes_nothing():
     assert not with_zeros.active[7]
     kept = [k for k in range(B) if k != 7]
     weights = np.repeat(1 / with_zeros.sigma**2, W.shape[1])
-    assert np.allclose(with_zeros.chi[kept], sm.WLS(Y.ravel(), W.reshape(-1, B)[:, kept], weights=weights).fit().params)
+    assert np.allclose(
+        with_zeros.chi[kept], sm.WLS(Y.ravel(), W.reshape(-1, B)[:, kept], weights=weights).fit().params
+    )
 
 
 def test_huber_is_that_of_statsmodels():
@@ -176,7 +187,8 @@ def test_huber_is_that_of_statsmodels():
     assert down >= 12
     scaled = (W / sigma[:, None, None]).reshape(-1, B)
     plain = sm.RLM((Y / sigma[:, None]).ravel(), scaled, M=sm.robust.norms.HuberT(1.345)).fit(
-        scale_est=FixedScale(), tol=1e-12, maxiter=500)  # fmt: skip
+        scale_est=FixedScale(), tol=1e-12, maxiter=500
+    )
     assert np.allclose(estimate.chi, plain.params, rtol=1e-6, atol=1e-8)
 
 
@@ -187,7 +199,17 @@ class FixedScale:
 
 def test_bounds_hold_what_physics_forbids():
     names = ("Iam1", "Fvm1R", "MX2", "ML", "ZZ1R", "Fcl3", "Offm1", "M3R", "XX1")
-    assert [not_negative(name) for name in names] == [True, True, False, True, False, True, False, False, False]
+    assert [not_negative(name) for name in names] == [
+        True,
+        True,
+        False,
+        True,
+        False,
+        True,
+        False,
+        False,
+        False,
+    ]
     W, Y = rows(8, chi=np.array([-0.3, 1, 1, 1, 1, 1, 1, 1, 1.0]))
     factors = stack([system(W, Y)])
     free = weighted_least_squares(factors, channel_sigma(factors), names)
@@ -223,7 +245,7 @@ def test_honest_covariance_is_the_spread_of_estimates_under_coloured_noise():
     chi, draws = np.ones(B), []
     reported, white = [], []
     W, _ = rows(9, m=300, chi=chi)
-    W = np.cumsum(W, axis=1) / 10     # slow columns, as gravity's are: there correlation hurts most
+    W = np.cumsum(W, axis=1) / 10  # slow columns, as gravity's are: there correlation hurts most
     rng = np.random.default_rng(10)
     for _ in range(120):
         noise = np.stack([ar1(300, 0.6, rng) for _ in range(CHANNELS)]) * LEVELS[:, None]
@@ -231,9 +253,11 @@ def test_honest_covariance_is_the_spread_of_estimates_under_coloured_noise():
         factors = stack([found])
         estimate = weighted_least_squares(factors, channel_sigma(factors), NAMES)
         draws.append(estimate.chi)
-        reported.append(np.sqrt(np.diag(honest_covariance([found], estimate, channel_noises([found], estimate)))))
+        reported.append(
+            np.sqrt(np.diag(honest_covariance([found], estimate, channel_noises([found], estimate))))
+        )
         white.append(estimate.std)
     spread = np.std(draws, axis=0)
     ratio = np.mean(reported, axis=0) / spread
-    assert np.all(np.abs(ratio - 1) < 0.25), ratio      # 120 draws tell a spread to 6.5 % (one sigma)
+    assert np.all(np.abs(ratio - 1) < 0.25), ratio  # 120 draws tell a spread to 6.5 % (one sigma)
     assert np.median(np.mean(white, axis=0) / spread) < 0.7

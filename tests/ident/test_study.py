@@ -16,7 +16,11 @@ def study(**keys):
 
 def test_defaults_and_paths():
     found = study(recordings=[RUN, {"file": "b.csv", "use": "test", "payload": "L", "from": 1, "to": 5}])
-    assert (found.model, found.filter.position_cutoff_hz, found.filter.decimation_cutoff_hz) == ("A", 10.0, "auto")
+    assert (found.model, found.filter.position_cutoff_hz, found.filter.decimation_cutoff_hz) == (
+        "A",
+        10.0,
+        "auto",
+    )
     assert [entry.use for entry in found.recordings] == ["identify", "test"]
     assert found.recording_path(found.recordings[0]) == Path("folder/run1.parquet")
     assert found.recordings[1].from_s == 1 and found.payloads == ("L",)
@@ -31,30 +35,33 @@ def test_environment_in_paths(monkeypatch):
     assert expand("${SOME_DATA:-../here}/a") == "/there/a"
 
 
-@pytest.mark.parametrize(("keys", "words"), [
-    ({"filters": {}}, ("filters", "did you mean filter")),
-    ({"recordings": [RUN | {"usr": "identify"}]}, ("recordings[1].usr", "did you mean use")),
-    ({"recordings": [RUN | {"use": "fit"}]}, ("recordings[1].use", "identify")),
-    ({"recordings": []}, ("empty",)),
-    ({"recordings": [RUN | {"use": "test"}]}, ("none has use: identify",)),
-    ({"recordings": [RUN, RUN]}, ("run1", "name:")),
-    ({"recordings": "run1.parquet"}, ("recordings", "list")),
-    ({"recordings": [RUN | {"from": 5, "to": 2}]}, ("to must come after from",)),
-    ({"recordings": [RUN | {"payload": "3 kg"}]}, ("payload label",)),
-    ({"model": "E"}, ("model", "'A'")),
-    ({"filter": {"position_cutoff_hz": -1}}, ("filter.position_cutoff_hz", "greater than 0")),
-    ({"filter": {"decimation_cutoff_hz": "often"}}, ("filter.decimation_cutoff_hz", "auto")),
-    ({"filter": {"position_cutoff_hz": float("nan")}}, ("finite",)),
-    ({"drive_gains": "guess"}, ("drive_gains", "identify")),
-    ({"without": ["coulomb"]}, ("without", "did you mean coulomb_friction")),
-    ({"columns": {"q1": {"column": 1, "scal": 2}}}, ("columns.q1.scal", "did you mean scale")),
-    ({"positions": "joint"}, ("stiffness",)),
-    ({"positions": "joint", "stiffness": [0.0]}, ("positive",)),
-    ({"payload_mass": {"L": 4.6}}, ("payload_mass", "L")),
-    ({"alpha": 2}, ("alpha", "less than 1")),
-    ({"robot": None}, ("robot",)),
-    ({"file": "x"}, ("did you mean recordings",)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"filters": {}}, ("filters", "did you mean filter")),
+        ({"recordings": [RUN | {"usr": "identify"}]}, ("recordings[1].usr", "did you mean use")),
+        ({"recordings": [RUN | {"use": "fit"}]}, ("recordings[1].use", "identify")),
+        ({"recordings": []}, ("empty",)),
+        ({"recordings": [RUN | {"use": "test"}]}, ("none has use: identify",)),
+        ({"recordings": [RUN, RUN]}, ("run1", "name:")),
+        ({"recordings": "run1.parquet"}, ("recordings", "list")),
+        ({"recordings": [RUN | {"from": 5, "to": 2}]}, ("to must come after from",)),
+        ({"recordings": [RUN | {"payload": "3 kg"}]}, ("payload label",)),
+        ({"model": "E"}, ("model", "'A'")),
+        ({"filter": {"position_cutoff_hz": -1}}, ("filter.position_cutoff_hz", "greater than 0")),
+        ({"filter": {"decimation_cutoff_hz": "often"}}, ("filter.decimation_cutoff_hz", "auto")),
+        ({"filter": {"position_cutoff_hz": float("nan")}}, ("finite",)),
+        ({"drive_gains": "guess"}, ("drive_gains", "identify")),
+        ({"without": ["coulomb"]}, ("without", "did you mean coulomb_friction")),
+        ({"columns": {"q1": {"column": 1, "scal": 2}}}, ("columns.q1.scal", "did you mean scale")),
+        ({"positions": "joint"}, ("stiffness",)),
+        ({"positions": "joint", "stiffness": [0.0]}, ("positive",)),
+        ({"payload_mass": {"L": 4.6}}, ("payload_mass", "L")),
+        ({"alpha": 2}, ("alpha", "less than 1")),
+        ({"robot": None}, ("robot",)),
+        ({"file": "x"}, ("did you mean recordings",)),
+    ],
+)
 def test_refusals(keys, words):
     with pytest.raises(StudyError) as caught:
         study(**keys)
@@ -64,13 +71,16 @@ def test_refusals(keys, words):
         assert word in text
 
 
-@pytest.mark.parametrize(("text", "words"), [
-    ("", "not a table"),
-    ("- a\n- b\n", "not a table"),
-    ("robot: [unclosed", "not valid YAML"),
-    ("robot: &a x\nmodel: *a\n", "anchors"),
-    ("robot: !!python/object/apply:os.system [ls]\n", "not valid YAML"),
-])
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "not a table"),
+        ("- a\n- b\n", "not a table"),
+        ("robot: [unclosed", "not valid YAML"),
+        ("robot: &a x\nmodel: *a\n", "anchors"),
+        ("robot: !!python/object/apply:os.system [ls]\n", "not valid YAML"),
+    ],
+)
 def test_files_that_are_no_studies(tmp_path, text, words):
     (tmp_path / "s.yaml").write_text(text)
     with pytest.raises(StudyError, match=words):

@@ -42,8 +42,15 @@ def true_chi(model: Any, seed: int = 0) -> np.ndarray:
     return chi
 
 
-def recording(model_name: str = "A", payload: str | None = None, seconds: float = 30.0, rate: float = 200.0,
-              seed: int = 0, noise: float = 0.2, carried: bool = True) -> tuple[dict[str, np.ndarray], dict[str, float]]:  # fmt: skip
+def recording(
+    model_name: str = "A",
+    payload: str | None = None,
+    seconds: float = 30.0,
+    rate: float = 200.0,
+    seed: int = 0,
+    noise: float = 0.2,
+    carried: bool = True,
+) -> tuple[dict[str, np.ndarray], dict[str, float]]:
     """Columns t, q1.., torques of the model's channels, and the true base parameters by name."""
     model = generated.load(ROBOT, model_name, payload=payload)
     t, q, dq, ddq = motion(seconds, rate, seed)
@@ -55,7 +62,9 @@ def recording(model_name: str = "A", payload: str | None = None, seconds: float 
     rng = np.random.default_rng([seed, 7])
     tau = tau + noise * rng.normal(size=tau.shape)
     columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(7)}
-    return columns | {name: tau[:, k] for k, name in enumerate(model.channels)}, dict(zip(model.parameters, chi))
+    return columns | {name: tau[:, k] for k, name in enumerate(model.channels)}, dict(
+        zip(model.parameters, chi)
+    )
 
 
 LOAD = {f"{kind}L" for kind in ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")}
@@ -66,9 +75,15 @@ def write_parquet(path: Path, columns: dict[str, np.ndarray]) -> Path:
     return path
 
 
-def write_study(folder: Path, entries: list[dict[str, Any]], model: str = "A", name: str = "study.yaml", **keys: Any) -> Path:
-    study = {"robot": ROBOT, "model": model, "recordings": entries,
-             "filter": {"position_cutoff_hz": 10, "decimation_cutoff_hz": 2}} | keys  # fmt: skip
+def write_study(
+    folder: Path, entries: list[dict[str, Any]], model: str = "A", name: str = "study.yaml", **keys: Any
+) -> Path:
+    study = {
+        "robot": ROBOT,
+        "model": model,
+        "recordings": entries,
+        "filter": {"position_cutoff_hz": 10, "decimation_cutoff_hz": 2},
+    } | keys
     path = folder / name
     path.write_text(yaml.safe_dump(study, sort_keys=False))
     return path
