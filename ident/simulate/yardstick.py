@@ -9,6 +9,7 @@ import generated
 from ident.simulate.sensors import smooth
 from ident.simulate.trajectories import Motion, State
 from ident.simulate.twin import ActiveEffect, Twin, run_twin
+from modelgen.effects.motions import derivatives
 
 Array = np.ndarray
 RATE_HZ = 250.0
@@ -45,24 +46,32 @@ class Yardstick:
         t = np.arange(0.0, motion.duration, 1.0 / RATE_HZ)
         state = motion.at(t)
         rows = np.arange(KEEP, len(t) - KEEP, KEEP)
-        clean = self._torque(label, t, state, ())[rows]
+        clean = self._torque(label, t, state, ())[0][rows]
         moves = np.abs(state[1][rows]) > REST
         return _Run(label, t, state, rows, clean, np.tile(moves, clean.shape[1] // self.twin.n).astype(float))
 
-    def _torque(self, label: str, t: Array, state: State, effects: tuple[ActiveEffect, ...]) -> Array:
+    def _torque(
+        self, label: str, t: Array, state: State, effects: tuple[ActiveEffect, ...]
+    ) -> tuple[Array, Array]:
+        """Filtered torque of the study's channels, and the positions that are recorded with it."""
         run = run_twin(self.twin, t, state, effects, None, self.model, label)
         if self.model == "D":
             tau = run.tau_m - run.tau_l
         else:
             names = {"A": ("tau_m",), "B": ("tau_l",), "C": ("tau_m", "tau_l")}[self.model]
             tau = np.concatenate([getattr(run, name) for name in names], axis=1)
-        return smooth(tau, 1.0 / RATE_HZ, FILTER_S)
+        return smooth(tau, 1.0 / RATE_HZ, FILTER_S), run.q
 
     def __call__(self, effect: ActiveEffect) -> float:
         """Of the effect's joint, or of the joint that shows it most; over the runs in which it acts."""
         parts, acts = [], []
         for run in self.runs:
-            parts.append(self._torque(run.label, run.t, run.state, (effect,))[run.rows] - run.clean)
+            tau, q = self._torque(run.label, run.t, run.state, (effect,))
+            clean = run.clean
+            if not np.array_equal(q, run.state[0]):  # the encoder saw another motion than the link made
+                seen = (q, *derivatives(q, 1.0 / RATE_HZ))
+                clean = self._torque(run.label, run.t, seen, ())[0][run.rows]
+            parts.append(tau[run.rows] - clean)
             acts.append(np.full(len(run.rows), effect.acts_in(run.label)))
         added = np.concatenate(parts) * self.weight
         flat = added.reshape(-1)
