@@ -15,7 +15,7 @@ from generated.kernel import LANES, Placement, Samples
 
 Array = np.ndarray
 BLOCK = 256  # samples: the block buffer stays in the second-level cache
-GROUP = 8  # blocks that a thread fills at one go
+GROUP = 4  # blocks that a thread fills at one go
 CACHES = 8 << 20  # bytes: a larger W is written past the caches
 
 
