@@ -97,6 +97,23 @@ def test_the_effect_in_contributing_is_one():
     assert isinstance(names["EFFECT"], Effect)
 
 
+def test_every_key_of_a_study_is_in_its_table():
+    from ident.study import ColumnMap, FilterSettings, RecordingEntry, Study
+
+    table = README[README.index("Every key of a study") : README.index("</details>")]
+    for model in (Study, RecordingEntry, FilterSettings, ColumnMap):
+        for name, entry in model.model_fields.items():
+            key = entry.alias or name
+            assert re.search(rf"\b{key}\b", table) or entry.exclude, key
+
+
+def test_every_effect_of_the_catalogue_is_reachable_from_the_readme():
+    from modelgen.effects import catalogue
+
+    folder = ROOT / re.search(r"\]\((modelgen/effects)\)", README)[1]
+    assert all((folder / f"{name}.py").is_file() for name in catalogue())
+
+
 @pytest.mark.parametrize("name", ["README.md", ".github/CONTRIBUTING.md"])
 def test_links_into_the_project_lead_somewhere(name):
     folder = (ROOT / name).parent
