@@ -71,6 +71,8 @@ def _start(factors: Sequence[ChannelFactor], columns: Columns) -> tuple[np.ndarr
     b = len(columns.parameters)
     chi, sigma = np.zeros(b), np.ones(len(factors))
     sensors = [j for j in range(len(factors)) if j not in columns.gain_columns]
+    if columns.need.model == "A":
+        return _start_from_payload(factors, columns)
     if sensors:
         part = [factors[j] for j in sensors]
         sigma[sensors] = channel_sigma(part)
@@ -95,4 +97,25 @@ def _start(factors: Sequence[ChannelFactor], columns: Columns) -> tuple[np.ndarr
         chi[factor.columns[own]] = found[1:] * g
         left = signal - W @ found
         sigma[j] = g * max(float(np.linalg.norm(left)), 1e-12) / np.sqrt(max(factor.rows - W.shape[1], 1))
+    return chi, sigma
+
+
+def _start_from_payload(factors: Sequence[ChannelFactor], columns: Columns) -> tuple[np.ndarray, np.ndarray]:
+    """Without a sensor: plain least squares of 0 = W chi - g i - Y0, which a quiet signal biases little.
+
+    A weighed payload is the only scale, and joints that do not feel it are tied to it by the links they share.
+    """
+    sigma = np.ones(len(factors))
+    for _ in range(4):
+        estimate = weighted_least_squares(factors, sigma, columns.parameters)
+        sigma = joint_sigma(factors, estimate.chi, estimate.covariance, sigma)
+    chi = estimate.chi.copy()
+    gains = list(columns.gain_columns.values())
+    positive = chi[gains][chi[gains] > 0]
+    if not len(positive):
+        raise FitFailedError(
+            "drive_gains: the weighed payload moves too little to give the torques a scale; "
+            "record it at more postures"
+        )
+    chi[gains] = np.where(chi[gains] > 0, chi[gains], np.median(positive))
     return chi, sigma

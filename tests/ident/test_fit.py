@@ -235,7 +235,7 @@ def truth_of(name, truth_c):
 
 
 def test_drive_gains_are_identified_with_both_signals(tmp_path):
-    columns, _truth = recording("C", seconds=60, seed=4)
+    columns, truth = recording("C", seconds=60, seed=4)
     gains = np.array([100.0, 140, 110, 112, 62, 86, 45])
     for j in range(7):
         columns[f"i{j + 1}"] = columns.pop(f"tau_m{j + 1}") / gains[j]
@@ -245,8 +245,13 @@ def test_drive_gains_are_identified_with_both_signals(tmp_path):
         found = [result.estimate.chi[result.columns.parameters.index(f"g{j + 1}")] for j in range(7)]
         assert np.allclose(found, gains, rtol=0.02), model
         assert result.relative_error["identify"]["total"] < 5
+    alone = run(tmp_path, [{"file": "run.parquet"}], model="A", drive_gains="identify")
+    assert alone.notes[0].startswith("drive gains as identified by model C") and inside(
+        alone, truth_of("A", truth), 0.7
+    )
+    write_parquet(tmp_path / "motor.parquet", {k: v for k, v in columns.items() if not k.startswith("tau_l")})
     with pytest.raises(StudyError, match="payload_mass"):
-        run(tmp_path, [{"file": "run.parquet"}], model="A", drive_gains="identify")
+        run(tmp_path, [{"file": "motor.parquet"}], model="A", drive_gains="identify")
     with pytest.raises(StudyError, match="choose C or D"):
         run(tmp_path, [{"file": "run.parquet"}], model="B", drive_gains="identify")
 
