@@ -1,5 +1,6 @@
 """The commands end to end on a small arm: the files they write, what they print, a pipe and a terminal."""
 
+import importlib.util
 import json
 import os
 import subprocess
@@ -9,6 +10,11 @@ from pathlib import Path
 import pytest
 
 from ident.simulate import PlannedRun, simulate, write_simulation
+
+_PATH = Path(__file__).parents[1] / "support" / "browser.py"
+_SPEC = importlib.util.spec_from_file_location("support_browser", _PATH)
+browser = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(browser)
 
 ARM = """\
 name: small
@@ -78,6 +84,18 @@ def test_diagnose_writes_what_the_contract_says(study, tmp_path):
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "The model lacks stribeck friction on joint 2" in html and len(html) < 8e6
     assert (tmp_path / "plots" / "1_stribeck_friction.svg").is_file()
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="no chromium on this machine")
+def test_reports_of_real_results_open_without_a_complaint(study, tmp_path):
+    for command in ("fit", "diagnose"):
+        assert ident(command, study, "-o", tmp_path / command).returncode == 0
+    with browser.browser_page() as tab:
+        for command, plots in (("fit", 7), ("diagnose", 1)):  # 6 channels and a histogram; one finding
+            tab.open(tmp_path / command / "report.html")
+            assert tab.problems == []
+            assert tab.evaluate("document.querySelectorAll('.canvas[data-drawn]').length") >= plots
+            assert tab.evaluate("document.documentElement.scrollWidth") <= 1200
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pseudo-terminals of POSIX")
