@@ -36,13 +36,8 @@ def described(derived: Derived, made_of: Mapping[str, str]) -> dict[str, Any]:
 
 def prefix(description: Mapping[str, Any]) -> str:
     """Start of the C names of a model: robot, model, payload, effects."""
-    parts = [
-        description["robot"],
-        description["model"],
-        description["payload"] or "",
-        *description["effects"],
-    ]
-    return re.sub(r"\W", "_", "_".join(part for part in parts if part))
+    name = re.sub(r"\W", "_", f"{description['robot']}_{file_stem(description)}")
+    return f"robot_{name}" if name[0].isdigit() else name
 
 
 def file_stem(description: Mapping[str, Any]) -> str:
