@@ -42,7 +42,7 @@ def folder() -> Path:
         import platformdirs
 
         chosen = platformdirs.user_cache_dir("dynident", appauthor=False)
-    return _checked(chosen, os.getpid())
+    return _checked(os.path.abspath(os.path.expanduser(chosen)), os.getpid())
 
 
 @cache
@@ -84,6 +84,10 @@ def _problem(path: Path) -> str:
         return "belongs to another user"
     if status.st_mode & 0o022:
         return "can be written by others"
+    for parent in path.resolve().parents:
+        mode = os.stat(parent).st_mode
+        if mode & 0o002 and not mode & stat.S_ISVTX:
+            return f"lies in {parent}, which anyone can write,"
     return ""
 
 
