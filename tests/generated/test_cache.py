@@ -115,6 +115,15 @@ def test_a_folder_that_others_can_write_is_not_used(robot, tmp_path):
 
 
 @posix
+def test_a_folder_below_one_that_anyone_can_write_is_not_used(robot, tmp_path, monkeypatch):
+    (tmp_path / "open").mkdir()
+    (tmp_path / "open").chmod(0o777)
+    monkeypatch.setenv("DYNIDENT_CACHE", str(tmp_path / "open" / "cache"))
+    with pytest.warns(UserWarning, match="which anyone can write"):
+        cache.folder()
+
+
+@posix
 def test_an_entry_that_others_can_write_is_made_again(robot, tmp_path, monkeypatch):
     first = evaluate(robot)
     [place] = (tmp_path / "cache").glob("kernel-*")
