@@ -68,6 +68,8 @@ def draw_all(result: FitResult, folder: Path) -> None:
 
 
 def _torques(figure: Any, curves: Curves, channels: Sequence[str], rows: int, columns: int) -> None:
+    from matplotlib.ticker import MaxNLocator, NullLocator
+
     figure.subplots_adjust(
         left=0.08 / columns + 0.02, right=0.99, top=0.97, bottom=0.05, hspace=0.15, wspace=0.12
     )
@@ -75,10 +77,11 @@ def _torques(figure: Any, curves: Curves, channels: Sequence[str], rows: int, co
         ax = figure.add_subplot(rows, columns, k % rows * columns + k // rows + 1)
         torque(curves, k, ax)
         ax.set_ylabel(name)
+        ax.yaxis.set_major_locator(MaxNLocator(2))
         if k % rows == rows - 1 or k == len(channels) - 1:
             ax.set_xlabel("t [s]")
         else:
-            ax.set_xticklabels([])
+            ax.xaxis.set_major_locator(NullLocator())  # ticks are what takes the time
         if k == 0:
             ax.legend(loc="upper right", fontsize="small", ncols=3, title=f"{curves.label} ({curves.role})")
 

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from recordings import recording, write_parquet, write_study
+from recordings import motion, recording, true_chi, write_parquet, write_study
 
 import generated
 from ident.errors import StudyError
@@ -121,8 +121,6 @@ def test_no_time_column_but_a_rate(tmp_path, table, reference):
 
 
 def test_jitter_is_resampled_and_said(tmp_path, table):
-    from recordings import motion, true_chi
-
     model = generated.load("kuka_lwr4p", "A")
     t, *_ = motion(40, 200, 0)
     rng = np.random.default_rng(1)
@@ -359,3 +357,40 @@ def test_a_window_is_cut_before_anything_else(tmp_path, table):
     first, rest = result.systems
     assert first.segments[0].t[-1] < 30 < rest.segments[0].t[0]
     assert set(result.relative_error) == {"identify", "validate"}
+
+
+def test_a_run_that_does_not_excite_is_told_by_name(tmp_path):
+    moving, truth = recording("A", seconds=40, seed=8)
+    model = generated.load("kuka_lwr4p", "A")
+    t, q, dq, ddq = motion(40, 200, 9)
+    q[:, 4], dq[:, 4], ddq[:, 4] = 0.3, 0.0, 0.0
+    tau = model.torque(q, dq, ddq, np.array([truth[name] for name in model.parameters]))
+    tau = tau + 0.2 * np.random.default_rng(0).normal(size=tau.shape)
+    half = (
+        {"t": t} | {f"q{j + 1}": q[:, j] for j in range(7)} | {f"tau_m{j + 1}": tau[:, j] for j in range(7)}
+    )
+    write_parquet(tmp_path / "moving.parquet", moving)
+    write_parquet(tmp_path / "half.parquet", half)
+    result = run(tmp_path, [{"file": "moving.parquet"}, {"file": "half.parquet"}])
+    said = next(warning for warning in result.warnings if warning.startswith("half does not excite"))
+    assert {"Iam5", "Fvm5R", "Fcm5R"} <= set(said.replace(",", " ").split())
+    assert inside(result, truth)
+    # alone it leaves these parameters open, says so, and identifies the others
+    alone = run(tmp_path, [{"file": "half.parquet"}])
+    assert any(text.startswith(("Iam5 is", "Fvm5R is", "Fcm5R is")) for text in alone.warnings)
+    assert {"Iam5", "Fvm5R", "Fcm5R"}.isdisjoint(alone.reduction.essential)
+    k = alone.columns.parameters.index("Fcm1R")
+    assert abs(alone.estimate.chi[k] - truth["Fcm1R"]) < 4 * alone.std[k]
+
+
+def test_figures_take_results_and_an_axes(reference):
+    from matplotlib.figure import Figure
+
+    from ident import plots
+
+    axes = Figure().subplots(2)
+    lines = plots.torque(reference.errors.curves[0], 0, axes[0])
+    assert [line.get_label() for line in lines] == ["measured", "reconstructed", "error"]
+    measured, modelled, error = (line.get_ydata() for line in lines)
+    assert np.allclose(measured - modelled, error)
+    assert plots.histogram(reference.normalised, axes[1])
