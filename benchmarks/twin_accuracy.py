@@ -5,6 +5,14 @@
 Each seed moves the twin along its own two runs of 44 points in 90 s, one with the payload of 4.6136 kg,
 with encoder steps and coloured torque noise. Per model: how many true values of the essential parameters
 lie in their 95 % intervals, the largest error of the payload's mass, and the error of the torques.
+
+Measured with seeds 0 to 49 and torque noise of 1 % with 10 ms of correlation:
+
+    model   in the interval   essential of Table II kept   mass error at most
+    A       93.6 % of 1850    all 37                       0.08 %
+    B       92.1 % of 1150    all 23                       0.05 %
+    C       92.7 % of 2200    all 44                       0.04 %
+    D       93.8 % of 1050    all 21                       -
 """
 
 import argparse
