@@ -1,20 +1,15 @@
 """The commands end to end on a small arm: the files they write, what they print, a pipe and a terminal."""
 
-import importlib.util
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import browser
 import pytest
 
 from ident.simulate import PlannedRun, simulate, write_simulation
-
-_PATH = Path(__file__).parents[1] / "support" / "browser.py"
-_SPEC = importlib.util.spec_from_file_location("support_browser", _PATH)
-browser = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(browser)
 
 ARM = """\
 name: small

@@ -1,21 +1,12 @@
 """The report in a real browser, opened from disk: nothing from the network, plots drawn, tables sorted."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
+import browser
 import numpy as np
 import pytest
 
 from ident.report.page import Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
 from ident.report.render import render
 from ident.report.thinning import envelope, stretches_for, with_gaps
-
-_PATH = Path(__file__).parents[1] / "support" / "browser.py"
-_SPEC = importlib.util.spec_from_file_location("support_browser", _PATH)
-browser = importlib.util.module_from_spec(_SPEC)
-sys.modules[_SPEC.name] = browser
-_SPEC.loader.exec_module(browser)
 
 needs_browser = pytest.mark.skipif(browser.chromium() is None, reason="no chromium on this machine")
 
