@@ -9,6 +9,7 @@ from modelgen.graph import Graph, Program, Scalar
 from modelgen.models import Model
 from modelgen.newton_euler import INERTIAL
 from modelgen.robot import Robot
+from modelgen.signs import oriented
 from modelgen.standard_parameters import StandardParameter
 
 Entry = tuple[str, int, str]  # (label of the torque's joint, link, parameter's kind)
@@ -34,7 +35,7 @@ def columns_program(robot: Robot, columns: Mapping[int, Sequence[str]]) -> tuple
             place = {key: k for k, key in enumerate(distinct)}
             best = {entry: place[value.key] for entry, value in found.items()}, program
     assert best is not None
-    return best
+    return best[0], oriented(best[1])
 
 
 def torque_program(robot: Robot, model: Model, kept: Sequence[StandardParameter]) -> Program:
@@ -54,7 +55,7 @@ def torque_program(robot: Robot, model: Model, kept: Sequence[StandardParameter]
         program = _torque(robot, model, kept, Choices(shifted=chosen | {j}))
         if program.operations.total < best.operations.total:
             best, chosen = program, chosen | {j}
-    return best
+    return oriented(best)
 
 
 def _torque(robot: Robot, model: Model, kept: Sequence[StandardParameter], choices: Choices) -> Program:

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modelgen.graph import Graph, dot
+from modelgen.signs import oriented
 
 LEAVES = ("x", "y", "z", 0, 1, -1, 2, Fraction(1, 3))
 tree = st.recursive(
@@ -43,6 +44,9 @@ def test_a_program_is_plain_arithmetic(expressions, x, y, z):
     program = graph.program(outputs)
     expected = [build(e, lambda a: known[a] if isinstance(a, str) else Fraction(a)) for e in expressions]
     assert program.evaluate(known, number=Fraction) == expected
+    turned = oriented(program)
+    assert turned.evaluate(known, number=Fraction) == expected and turned.operations == program.operations
+    assert sum(negative for _, negative in turned.outputs) <= sum(negative for _, negative in program.outputs)
     named, results = program.intermediates()
     for symbol, expression in named:
         known[symbol.name] = exactly(expression, known)
