@@ -245,6 +245,8 @@ class Program:
         for node in self.nodes:
             for operand in _operands(node):
                 uses[operand] += 1
+        for index, _ in self.outputs:
+            uses[index] += 1
         expressions: list[sp.Expr] = []
         named: list[tuple[sp.Symbol, sp.Expr]] = []
         for index, node in enumerate(self.nodes):

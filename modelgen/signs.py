@@ -1,9 +1,9 @@
 """Where the minus signs of a program go: differences are turned round until few outputs need a negation.
 
-A difference a - b may be computed as b - a for nothing; a sum of two values that were computed with opposite
-signs is a difference, too. So each free node has a choice, and the others follow from it. The choices are made
-by votes: every output asks for its sign, and passes the question on to what it was made from. A negation is an
-instruction, but no addition or multiplication, so the counted operations stay the same.
+A difference a - b may be computed as b - a for nothing; a sum of two values that were computed with
+opposite signs is a difference, too. So each free node has a choice, and the others follow from it. The
+choices are made by votes: every output asks for its sign, and passes the question on to what it was made from.
+A negation is an instruction, but no addition or multiplication, so the counted operations stay the same.
 """
 
 from __future__ import annotations

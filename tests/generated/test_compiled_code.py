@@ -1,5 +1,6 @@
 """The committed C: what the generator writes, plain C99, and the same numbers in every build."""
 
+import json
 import re
 import shutil
 import subprocess
@@ -35,6 +36,20 @@ def test_generated_files_carry_no_date_and_no_path():
         text = path.read_text()
         assert not re.search(r"20\d\d-\d\d|/home/|/work/|/usr/|/tmp/", text), path.name
     assert "robot file sha256: " in (FOLDER / "A.c").read_text()
+
+
+@pytest.mark.parametrize("stem", ["A", "B", "C", "D", "A_L", "B_L", "C_L"])
+def test_the_counted_operations_are_those_of_the_c(stem):
+    code = (FOLDER / f"{stem}.c").read_text()
+    found = []
+    for name in ("columns", "inverse_dynamics"):
+        start = code.index(f"_{name}(const REAL")
+        body = code[start : code.index("\n}", start)]
+        statements = re.findall(r"= (?:CONSTANT)?\((.*)\);", body)
+        signs = "".join(re.sub(r"^-|e[-+]\d+|chi\[\d+\]", "", s) for s in statements)
+        found.append({"add": len(re.findall(r"[-+]", signs)), "mul": signs.count("*")})
+    operations = json.loads((FOLDER / f"{stem}.json").read_text())["operations"]
+    assert found == [{"add": operations["add"], "mul": operations["mul"]}, operations["torque"]]
 
 
 @needs_compiler
