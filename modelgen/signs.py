@@ -2,7 +2,7 @@
 
 A difference a - b may be computed as b - a for nothing; a sum of two values that were computed with
 opposite signs is a difference, too. So each free node has a choice, and the others follow from it. The
-choices are made by votes: every output asks for its sign, and passes the question on to what it was made from.
+choices are made by votes: every output asks for its sign, and passes the question on to what it is made of.
 A negation is an instruction, but no addition or multiplication, so the counted operations stay the same.
 """
 
