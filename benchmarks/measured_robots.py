@@ -1,4 +1,4 @@
-"""The loop closed on the recordings of real robots: what was found, and the error before and after, as Markdown.
+"""The loop closed on recordings of real robots: what was found, error before and after, as Markdown.
 
     python benchmarks/measured_robots.py [-o FOLDER] [NAME ...] > notebooks/measured_robots.md
 
@@ -61,9 +61,9 @@ def main() -> None:
     diagnose(arguments.names, arguments.output)
     lines = [
         "# Measured robots",
-        "Written by `python benchmarks/measured_robots.py > notebooks/measured_robots.md`. Errors are those of the",
-        "filtered torque, on the same rows before and after. Runs marked *test* were used for nothing else; *validate*",
-        "runs decided what is kept; where a study has neither, blocks left out in turn decided.",
+        "Written by `python benchmarks/measured_robots.py > notebooks/measured_robots.md`. Errors are those of",
+        "the filtered torque, on the same rows before and after. Runs marked *test* were used for nothing else;",
+        "*validate* runs decided what is kept; in a study with neither, blocks left out in turn decided.",
         "",
     ]
     for path in sorted(arguments.output.glob("*/diagnosis.json")):

@@ -110,12 +110,18 @@ def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) ->
 
 
 def close_rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Alternatives that would lower the error by at least `CLOSE` of what the finding does."""
+    """Alternatives in the same place that would lower the error by at least `CLOSE` of what the finding does.
+
+    In the same place: on one of its joints, or one of the two concerns the whole robot. A candidate elsewhere is
+    not an alternative but another thing to find.
+    """
     own = finding["evidence"].get("error_drop_percent") or 0.0
+    joints = set(finding["joints"])
     return [
         rival
         for rival in finding.get("alternatives") or []
         if (rival["error_drop_percent"] or 0.0) >= CLOSE * own
+        and (not joints or not rival["joints"] or joints & set(rival["joints"]))
     ]
 
 

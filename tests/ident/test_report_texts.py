@@ -34,7 +34,8 @@ DIAGNOSIS = {
          "parameters": {"Fs": {"value": 3.12, "std": 0.11, "unit": "N m"}, "recording": {"value": "run2"}},
          "evidence": {"p_value": 1e-30, "error_drop_percent": 61.0},
          "alternatives": [{"effect": "hysteresis", "joints": [4], "error_drop_percent": 55.0},
-                          {"effect": "spring", "joints": [2], "error_drop_percent": 5.0}]},
+                          {"effect": "spring", "joints": [4], "error_drop_percent": 5.0},
+                          {"effect": "offset", "joints": [2], "error_drop_percent": 60.0}]},
         {"effect": "base_tilt", "joints": [], "channel": "tau_m", "parameters": {}, "evidence": {}},
     ],
     "unexplained": [
