@@ -112,8 +112,8 @@ def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) ->
 def close_rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Alternatives in the same place that would lower the error by at least `CLOSE` of what the finding does.
 
-    In the same place: on one of its joints, or one of the two concerns the whole robot. A candidate elsewhere is
-    not an alternative but another thing to find.
+    In the same place: on one of its joints, or one of the two concerns the whole robot. A candidate
+    elsewhere is not an alternative but another thing to find.
     """
     own = finding["evidence"].get("error_drop_percent") or 0.0
     joints = set(finding["joints"])
