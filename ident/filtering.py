@@ -17,7 +17,7 @@ rest is noise: its sign would put a Coulomb torque where there is none, and at r
 between -Fc and Fc. On a twin of the paper's robot this alone biased every Fc and Fv by 3 to 8 standard
 deviations. Hence
   1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long; vs is
-     the standard deviation of its noise, estimated for each recording and joint,
+     two standard deviations of its noise, estimated for each recording and joint,
   2. samples of a joint slower than vs do not count in its channels, from 2 vs on they count fully
   (`certain`):
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a true
@@ -40,7 +40,7 @@ from ident.study import FilterSettings
 
 TAIL = 1e-10  # where the impulse response is cut off, relative to its peak
 MAX_SHARE = 0.45  # of the sampling rate: highest usable cut-off
-NOISE_FACTOR = 1.0  # vs in standard deviations of the velocity noise
+NOISE_FACTOR = 2.0  # vs in standard deviations of the velocity noise
 NOISE_ROWS = 16000  # samples from which that noise is estimated
 STEEPNESS = 2.5  # of the sign between -vs and vs
 

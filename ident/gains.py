@@ -103,7 +103,7 @@ def _start(factors: Sequence[ChannelFactor], columns: Columns) -> tuple[np.ndarr
 def _start_from_payload(factors: Sequence[ChannelFactor], columns: Columns) -> tuple[np.ndarray, np.ndarray]:
     """Without a sensor: plain least squares of 0 = W chi - g i - Y0; a quiet signal biases it little.
 
-    A weighed payload is the only scale, and joints that do not feel it are tied to it by the links they share.
+    A weighed payload is the only scale; joints that do not feel it are tied to it by the links they share.
     """
     sigma = np.ones(len(factors))
     for _ in range(4):
