@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Any, Protocol
 
 import numpy as np
@@ -321,22 +321,39 @@ def _threaded_blocks(
     samples: Samples, buffer: Callable[[int], Buffer], shown: Any, threads: int
 ) -> Iterator[tuple[slice, Array]]:
     size = GROUP * BLOCK
-    buffers = [buffer(GROUP) for _ in range(threads + 1)]
     starts = range(0, samples.rows, size)
-    with ThreadPoolExecutor(threads) as pool:
+    buffers = [buffer(GROUP) for _ in range(min(threads, len(starts)) + 1)]
+    jobs: SimpleQueue[int | None] = SimpleQueue()
+    ready: list[SimpleQueue[BaseException | None]] = [SimpleQueue() for _ in buffers]
 
-        def submit(k: int) -> Any:
-            last = min(starts[k] + size, samples.rows)
-            return pool.submit(buffers[k % len(buffers)].writer.fill, samples, starts[k], last)
+    def work() -> None:
+        while (k := jobs.get()) is not None:
+            failure = None
+            try:
+                buffers[k % len(buffers)].writer.fill(samples, starts[k], min(starts[k] + size, samples.rows))
+            except BaseException as error:
+                failure = error
+            ready[k % len(buffers)].put(failure)
 
-        waiting = {k: submit(k) for k in range(min(threads, len(starts)))}
+    helpers = [threading.Thread(target=work, daemon=True) for _ in buffers[1:]]
+    for k, helper in enumerate(helpers):
+        helper.start()
+        jobs.put(k)
+    try:
         for k, start in enumerate(starts):
-            waiting.pop(k).result()
-            if k + threads < len(starts):
-                waiting[k + threads] = submit(k + threads)
+            failure = ready[k % len(buffers)].get()
+            if failure is not None:
+                raise failure
+            if k + len(helpers) < len(starts):  # into the buffer whose blocks have had their turn
+                jobs.put(k + len(helpers))
             for view, first in zip(buffers[k % len(buffers)].views, range(start, samples.rows, BLOCK)):
                 last = min(first + BLOCK, samples.rows)
                 yield slice(first, last), shown(view, last - first)
+    finally:
+        for _ in helpers:
+            jobs.put(None)
+        for helper in helpers:
+            helper.join()
 
 
 def _in_parts(part: Callable[[int, int], None], rows: int, threads: int) -> None:

@@ -1,5 +1,6 @@
 """The committed C: what the generator writes, plain C99, and the same numbers in every build."""
 
+import ctypes
 import json
 import re
 import shutil
@@ -195,3 +196,34 @@ def test_cos_and_sin_are_within_two_ulp():
     np.testing.assert_array_equal(s[~ok], np.sin(x[~ok]))
     np.testing.assert_allclose(s[ok], np.sin(x[ok]), rtol=1e-15, atol=0)
     np.testing.assert_allclose(c[ok], np.cos(x[ok]), rtol=1e-15, atol=0)
+
+
+@needs_compiler
+@pytest.mark.parametrize("stem", ["A", "C_L"])
+def test_scalar_c_agrees_with_simd(stem, tmp_path):
+    command = [
+        CC,
+        "-std=c99",
+        "-O1",
+        "-shared",
+        "-fPIC",
+        FOLDER / f"{stem}.c",
+        "-lm",
+        "-o",
+        tmp_path / "model.so",
+    ]
+    subprocess.run(command, check=True)
+    library = ctypes.CDLL(str(tmp_path / "model.so"))
+    model, _, payload = stem.partition("_")
+    m = generated.load("kuka_lwr4p", model, payload=payload or None)
+    rng = np.random.default_rng(7)
+    q, dq, ddq = (rng.uniform(-3, 3, (16, 7)) for _ in range(3))
+    chi = rng.normal(size=len(m.parameters))
+    W, tau = np.empty((16, len(m.channels), len(m.parameters))), np.empty((16, len(m.channels)))
+    for i in range(16):
+        state = [ctypes.c_void_p(x[i].ctypes.data) for x in (q, dq, ddq)]
+        getattr(library, f"kuka_lwr4p_{stem}_regressor")(*state, ctypes.c_void_p(W[i].ctypes.data))
+        out = (ctypes.c_void_p(chi.ctypes.data), ctypes.c_void_p(tau[i].ctypes.data))
+        getattr(library, f"kuka_lwr4p_{stem}_torque")(*state, *out)
+    np.testing.assert_allclose(W, m.regressor(q, dq, ddq), rtol=1e-12, atol=1e-12 * np.abs(W).max())
+    np.testing.assert_allclose(tau, m.torque(q, dq, ddq, chi), rtol=1e-12, atol=1e-12 * np.abs(tau).max())
