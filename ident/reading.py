@@ -330,7 +330,7 @@ def _raw(stream: RecordingStream) -> Iterator[Block]:
         else:
             t, values = values[:, 0], values[:, 1:]
         inside = (t >= stream.window[0]) & (t < stream.window[1]) | ~np.isfinite(t)
-        if not np.isfinite(block[inside]).all():
+        if not np.isfinite(block).all() and not np.isfinite(block[inside]).all():
             bad_row, bad_column = np.argwhere(~np.isfinite(block) & inside[:, None])[0]
             raise RecordingError(
                 stream.file,
@@ -342,7 +342,9 @@ def _raw(stream: RecordingStream) -> Iterator[Block]:
             n = len(stream.need.joints)
             values = values.copy()
             values[:, :n] -= values[:, -n:] / stream.stiffness
-        if inside.any():
+        if inside.all():
+            yield t, values
+        elif inside.any():
             yield t[inside], values[inside]
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import csv
 import itertools
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ import numpy as np
 from ident.errors import RecordingError
 
 ROWS = 16384  # of one block: a few MB with 30 columns
+HELD = 3_000_000  # numbers of a table kept after the first reading; longer tables are read again each time
 Blocks = Iterator[np.ndarray]
 
 
@@ -32,14 +33,30 @@ class Table:
     columns: tuple[str, ...]
     has_names: bool
     read: Callable[[Sequence[str]], Blocks]
+    held: dict[tuple[str, ...], list[np.ndarray]] = field(default_factory=dict, repr=False, compare=False)
 
     def blocks(self, names: Sequence[str]) -> Blocks:
+        """Blocks in order. A consumer must not write into them."""
+        key = tuple(names)
+        if key in self.held:
+            yield from self.held[key]
+            return
+        kept: list[np.ndarray] = []
+        size = 0
         try:
-            yield from self.read(names)
+            for block in self.read(names):
+                size += block.size
+                if size <= HELD:
+                    kept.append(block)
+                else:
+                    kept.clear()
+                yield block
         except RecordingError:
             raise
         except Exception as error:  # the libraries raise many kinds; all mean that the file is damaged
             raise _damaged(self.file, error) from None
+        if size <= HELD:
+            self.held[key] = kept
 
 
 def open_table(path: Path, decimal: str = ".") -> Table:
