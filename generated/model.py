@@ -68,6 +68,11 @@ class Model:
         self._in_W = self._placement(self._target)
         self._in_nonzeros = self._placement(np.arange(len(nonzeros)))
 
+    @property
+    def prismatic(self) -> tuple[str, ...]:
+        """Labels of the joints whose q is a length, as channel names bear them: ("3",)."""
+        return tuple(joint["label"] for joint in self._description["joints"] if joint["prismatic"])
+
     def __repr__(self) -> str:
         payload = f", payload={self.payload!r}" if self.payload else ""
         effects = f", effects={self.effects!r}" if self.effects else ""

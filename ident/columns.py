@@ -8,7 +8,7 @@ its own for unknown drive gains (-i_j, so that 0 = W chi - g_j i_j) and for driv
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -134,7 +134,7 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
     for carried, table in placed.items():
         used = np.array([e for e, (_, k) in enumerate(nonzeros) if k in table], int)
         sources[carried] = (used, np.array([table[k] for k in nonzeros[used, 1]], int))
-    units = tuple(unit_of(name) for name in parameters)
+    units = tuple(unit_of(name, model.prismatic) for name in parameters)
     return Columns(
         model,
         need,
@@ -149,10 +149,18 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
     )
 
 
-def unit_of(name: str) -> str:
-    """kg m^2 of ZZ2R, kg of ML, ...; empty for names that are not the paper's."""
+def unit_of(name: str, prismatic: Collection[str] = ()) -> str:
+    """kg m^2 of ZZ2R, kg of ML, ...; empty for names that are not the paper's.
+
+    Joints listed in `prismatic` have N where others have N m, and m where others have rad.
+    """
     kind = re.match(r"Iam|Iac|Ial|Fv[mlc]|Fc[mlc]|Off[ml]|[XYZ]{2}|M[XYZ]|M|g", name)
-    return UNITS.get(kind[0], "") if kind else ""
+    if kind is None:
+        return ""
+    unit, joint = UNITS.get(kind[0], ""), name[kind.end() :].removesuffix("R")
+    if joint in prismatic and kind[0][0] in "IFOg":
+        return {"kg m^2": "kg", "N m s/rad": "N s/m"}.get(unit, unit.replace("N m", "N"))
+    return unit
 
 
 def _payload_name(name: str, label: str | None) -> str | None:

@@ -110,7 +110,7 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
 
     progress("loading the model")
     payload = study.payloads[0] if study.payloads else None
-    model = generated.load(study.robot_source, study.model, payload=payload, effects=study.effects)
+    model = generated.load(study.robot_source, study.model, payload=payload)
     need = need_of(study.model, tuple(model.channels), study.positions)
     columns = study_columns(study, model, need)
     progress("reading the recordings")

@@ -134,7 +134,6 @@ class Study(_Strict):
     drive_gains: tuple[Number, ...] | Literal["identify"] | None = None
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
     without: tuple[str, ...] = ()
-    effects: tuple[str, ...] = ()
     link_inertia: bool = False
     coupled_drives: tuple[tuple[int, int], ...] = ()
     positions: Literal["motor", "joint"] = "motor"

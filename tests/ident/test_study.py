@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from ident.columns import unit_of
 from ident.errors import StudyError
 from ident.study import expand, load_study, study_from
 
@@ -95,3 +96,11 @@ def test_missing_files_and_folders(tmp_path):
     (tmp_path / "run.parquet").write_bytes(b"\xff\xfe\x00PAR1")
     with pytest.raises(StudyError, match="text"):
         load_study(tmp_path / "run.parquet")
+
+
+def test_units_of_parameters():
+    names = ["ZZ2R", "MX3", "ML", "Iam1", "Fvm2R", "Fcl3", "Offm4", "g5"]
+    assert [unit_of(name) for name in names] == [
+        "kg m^2", "kg m", "kg", "kg m^2", "N m s/rad", "N m", "N m", "N m/unit"]  # fmt: skip
+    assert [unit_of(name, ("2", "3")) for name in ("Iam2", "Fvm2R", "Fcl3", "g3", "ZZ2R", "Fcl1")] == [
+        "kg", "N s/m", "N", "N/unit", "kg m^2", "N m"]  # fmt: skip
