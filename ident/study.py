@@ -200,6 +200,11 @@ class Study(_Strict):
         return str(beside) if beside.is_file() else self.robot
 
     @property
+    def effects(self) -> tuple[str, ...]:
+        """Effects that a study adds to its model: none; the diagnosis finds them."""
+        return ()
+
+    @property
     def payloads(self) -> tuple[str, ...]:
         return tuple(dict.fromkeys(entry.payload for entry in self.recordings if entry.payload))
 
