@@ -11,11 +11,12 @@ import sympy as sp
 from modelgen.effect_columns import effect_columns
 from modelgen.graph import Operations, Program
 from modelgen.newton_euler import INERTIAL
-from modelgen.programs import SIGNALS, columns_program, torque_program
+from modelgen.programs import SIGNALS, Columns, columns_program, torque_program
 from modelgen.robot import Robot
 from modelgen.rules import Rules, derive_rules
 from modelgen.rules_text import regroups
 
+CHEAP_SUM = 3  # terms; a column of its own costs five operations a row and more
 FORMAT = 1  # of the description; a cache entry of another format is rebuilt
 
 
@@ -39,14 +40,30 @@ def derive(robot: Robot, model_name: str, payload: str | None = None, effects: S
     return derive_from_rules(rules, effects)
 
 
-def inertial_columns(rules: Rules) -> dict[int, tuple[str, ...]]:
-    """{link: kinds} whose columns the base parameters keep."""
-    columns: dict[int, list[str]] = {}
+def inertial_columns(rules: Rules) -> Columns:
+    """The columns that the base parameters keep; a payload's may be sums of the robot's own."""
+    own = {
+        (b.keeps.row, b.keeps.kind) for b in rules.base if b.keeps.kind in INERTIAL and not b.keeps.payload
+    }
+    parameter = {p.name: p for p in rules.standard if not p.payload}
+    sums: dict[tuple[int, str], tuple[tuple[int, int, str], ...]] = {}
+    direct: dict[int, set[str]] = {}
+    for row, kind in own:
+        direct.setdefault(row, set()).add(kind)
     for base in rules.base:
         p = base.keeps
-        if p.kind in INERTIAL and p.kind not in columns.setdefault(p.row, []):
-            columns[p.row].append(p.kind)
-    return {row: tuple(sorted(kinds, key=INERTIAL.index)) for row, kinds in columns.items()}
+        if p.kind not in INERTIAL or (p.row, p.kind) in own:
+            continue
+        column = rules.columns.get(f"{p.kind}{p.row}", {})
+        terms = [(c, parameter[name]) for name, c in column.items()]
+        plain = all(c in (1, -1) and (q.row, q.kind) in own for c, q in terms)
+        if terms and plain and len(terms) <= CHEAP_SUM:
+            sums[p.row, p.kind] = tuple((int(c), q.row, q.kind) for c, q in terms)
+        else:
+            direct.setdefault(p.row, set()).add(p.kind)
+    return Columns(
+        {row: tuple(sorted(kinds, key=INERTIAL.index)) for row, kinds in sorted(direct.items())}, sums
+    )
 
 
 def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 from modelgen.customized_newton_euler import Choices, regressor, torque
 from modelgen.graph import Graph, Program, Scalar
@@ -15,8 +16,21 @@ from modelgen.standard_parameters import StandardParameter
 Entry = tuple[str, int, str]  # (label of the torque's joint, link, parameter's kind)
 
 
-def columns_program(robot: Robot, columns: Mapping[int, Sequence[str]]) -> tuple[dict[Entry, int], Program]:
-    """Regressor entries of the given parameters {link: kinds}: where each stands among the program's outputs.
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Inertial columns to compute, {link: kinds}; and sums of them: (link, kind) -> signed terms."""
+
+    direct: Mapping[int, tuple[str, ...]]
+    sums: Mapping[tuple[int, str], tuple[tuple[int, int, str], ...]]  # (sign, link, kind)
+
+    @property
+    def key(self) -> tuple:
+        """Equal keys, equal programs (of one robot)."""
+        return tuple(sorted(self.direct.items())), tuple(sorted(self.sums.items()))
+
+
+def columns_program(robot: Robot, columns: Columns) -> tuple[dict[Entry, int], Program]:
+    """Regressor entries of the given columns: where each stands among the program's outputs.
 
     Equal entries are computed once; entries that no motion can make differ from zero are left out.
     """
@@ -28,7 +42,15 @@ def columns_program(robot: Robot, columns: Mapping[int, Sequence[str]]) -> tuple
         Choices(True, len(robot.links) + 1),
     ):
         graph = Graph()
-        found = regressor(robot, graph, columns, choices)
+        found = regressor(robot, graph, columns.direct, choices)
+        for (j, kind), terms in columns.sums.items():
+            for k in robot.joint_labels:
+                total = graph.zero
+                for sign, link, other in terms:
+                    entry = found.get((k, link, other), graph.zero)
+                    total = total + entry if sign > 0 else total - entry
+                if not total.is_zero:
+                    found[k, j, kind] = total
         distinct = {value.key: value for value in found.values()}
         program = graph.program(list(distinct.values()))
         if best is None or program.operations.total < best[1].operations.total:

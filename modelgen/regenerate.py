@@ -34,7 +34,7 @@ class Plan:
 def plan(
     robot: str, models: Sequence[str], effects: tuple[str, ...], all_named: bool, tell: Progress
 ) -> Plan:
-    """Read the robot and derive its rules; models that do not see the effects are left out unless `all_named`.
+    """Read the robot and derive its rules, without the models that do not see the effects unless `all_named`.
 
     Raises ModelgenError.
     """
@@ -67,7 +67,7 @@ def as_json(plan: Plan) -> list[dict[str, Any]]:
     result = []
     for rules in plan.rules.values():
         columns = inertial_columns(rules)
-        key = tuple(sorted(columns.items()))
+        key = columns.key
         if key not in counts:
             operations = columns_program(plan.robot, columns)[1].operations
             counts[key] = {"add": operations.add, "mul": operations.mul}

@@ -3,7 +3,7 @@
 
    robot file sha256: 84f86672d60ad720c14134d57c20fb58e17aabe0d8e019395b8155aea5918b29
    generator 1, CasADi 3.8.2, SymPy 1.14.0
-   given cos and sin, inertial entries of W: 474 additions, 655 multiplications;
+   given cos and sin, inertial entries of W: 455 additions, 621 multiplications;
    torque, with friction: 332 additions, 318 multiplications
 */
 
