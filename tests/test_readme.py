@@ -105,6 +105,12 @@ def test_every_key_of_a_study_is_in_its_table():
         for name, entry in model.model_fields.items():
             key = entry.alias or name
             assert re.search(rf"\b{key}\b", table) or entry.exclude, key
+    shown = {
+        key
+        for line in table.splitlines()
+        for key in re.findall(r"`(\w+)`", line.split("|")[1] if "|" in line else "")
+    }
+    assert shown == {name for name, entry in Study.model_fields.items() if not entry.exclude}
 
 
 def test_every_effect_of_the_catalogue_is_reachable_from_the_readme():

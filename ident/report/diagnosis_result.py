@@ -23,6 +23,13 @@ Array = NDArray[np.float64]
 UNITS = {"q": "rad", "dq": "rad/s", "ddq": "rad/s²", "t": "s"}
 
 
+def unit_of(kind: str, joint: int, context: Context) -> str:
+    """Of a signal of a joint (0-based): rad and N m, or m and N where the joint is prismatic."""
+    unit = "N m" if kind == "tau_link" else UNITS.get(kind, "")
+    labels = getattr(context.view.model, "prismatic", ())
+    return unit.replace("rad", "m").replace("N m", "N") if str(joint + 1) in labels else unit
+
+
 def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The report of a diagnosis as HTML."""
     return render(page_of(diagnosis, diagnosis.document()))
@@ -127,7 +134,7 @@ def _unexplained_view(
         belongs_to=("unexplained", index),
         channel=view.channels[channel],
         variable=name,
-        variable_unit=UNITS.get(kind, ""),
+        variable_unit=unit_of(kind, int(number_ or joint + 1) - 1, context),
         unit=channel_unit(view.model, view.channels[channel]),
         x=values[rows.filter.centres][use],
         before=residual[use],
@@ -145,17 +152,17 @@ def telling_variable(term: Term, joint: int, context: Context) -> tuple[str, str
     if term.effect.windowed or "t" in needs:
         return "t", "s", fine.t
     if term.source is not None and "dq_source" in needs:
-        return f"dq{term.source + 1}", UNITS["dq"], fine.dq[:, term.source]
+        return f"dq{term.source + 1}", unit_of("dq", term.source, context), fine.dq[:, term.source]
     if "tau_link" in needs:
-        return f"tau_link{own + 1}", "N m", context.tau_link[own]
+        return f"tau_link{own + 1}", unit_of("tau_link", own, context), context.tau_link[own]
     if "tau" in needs or "tau_source" in needs:
         source = own if term.source is None else term.source
-        return f"tau_link{source + 1}", "N m", context.tau_link[source]
+        return f"tau_link{source + 1}", unit_of("tau_link", source, context), context.tau_link[source]
     if "q" in needs or not needs:
-        return f"q{own + 1}", UNITS["q"], fine.q[:, own]
+        return f"q{own + 1}", unit_of("q", own, context), fine.q[:, own]
     if needs & {"dq", "sign_dq", "z"}:
-        return f"dq{own + 1}", UNITS["dq"], fine.dq[:, own]
-    return f"ddq{own + 1}", UNITS["ddq"], fine.ddq[:, own]
+        return f"dq{own + 1}", unit_of("dq", own, context), fine.dq[:, own]
+    return f"ddq{own + 1}", unit_of("ddq", own, context), fine.ddq[:, own]
 
 
 def ranking(step: Step) -> Table:
