@@ -179,6 +179,7 @@ def draw(name: str, scene: Scene, joint: int, rng: np.random.Generator) -> Drawn
             length = float(rng.uniform(4, 15)) * T / 60
             begin = float(rng.uniform(0.1, 0.85)) * (T - length)
             which = int(rng.integers(scene.identify_runs))
+            tool = float(rng.choice([0.0, 0.0, 0.08]))
 
             def push(a: float) -> Injected:
                 p = {
@@ -187,6 +188,7 @@ def draw(name: str, scene: Scene, joint: int, rng: np.random.Generator) -> Drawn
                     "fz": a * way[2],
                     "from": begin,
                     "to": begin + length,
+                    "tool": tool,
                 }
                 return Injected(name, None, p, "link", run=which)
 

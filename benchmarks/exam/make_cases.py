@@ -271,7 +271,7 @@ class Case:
                     value = getattr(d, fields[name][1 if self.model == "B" and len(fields[name]) > 1 else 0])[
                         j
                     ]
-                    if value and (alone or error[j] > 1.2):
+                    if value:
                         out.append(Injected(name, j, {key: float(value)}, side))
                 if out:
                     self.free = self._with([])

@@ -141,11 +141,11 @@ def _tilt(plant: Plant, run: Run, p: dict[str, float]) -> np.ndarray:
 
 
 def _contact(plant: Plant, run: Run, p: dict[str, float]) -> np.ndarray:
-    """A constant force on the flange during a window, with 0.1 s of rise and fall; the motors resist it."""
+    """A constant force, `tool` metres before the flange, with 0.1 s of rise and fall; the motors resist it."""
     out = np.zeros_like(run.q)
     inside = np.flatnonzero((run.t >= p["from"]) & (run.t <= p["to"]))
     model = robots.pinocchio_model(plant.robot, plant.links)
-    J = robots.tip_jacobian(model, plant.robot, run.q[inside], np.array([0.0, 0.0, 0.08]))
+    J = robots.tip_jacobian(model, plant.robot, run.q[inside], np.array([0.0, 0.0, p["tool"]]))
     t = run.t[inside]
     gate = np.clip(np.minimum(t - p["from"], p["to"] - t) / 0.1, 0, 1)
     force = np.array([p["fx"], p["fy"], p["fz"]])
