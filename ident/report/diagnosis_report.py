@@ -78,7 +78,7 @@ def _what_is_missing(findings: Sequence[Mapping[str, Any]], most: int = 3) -> st
     joints: dict[str, list[int]] = {}
     for item in findings:
         joints.setdefault(item["effect"], []).extend(item["joints"])
-    named = [f"{effect_name(name)} on {place(numbers)}" for name, numbers in joints.items()]
+    named = [f"{effect_name(name)} on {place(sorted(set(numbers)))}" for name, numbers in joints.items()]
     if len(named) > most:
         named = [
             *named[:most],
