@@ -178,7 +178,11 @@ class Model:
         extra: Mapping[str, Any] | None = None,
         threads: int = 1,
     ) -> Iterator[tuple[slice, Array]]:
-        """(rows, W (len(rows), len(channels), b)) block by block: any strides, valid until the next turn."""
+        """(rows, W (len(rows), len(channels), b)) block by block: any strides, valid until the next turn.
+
+        With threads > 1 blocks are filled ahead while one is consumed; to consume in parallel, too, give
+        each thread rows of its own.
+        """
         samples = self._samples(q, dq, ddq, sign, extra)
         shape = (len(self.channels), len(self.parameters))
 
@@ -325,14 +329,16 @@ def _serial_blocks(samples: Samples, buffer: Buffer, shown: Any) -> Iterator[tup
 def _threaded_blocks(
     samples: Samples, buffer: Callable[[int], Buffer], shown: Any, threads: int
 ) -> Iterator[tuple[slice, Array]]:
+    """Thread k mod threads fills group k, into one of its own two buffers, which stay in its cache."""
     size = GROUP * BLOCK
     starts = range(0, samples.rows, size)
-    buffers = [buffer(GROUP) for _ in range(min(threads, len(starts)) + 1)]
-    jobs: SimpleQueue[int | None] = SimpleQueue()
+    threads = min(threads, max(len(starts), 1))
+    buffers = [buffer(GROUP) for _ in range(2 * threads)]
+    jobs: list[SimpleQueue[int | None]] = [SimpleQueue() for _ in range(threads)]
     ready: list[SimpleQueue[BaseException | None]] = [SimpleQueue() for _ in buffers]
 
-    def work() -> None:
-        while (k := jobs.get()) is not None:
+    def work(queue: SimpleQueue[int | None]) -> None:
+        while (k := queue.get()) is not None:
             failure = None
             try:
                 buffers[k % len(buffers)].writer.fill(samples, starts[k], min(starts[k] + size, samples.rows))
@@ -340,23 +346,25 @@ def _threaded_blocks(
                 failure = error
             ready[k % len(buffers)].put(failure)
 
-    helpers = [threading.Thread(target=work, daemon=True) for _ in buffers[1:]]
-    for k, helper in enumerate(helpers):
+    helpers = [threading.Thread(target=work, args=(queue,), daemon=True) for queue in jobs]
+    ahead = len(buffers) - 1  # one holds what is being consumed
+    for k in range(min(ahead, len(starts))):
+        jobs[k % threads].put(k)
+    for helper in helpers:
         helper.start()
-        jobs.put(k)
     try:
         for k, start in enumerate(starts):
             failure = ready[k % len(buffers)].get()
             if failure is not None:
                 raise failure
-            if k + len(helpers) < len(starts):  # into the buffer whose blocks have had their turn
-                jobs.put(k + len(helpers))
+            if k + ahead < len(starts):  # into the buffer whose blocks have had their turn
+                jobs[(k + ahead) % threads].put(k + ahead)
             for view, first in zip(buffers[k % len(buffers)].views, range(start, samples.rows, BLOCK)):
                 last = min(first + BLOCK, samples.rows)
                 yield slice(first, last), shown(view, last - first)
     finally:
-        for _ in helpers:
-            jobs.put(None)
+        for queue in jobs:
+            queue.put(None)
         for helper in helpers:
             helper.join()
 
