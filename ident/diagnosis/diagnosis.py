@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.stats
 
+from ident.diagnosis.candidates import OWN_TERMS
 from ident.diagnosis.geometry import geometry_of
 from ident.diagnosis.intervals import covariances
 from ident.diagnosis.loop import Candidate, Outcome, Step, run_loop
@@ -259,7 +260,8 @@ def _findings(outcome: Outcome) -> tuple[Finding, ...]:
                 found.term,
             )
         )
-    out.sort(key=lambda f: -(f.gain + f.held_out_gain))
+    # strongest first; terms that the study itself left out before those that no model of the paper has
+    out.sort(key=lambda f: (f.effect not in OWN_TERMS, -(f.gain + f.held_out_gain)))
     return tuple(out)
 
 

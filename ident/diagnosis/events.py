@@ -17,6 +17,7 @@ from modelgen.effects import catalogue
 
 BLOCK_SECONDS = 0.5
 SHORTEST_CONTACT = 0.75  # s
+MARGIN = 1.0  # s from the ends of a run
 SHORTEST_PAYLOAD = 4.0  # s, and as long without it
 
 
@@ -135,6 +136,9 @@ def _search(
         i, j = np.triu_indices(B + 1, least)
         pairs = np.stack([i, j], axis=1)
         pairs = pairs[(pairs[:, 1] - pairs[:, 0]) <= 0.7 * B]
+        last = int(context.rows.runs[r].duration / BLOCK_SECONDS)
+        inside = (pairs[:, 0] * BLOCK_SECONDS > MARGIN) & (pairs[:, 1] < last - MARGIN / BLOCK_SECONDS)
+        pairs = pairs[inside]  # at the ends a window would take static friction
         if len(pairs) > 3000:
             pairs = pairs[(pairs % 2 == 0).all(axis=1) | (pairs[:, 1] - pairs[:, 0] < 3 * least)]
     if not len(pairs):

@@ -50,7 +50,9 @@ def settle_sign(rows: Rows, view: ModelView, bank: Bank, passes: int = 2) -> tup
                         change[c][:, i] = d
                 score = system.score(change)
                 size = np.array([system.coefficients[k] for k, _ in columns])
-                ratio = float(score.coefficients @ size) / max(float(size @ size), 1e-30)  # 1: replaces it all
+                ratio = float(score.coefficients @ size) / max(
+                    float(size @ size), 1e-30
+                )  # 1: replaces it all
                 if score.identify > gain and 0.5 < ratio < 3.0:
                     best, gain = option, score.identify
             if best is not None:
@@ -77,9 +79,8 @@ def settle_sign(rows: Rows, view: ModelView, bank: Bank, passes: int = 2) -> tup
 def _options(rows: Rows, joint: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """(fine, filtered) turn-overs of a joint, from sharp to soft."""
     fine = rows.fine
-    floor = 1.5 * float(fine.velocity_noise[:, joint].max())
     top = 0.02 * float(np.abs(fine.dq[:, joint]).max())
-    rates = [r for r in RATES if floor <= r <= top] or [max(floor, 1e-3)]
+    rates = [r for r in RATES if r <= top] or [max(top, 1e-6)]
     values = [np.tanh(fine.dq[:, joint] / r) for r in rates]
     for travel in TRAVELS:
         z = np.empty(len(fine.t))

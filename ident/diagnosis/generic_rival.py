@@ -11,6 +11,7 @@ import scipy.sparse
 
 from ident.diagnosis.rows import Fine
 from ident.diagnosis.scoring import Score, System
+from ident.diagnosis.terms import Context
 
 
 @dataclass(frozen=True)
@@ -75,7 +76,9 @@ def build_generic(fine: Fine, low_pass: scipy.sparse.csr_array) -> GenericLibrar
     return GenericLibrary(np.hstack(parts), tuple(names))
 
 
-def best_rival(library: GenericLibrary, system: System, channel: int, size: int = 2) -> Rival | None:
+def best_rival(
+    library: GenericLibrary, system: System, channel: int, context: Context, size: int = 2
+) -> Rival | None:
     """Greedy choice of up to `size` columns on one channel by the identify rows; scored on both kinds of rows."""
     mask = system.identify_mask(channel)
     w = system.weight[channel]
@@ -86,7 +89,12 @@ def best_rival(library: GenericLibrary, system: System, channel: int, size: int 
             np.einsum("ij,ij->j", masked, library.values),
         )
     model, squares = library.products[channel]
-    L = library.values
+    own, own_names = local_columns(context, system, channel)
+    masked_own = own * mask[:, None]
+    L = np.hstack([library.values, own])
+    names = library.variables + own_names
+    model = np.hstack([model, system.bank.base[channel].T @ masked_own])
+    squares = np.concatenate([squares, np.einsum("ij,ij->j", masked_own, own)])
     raw = np.concatenate([model, (system.extra[channel] * mask[:, None]).T @ L])
     XtL = system.basis.T @ raw * w
     norms = squares * w
@@ -103,11 +111,11 @@ def best_rival(library: GenericLibrary, system: System, channel: int, size: int 
             break
         chosen.append(k)
         usable[k] = False
-        columns = library.values[:, chosen]
+        columns = L[:, chosen]
         score = system.score({channel: columns})
         if best is None or score.held_out > best.score.held_out:
             share = 100 * (1 - score.rss[channel] / max(system.rss[channel], 1e-30))
-            best = Rival(channel, _variables(library, chosen), columns, score, float(np.clip(share, 0, 100)))
+            best = Rival(channel, _variables(names, chosen), columns, score, float(np.clip(share, 0, 100)))
         # partial the chosen column out of the others
         cross = L.T @ (L[:, k] * mask) * w - XtL.T @ XtL[:, k]
         for cj, dj in directions:
@@ -119,8 +127,77 @@ def best_rival(library: GenericLibrary, system: System, channel: int, size: int 
     return best
 
 
-def _variables(library: GenericLibrary, chosen: list[int]) -> tuple[str, ...]:
+def local_columns(
+    context: Context, system: System, channel: int
+) -> tuple[np.ndarray, tuple[tuple[str, ...], ...]]:
+    """Columns that follow this channel's residual: lines in time, waves in the position that scale with the rate,
+    bends of the torque itself, products of three signals with the joint's own."""
+    rows = context.rows
+    fine = rows.fine
+    j = context.view.joint_of[channel]
+    q, dq, sign = f"q{j + 1}", f"dq{j + 1}", f"dq{j + 1}"
+    parts: list[np.ndarray] = []
+    names: list[tuple[str, ...]] = []
+    residual = system.residual[channel] * system.identify_mask(channel)
+    hop = float(np.median(np.diff(rows.t)))
+    place = np.round(rows.t / hop).astype(int)
+    density = np.bincount(place, weights=residual)
+    size = 1 << int(np.ceil(np.log2(4 * len(density))))
+    power = np.abs(np.fft.rfft(density, size)) ** 2
+    f = np.fft.rfftfreq(size, hop)
+    power[(f < 0.03) | (f > 0.5 * rows.filter.cutoff_hz)] = 0.0
+    width = 1.5 / max(float(rows.t.max()), 1.0)
+    for _ in range(4):
+        k = int(np.argmax(power))
+        parts += [np.sin(2 * np.pi * f[k] * rows.t), np.cos(2 * np.pi * f[k] * rows.t)]
+        names += [("t",), ("t",)]
+        power[np.abs(f - f[k]) < width] = 0.0
+    u = rows.low_pass.T @ residual
+    waves: list[np.ndarray] = []
+    x = fine.q[:, j]
+    for factor, name in ((fine.dq[:, j], dq), (fine.sign[:, j], sign)):
+        for k in wave_peaks(x, u * factor, 2):
+            waves += [np.sin(k * x) * factor, np.cos(k * x) * factor]
+            names += [(q, name), (q, name)]
+    torque = context.torque[channel] / max(float(np.std(context.torque[channel])), 1e-30)
+    for bend in (torque * np.abs(torque), torque**3, np.tanh(3 * torque), np.clip(torque, -1.5, 1.5)):
+        waves.append(bend)
+        names.append(("tau",))
+    for own in (np.sin(x), np.cos(x), fine.dq[:, j], fine.sign[:, j]):
+        for other in range(fine.q.shape[1]):
+            other_q = fine.q[:, other] - fine.q[:, other].mean()
+            waves += [own * other_q**2, own * np.abs(fine.dq[:, other])]
+            names += [(q, f"q{other + 1}"), (q, f"dq{other + 1}")]
+    for cubic in (2, 3, 4):
+        waves.append((x - x.mean()) ** cubic)
+        names.append((q,))
+    filtered = rows.low_pass @ np.stack(waves, axis=1)
+    return np.hstack([np.stack(parts, axis=1), filtered]), tuple(tuple(dict.fromkeys(n)) for n in names)
+
+
+def wave_peaks(x: np.ndarray, weights: np.ndarray, count: int) -> list[float]:
+    """Wavenumbers (2 to 60 a radian) where sum weights exp(i k x) is largest."""
+    width = np.pi / 240.0
+    place = np.floor((x - x.min()) / width).astype(int)
+    if place.max() > 100_000:
+        return []
+    density = np.bincount(place, weights=weights)
+    size = 1 << int(np.ceil(np.log2(max(2 * np.pi / (0.08 * width), len(density)))))
+    power = np.abs(np.fft.rfft(density, size)) ** 2
+    k = 2 * np.pi * np.arange(len(power)) / (size * width)
+    power[(k < 2.0) | (k > 60.0)] = 0.0
+    out = []
+    for _ in range(count):
+        best = int(np.argmax(power))
+        if power[best] <= 0:
+            break
+        out.append(float(k[best]))
+        power[np.abs(k - k[best]) < 2 * np.pi / max(float(np.ptp(x)), 0.1)] = 0.0
+    return out
+
+
+def _variables(names: tuple[tuple[str, ...], ...], chosen: list[int]) -> tuple[str, ...]:
     found: list[str] = []
     for k in chosen:
-        found += [v for v in library.variables[k] if v not in found]
+        found += [v for v in names[k] if v not in found]
     return tuple(found)

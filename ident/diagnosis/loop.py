@@ -7,6 +7,7 @@ import numpy as np
 import scipy.optimize
 
 from ident.diagnosis.candidates import (
+    OWN_TERMS,
     SPECIFIC_FIRST_WAVE,
     Library,
     Ranked,
@@ -19,19 +20,35 @@ from ident.diagnosis.candidates import (
 )
 from ident.diagnosis.events import block_folds, load_terms, refine_window, window_terms
 from ident.diagnosis.generic_rival import GenericLibrary, Rival, best_rival, build_generic
-from ident.diagnosis.scoring import Bank, Columns, Folds, Score, System, make_bank, make_system
+from ident.diagnosis.noise_floor import noise_floor
+from ident.diagnosis.scoring import (
+    Bank,
+    Columns,
+    Folds,
+    Score,
+    System,
+    effective_share,
+    make_bank,
+    make_system,
+)
 from ident.diagnosis.state import Found, State, refine, refit, stack_columns
 from ident.diagnosis.terms import Context, Term, columns
 from modelgen.effects import catalogue
 
 MAX_TERMS = 14
-SHORTLIST = 14
+SHORTLIST = 16
+TRIES = 5
 FIRST_GAIN = 14.0  # log-likelihood on the fitted rows: Bonferroni over some thousand candidates at 1 %
 HELD_GAIN = 4.0
 SMALLEST_SHARE = 0.02  # of the strongest finding's gain
 SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes are smaller
-EVENT_GAIN = 25.0  # thousands of windows are searched
-EVENT_HELD_GAIN = 10.0
+EVENT_GAIN = 40.0  # thousands of windows are searched
+EVENT_HELD_GAIN = 18.0
+EVENT_LEFT = 0.01  # share of a load that the model must leave
+LEFT_GAIN = 25.0  # of a nameless explanation of what is left
+LEFT_HELD_GAIN = 10.0
+ABOVE_FLOOR = 3.0  # times the noise floor: structure, whatever it depends on
+NARROWEST_STRIBECK = 0.012  # of the largest rate
 NAMED_TRAVEL = 8e-4  # rad; a shorter presliding is how any sign turns over
 EQUAL = 0.03  # candidates this close are equal: fewer parameters win
 
@@ -45,6 +62,7 @@ class Candidate:
     score: Score
     total: float
     event: bool = False
+    effective: tuple[float, float] = (0.0, 0.0)  # of an event: gains with effective sample counts
 
     @property
     def parameters(self) -> int:
@@ -62,6 +80,7 @@ class Step:
     gain: float
     held_out: float
     event: bool = False
+    raw_total: float = 0.0  # the candidate's own gains with every row counted
 
 
 @dataclass(frozen=True)
@@ -119,7 +138,7 @@ def run_loop(
         progress(f"step {len(steps) + 1}: ranking", 0.15 + 0.8 * (1 - 0.8 ** len(steps)))
         ranking = rank(state, search, blocked)
         step = None
-        for candidate in ranking[:3]:
+        for candidate in ranking[:TRIES]:
             step = try_candidate(state, candidate, ranking, least_share * strongest)
             if step is not None:
                 break
@@ -138,8 +157,18 @@ def run_loop(
         state = step.after
     progress("what is left", 0.95)
     state, steps = prune(state, steps)
-    for rival in leftovers(state, search, blocked, strongest):
+    for rival, gain in leftovers(state, search, blocked, strongest):
         unexplained.append(rival)
+        impostors = {
+            s.accepted.key
+            for s in steps
+            if s.accepted is not None and s.accepted.effect.name not in OWN_TERMS
+            if rival.channel in s.accepted.channels and s.accepted.effect.joints != "robot"
+            if s.gain + s.held_out < gain
+        }
+        if impostors:  # they took a small part of something that has no name
+            steps = [s for s in steps if s.accepted is None or s.accepted.key not in impostors]
+            state = refit(state, [f for f in state.found if f.term is None or f.term.key not in impostors])
     return Outcome(tuple(steps), first, state, tuple(unexplained))
 
 
@@ -188,8 +217,23 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
         top = candidates[0].total
         near = [c for c in candidates if c.total > (1 - EQUAL) * top]
         near.sort(key=lambda c: (c.parameters, -c.total))
+        near = _no_falling_cubic(near)
         candidates = near + [c for c in candidates if c.total <= (1 - EQUAL) * top]
+        candidates.sort(
+            key=lambda c: c.term.effect.name not in OWN_TERMS
+        )  # what a study left out comes first
     return candidates
+
+
+def _no_falling_cubic(near: list[Candidate]) -> list[Candidate]:
+    """A power law before a cubic that makes friction fall at speed: as good here, it does not turn over beyond."""
+    powers = {c.term.joint for c in near if c.term.effect.name == "power_law_friction"}
+    first = near[0]
+    if first.term.effect.name == "nonlinear_viscous_friction" and first.score.coefficients[0] < 0:
+        better = [c for c in near if c.term.effect.name == "power_law_friction" and c.total > first.total]
+        if first.term.joint in powers and better and better[0].term.joint == first.term.joint:
+            return [better[0], *(c for c in near if c is not better[0])]
+    return near
 
 
 def _refined(term: Term, state: State) -> Candidate | None:
@@ -234,7 +278,9 @@ def _bracket(name: str, p, value: float, context: Context, term: Term) -> tuple[
         value = max(value, NAMED_TRAVEL)
     below = [g for g in grid if g < value]
     above = [g for g in grid if g > value]
-    return (below[-1] if below else (NAMED_TRAVEL if name == "hysteresis" else p.low)), (above[0] if above else p.high)
+    return (below[-1] if below else (NAMED_TRAVEL if name == "hysteresis" else p.low)), (
+        above[0] if above else p.high
+    )
 
 
 def rank_events(state: State, search: Search) -> list[Candidate]:
@@ -260,8 +306,20 @@ def rank_events(state: State, search: Search) -> list[Candidate]:
         score = system.score(cols, share=np.ones(len(system.y)))
         if term.effect.name == "payload_change" and score.coefficients[0] <= 0:
             continue
-        out.append(Candidate(term, cols, score, 0.5 * score.total, True))
+        if score.collinear < EVENT_LEFT:
+            continue
+        total = system.count.sum(axis=0) / 2
+        share = np.array([_event_share(system, cols, score, c) for c in range(len(total))])
+        gain = float(np.sum(share * total * np.log(system.rss / score.rss)))
+        held = float(np.sum(share * total * np.log(system.rss_held / score.rss_held)))
+        out.append(Candidate(term, cols, score, 0.5 * score.total, True, (gain, held)))
     return out
+
+
+def _event_share(system: System, cols: Columns, score: Score, c: int) -> float:
+    """Effective samples per row of a channel once the event is taken off its residual (approximately)."""
+    after = system.residual[c] - cols[c] @ score.coefficients if c in cols else system.residual[c]
+    return effective_share(after, system.folds, system.keep[c])
 
 
 def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> Step | None:
@@ -270,8 +328,7 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     after = refine(refit(state, found))
     gain, held = gains(state.system, after.system)
     if candidate.event:
-        share = float(np.mean(after.system.share))
-        gain, held = share * candidate.score.identify, share * candidate.score.held_out
+        gain, held = candidate.effective
     first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else (FIRST_GAIN, HELD_GAIN)
     if gain < max(first, least) or held < second:
         return None
@@ -279,9 +336,18 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)
     ):
         return None
-    if at_bound(after.found[-1].term):
+    if at_bound(after.found[-1].term) or is_turn_over(after.found[-1].term, after.context):
         return None
-    return Step(after.found[-1].term, tuple(ranking[:12]), state, after, gain, held, candidate.event)
+    return Step(
+        after.found[-1].term,
+        tuple(ranking[:12]),
+        state,
+        after,
+        gain,
+        held,
+        candidate.event,
+        candidate.score.total,
+    )
 
 
 def _balance(system: System) -> float:
@@ -309,10 +375,20 @@ def at_bound(term: Term | None) -> bool:
     if term.effect.name == "hysteresis" and theta["width"] < 1.2 * NAMED_TRAVEL:
         return True
     for p in term.effect.nonlinear:
+        if p.name == "travel":
+            continue
         span = p.high - p.low
         if min(theta[p.name] - p.low, p.high - theta[p.name]) < 1e-3 * min(span, abs(theta[p.name]) + p.low):
             return True
     return False
+
+
+def is_turn_over(term: Term | None, context: Context) -> bool:
+    """A Stribeck curve so narrow that it only describes how the sign turns over."""
+    if term is None or term.effect.name != "stribeck_friction" or term.joint is None:
+        return False
+    top = float(np.abs(context.rows.fine.dq[:, term.joint]).max())
+    return term.theta["vs"] < NARROWEST_STRIBECK * top
 
 
 def main_channel(step: Step) -> int:
@@ -326,16 +402,13 @@ def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tu
     c = step.accepted.channels[0] if len(step.accepted.channels) == 1 else main_channel(step)  # type: ignore[union-attr]
     if c in blocked:
         return None, False
-    rival = best_rival(search.generic, state.system, c)
+    rival = best_rival(search.generic, state.system, c, state.context)
     if rival is None:
         return None, False
-    own = step.after.system
-    share = own.share
-    N = own.count[list(own.folds.identify)].sum(axis=0)
-    tests = [s for _, test in own.folds.held_out for s in test]
-    N_held = own.count[tests].sum(axis=0)
-    gain = np.sum(share * N / 2 * np.log(state.system.rss / rival.score.rss))
-    held = np.sum(share * N_held / 2 * np.log(state.system.rss_held / rival.score.rss_held))
+    if rival.score.total < 1.05 * step.raw_total:
+        return rival, False
+    nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
+    gain, held = gains(state.system, refit(state, [*state.found, nuisance], turns=1).system)
     if gain + held < 1.1 * (step.gain + step.held_out) + 10:
         return rival, False
     return rival, True
@@ -362,17 +435,29 @@ def prune(state: State, steps: list[Step]) -> tuple[State, list[Step]]:
     return state, steps
 
 
-def leftovers(state: State, search: Search, blocked: set[int], strongest: float) -> list[Rival]:
-    """Channels with structure left that is confirmed on held-out rows."""
+def leftovers(
+    state: State, search: Search, blocked: set[int], strongest: float
+) -> list[tuple[Rival, float]]:
+    """Channels with structure left and its gain: a nameless explanation confirmed on held-out rows, or far above the noise floor."""
+    rows = state.context.rows
+    floor = noise_floor(rows, state.context.torque)
+    rms = np.sqrt(
+        np.sum((state.system.residual * rows.keep) ** 2, axis=1) / np.maximum(rows.keep.sum(axis=1), 1)
+    )
     out = []
     for c in range(len(state.system.y)):
         if c in blocked:
             continue
-        rival = best_rival(search.generic, state.system, c)
+        rival = best_rival(search.generic, state.system, c, state.context, size=4)
         if rival is None:
             continue
-        share = state.system.share[c]
-        gain, held = share * rival.score.identify, share * rival.score.held_out
-        if gain > max(2 * FIRST_GAIN, 0.05 * strongest) and held > max(2 * HELD_GAIN, 0.2 * gain):
-            out.append(rival)
+        above = floor[c] > 1e-3 * rms[c] and rms[c] > ABOVE_FLOOR * floor[c]
+        if rival.score.identify < LEFT_GAIN and not above:
+            continue
+        nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
+        gain, held = gains(state.system, refit(state, [*state.found, nuisance], turns=1).system)
+        confirmed = gain > max(LEFT_GAIN, 0.03 * strongest) and held > max(LEFT_HELD_GAIN, 0.15 * gain)
+        if confirmed or above:
+            share = rival.share_percent if confirmed else 100 * (1 - (floor[c] / rms[c]) ** 2)
+            out.append((replace(rival, share_percent=float(share)), gain + held if confirmed else 0.0))
     return out

@@ -135,7 +135,11 @@ def build_view(
     for _, second_joint in coupled_drives:
         parameters += [f"{kind}{second_joint}" for kind in ("Iac", "Fvc", "Fcc")]
     row = max(range(len(geometry.sigma)), key=lambda j: len(geometry.ancestors(j)))
-    payload_map = np.stack([model.regroup({f"{kind}{row + 1}": 1.0}) for kind in INERTIAL], axis=1)
+    bodies = [f"{kind}{row + 1}" for kind in INERTIAL]
+    if set(bodies) <= set(model.standard_parameters):
+        payload_map = np.stack([model.regroup({name: 1.0}) for name in bodies], axis=1)
+    else:  # model D sees no load
+        payload_map = np.zeros((len(names), len(INERTIAL)))
     return ModelView(
         model,
         geometry.n,

@@ -21,8 +21,8 @@ from ident.diagnosis.errors import DiagnosisError
 FINE_HZ = 250.0
 ROW_CUTOFF_HZ = 10.0
 ROWS_PER_CUTOFF = 2.5
-REST_SECONDS = 0.4
-MIN_SEGMENT_SECONDS = 2.0
+REST_SECONDS = 0.1  # the stops between point-to-point moves are short, and friction is undetermined in them
+MIN_SEGMENT_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -150,7 +150,9 @@ def solve(bank: Bank, rows: Rows, found: list[Found]) -> tuple[System, list[Foun
                     y[c] -= values @ f.coefficients
     own = [i for i, f in enumerate(out) if not f.lent]
     system = make_system(bank, stack_columns(bank, [out[i].columns for i in own]), y)
-    for i, f in zip(own, _with_coefficients([out[i] for i in own], system.coefficients[bank.base.shape[2] :])):
+    for i, f in zip(
+        own, _with_coefficients([out[i] for i in own], system.coefficients[bank.base.shape[2] :])
+    ):
         out[i] = f
     return system, out
 
