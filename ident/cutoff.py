@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 
 TOLERANCE = 0.15  # of |dw - 2|: below it candidates count as equally good
 CANDIDATES = (0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 40.0)  # Hz
-ROWS_PER_PARAMETER = 3.0
+ROWS_PER_PARAMETER = 10.0  # fewer, and dw near 2 comes from having fitted away the dynamics
+EXCERPT_S = 30.0  # of each recording
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,10 +59,15 @@ def first_cutoff(streams: Sequence[RecordingStream], study: Study, b: int) -> fl
     )
 
 
+def excerpt_seconds(cutoff_hz: float, channels: int, b: int) -> float:
+    """Seconds of each recording on which the choice is made: EXCERPT_S, or what b parameters need."""
+    return max(EXCERPT_S, ROWS_PER_PARAMETER * b / (channels * 2.5 * cutoff_hz))
+
+
 def choose_cutoff(
-    prepared: Prepared, chi: np.ndarray, first: float, progress: Progress = silent
+    prepared: Prepared, chi: np.ndarray, excerpt_s: float, progress: Progress = silent
 ) -> tuple[float, tuple[CutoffTrial, ...]]:
-    """Judge every candidate on the residual of chi. -> the choice and all trials."""
+    """Judge every candidate on the residual of chi over an excerpt. -> the choice and all trials."""
     study = prepared.study
     cutoffs = candidates(prepared.streams, study, len(prepared.columns.parameters))
     sequences: dict[float, list[np.ndarray]] = {cutoff: [] for cutoff in cutoffs}
@@ -76,7 +82,7 @@ def choose_cutoff(
             for cutoff, fold in folds.items():
                 sequences[cutoff].append(np.hstack([*parts[cutoff], fold.finish()]))
 
-        current = -1
+        current, samples = -1, 0
         for index, block in filter_stream(stream, bank):
             if index != current:
                 close(folds, parts)
@@ -94,6 +100,9 @@ def choose_cutoff(
                 done = fold.push(np.ascontiguousarray(rho.T))
                 if done is not None:
                     parts[cutoff].append(done)
+            samples += len(block.t)
+            if samples >= excerpt_s * stream.rate_hz:
+                break
         close(folds, parts)
     trials = tuple(_trial(cutoff, sequences[cutoff]) for cutoff in cutoffs)
     fair = [trial for trial in trials if 1 <= trial.durbin_watson <= 3] or list(trials)

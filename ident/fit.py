@@ -2,9 +2,9 @@
 
     study -> recordings -> [filter -> W -> decimate -> R] -> WLS -> F-statistic reduction -> errors, tests
 
-Two passes over the recordings, whatever their length: one that folds them into factors, one that compares the
-torque of the result with the measured one at the full rate. A cut-off left to the Durbin-Watson rule costs a
-pass more when the first guess was not its choice.
+Two passes over the recordings, whatever their length: one that folds them into factors, one that compares
+the torque of the result with the measured one. A cut-off left to the Durbin-Watson rule is chosen on an
+excerpt before.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 import scipy.special
 
 from ident.columns import Columns, study_columns
-from ident.cutoff import CutoffTrial, choose_cutoff, first_cutoff
+from ident.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
 from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.filtering import FilterBank, prepare
 from ident.full_rate import FullRate, compare_torques
@@ -159,13 +159,18 @@ def _fit(study: Study, progress: Progress) -> FitResult:
     prepared = prepare_study(study, progress)
     trials: tuple[CutoffTrial, ...] = ()
     if study.filter.decimation_cutoff_hz == "auto":
-        cutoff = first_cutoff(prepared.streams, study, len(prepared.columns.parameters))
+        columns = prepared.columns
+        first = first_cutoff(prepared.streams, study, len(columns.parameters))
+        seconds = excerpt_seconds(first, len(columns.channels), len(columns.parameters))
+        progress("choosing the decimation cut-off")
+        excerpts = [
+            observe(stream, bank, columns, first, study.filter.order, excerpt_s=seconds)
+            for stream, bank in zip(prepared.streams, prepared.banks)
+            if stream.role == "identify"
+        ]
+        guess, _ = estimate_all(excerpts, prepared)
+        cutoff, trials = choose_cutoff(prepared, guess.chi, seconds, progress)
         systems = observe_all(prepared, cutoff, progress)
-        first, _ = estimate_all([s for s in systems if s.role == "identify"], prepared)
-        chosen, trials = choose_cutoff(prepared, first.chi, cutoff, progress)
-        if chosen != cutoff:
-            cutoff = chosen
-            systems = observe_all(prepared, cutoff, progress)
     else:
         cutoff = study.filter.decimation_cutoff_hz
         systems = observe_all(prepared, cutoff, progress)

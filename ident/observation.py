@@ -144,8 +144,12 @@ def observe(
     cutoff_hz: float,
     order: int = 4,
     tick: Tick | None = None,
+    excerpt_s: float = np.inf,
 ) -> RecordingSystem:
-    """Evaluate, decimate and factor one recording. Raises NotEnoughDataError when nothing remains of it."""
+    """Evaluate, decimate and factor one recording, or its first `excerpt_s` seconds of motion.
+
+    Raises NotEnoughDataError when nothing remains of it.
+    """
     model = columns.model
     used, channel, column = columns.entries(stream.payload)
     everything = len(used) == len(model.nonzeros)
@@ -237,6 +241,8 @@ def observe(
         samples += len(block.t)
         if tick:
             tick(len(block.t))
+        if samples >= excerpt_s * stream.rate_hz:
+            break
     if folds:
         finish(*folds)
     if not segments:
