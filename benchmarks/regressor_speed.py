@@ -25,8 +25,8 @@ import numpy as np
 
 import generated
 from generated import cache, compiling
+from generated.blocks import BLOCK, zero_rows
 from generated.kernel import Kernel, Placement, Samples
-from generated.model import BLOCK, _rows
 
 HERE = Path(__file__).parent
 PEER_FLAGS = (
@@ -113,7 +113,7 @@ def inertial_blocks(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Callable[
     entries = m._description["columns"]
     nothing = np.empty(0, dtype=np.int64)
     place = Placement(np.arange(entries), nothing.astype(np.int32), nothing, nothing)
-    block = kernel.block(_rows(1, entries), place, BLOCK)
+    block = kernel.block(zero_rows(1, entries), place, BLOCK)
     samples = Samples(q, dq, ddq, None, np.empty((len(q), 0)))
 
     def run() -> None:

@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from queue import SimpleQueue
 from typing import Any, Protocol
 
 import numpy as np
 
+from generated.blocks import BLOCK, Buffer, blocks, in_parts, zero_rows
 from generated.errors import GeneratedError
-from generated.kernel import LANES, Placement, Samples
+from generated.kernel import Placement, Samples
 
 Array = np.ndarray
-BLOCK = 256  # samples: the block buffer stays in the second-level cache
-GROUP = 4  # blocks that a thread fills at one go
 CACHES = 8 << 20  # bytes: a larger W is written past the caches
 
 
@@ -141,7 +137,7 @@ class Model:
         def part(first: int, last: int) -> None:
             self._kernel.dense(samples, first, last, out, self._source, self._target, past_caches)
 
-        _in_parts(part, samples.rows, threads)
+        in_parts(part, samples.rows, threads)
         return out
 
     def torque(
@@ -163,7 +159,7 @@ class Model:
                 f"chi has shape {chi.shape}; give ({len(self.parameters)},), a value per base parameter."
             )
         tau = np.empty((samples.rows, len(self.channels)))
-        _in_parts(
+        in_parts(
             lambda first, last: self._kernel.torque(samples, first, last, chi, tau), samples.rows, threads
         )
         return tau
@@ -187,11 +183,11 @@ class Model:
         shape = (len(self.channels), len(self.parameters))
 
         def buffer(groups: int) -> Buffer:
-            W = _rows(groups, shape[0] * shape[1])
+            W = zero_rows(groups, shape[0] * shape[1])
             views = [W[g, :, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1) for g in range(groups)]
             return Buffer(self._writer(W, self._in_W), views)
 
-        return _blocks(samples, buffer, lambda view, count: view[:count], threads)
+        return blocks(samples, buffer, lambda view, count: view[:count], threads)
 
     def nonzero_blocks(
         self,
@@ -207,10 +203,10 @@ class Model:
         samples = self._samples(q, dq, ddq, sign, extra)
 
         def buffer(groups: int) -> Buffer:
-            values = _rows(groups, len(self._source))
+            values = zero_rows(groups, len(self._source))
             return Buffer(self._writer(values, self._in_nonzeros), [*values[:, :, :BLOCK]])
 
-        return _blocks(samples, buffer, lambda values, count: values[:, :count], threads)
+        return blocks(samples, buffer, lambda values, count: values[:, :count], threads)
 
     def casadi(self, name: str) -> Any:
         """The CasADi Function "regressor" (q, dq, ddq) -> W or "torque" (q, dq, ddq, chi) -> tau."""
@@ -286,116 +282,3 @@ def _numbers(name: str, value: Any) -> Array:
     if array.dtype.kind not in "fiub":
         raise GeneratedError(f"{name} is not an array of real numbers; give float64.")
     return array
-
-
-@dataclass(frozen=True, slots=True)
-class Buffer:
-    """Room for some blocks: what fills it, and what each block looks like to the consumer."""
-
-    writer: Any
-    views: list[Array]
-
-
-def _rows(groups: int, count: int) -> Array:
-    """(groups, count, BLOCK + LANES) zeros whose rows start on cache lines but not in the same cache set."""
-    width = BLOCK + LANES
-    flat = np.zeros(groups * count * width + LANES)
-    start = -(flat.ctypes.data // 8) % LANES
-    return flat[start : start + groups * count * width].reshape(groups, count, width)
-
-
-def _blocks(
-    samples: Samples, buffer: Callable[[int], Buffer], shown: Callable[[Array, int], Array], threads: int
-) -> Iterator[tuple[slice, Array]]:
-    """Blocks in order; with threads, the next groups of blocks are filled while one is consumed."""
-    _check_threads(threads)
-    if threads == 1:
-        return _serial_blocks(samples, buffer(1), shown)
-    return _threaded_blocks(samples, buffer, shown, threads)
-
-
-def _serial_blocks(samples: Samples, buffer: Buffer, shown: Any) -> Iterator[tuple[slice, Array]]:
-    fill, rows, view = buffer.writer.fill, samples.rows, buffer.views[0]
-    for first in range(0, rows - BLOCK + 1, BLOCK):
-        last = first + BLOCK
-        fill(samples, first, last)
-        yield slice(first, last), view
-    first = rows - rows % BLOCK
-    if first < rows:
-        fill(samples, first, rows)
-        yield slice(first, rows), shown(view, rows - first)
-
-
-def _threaded_blocks(
-    samples: Samples, buffer: Callable[[int], Buffer], shown: Any, threads: int
-) -> Iterator[tuple[slice, Array]]:
-    """Thread k mod threads fills group k, into one of its own two buffers, which stay in its cache."""
-    size = GROUP * BLOCK
-    starts = range(0, samples.rows, size)
-    threads = min(threads, max(len(starts), 1))
-    buffers = [buffer(GROUP) for _ in range(2 * threads)]
-    jobs: list[SimpleQueue[int | None]] = [SimpleQueue() for _ in range(threads)]
-    ready: list[SimpleQueue[BaseException | None]] = [SimpleQueue() for _ in buffers]
-
-    def work(queue: SimpleQueue[int | None]) -> None:
-        while (k := queue.get()) is not None:
-            failure = None
-            try:
-                buffers[k % len(buffers)].writer.fill(samples, starts[k], min(starts[k] + size, samples.rows))
-            except BaseException as error:
-                failure = error
-            ready[k % len(buffers)].put(failure)
-
-    helpers = [threading.Thread(target=work, args=(queue,), daemon=True) for queue in jobs]
-    ahead = len(buffers) - 1  # one holds what is being consumed
-    for k in range(min(ahead, len(starts))):
-        jobs[k % threads].put(k)
-    for helper in helpers:
-        helper.start()
-    try:
-        for k, start in enumerate(starts):
-            failure = ready[k % len(buffers)].get()
-            if failure is not None:
-                raise failure
-            if k + ahead < len(starts):  # into the buffer whose blocks have had their turn
-                jobs[(k + ahead) % threads].put(k + ahead)
-            for view, first in zip(buffers[k % len(buffers)].views, range(start, samples.rows, BLOCK)):
-                last = min(first + BLOCK, samples.rows)
-                yield slice(first, last), shown(view, last - first)
-    finally:
-        for queue in jobs:
-            queue.put(None)
-        for helper in helpers:
-            helper.join()
-
-
-def _in_parts(part: Callable[[int, int], None], rows: int, threads: int) -> None:
-    """Call part(first, last) over all rows, on `threads` threads."""
-    _check_threads(threads)
-    step = -(-rows // threads)
-    step += -step % LANES
-    if threads == 1 or step >= rows:
-        if rows:
-            part(0, rows)
-        return
-    failures: list[BaseException] = []
-
-    def run(first: int) -> None:
-        try:
-            part(first, min(first + step, rows))
-        except BaseException as error:
-            failures.append(error)
-
-    helpers = [threading.Thread(target=run, args=(first,)) for first in range(step, rows, step)]
-    for helper in helpers:
-        helper.start()
-    run(0)
-    for helper in helpers:
-        helper.join()
-    if failures:
-        raise failures[0]
-
-
-def _check_threads(threads: int) -> None:
-    if isinstance(threads, bool) or not isinstance(threads, int | np.integer) or threads < 1:
-        raise GeneratedError(f"threads is {threads!r}; give a whole number of at least 1.")

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from modelgen.customized_newton_euler import Choices, regressor, torque
+from modelgen.customized_newton_euler import Choices, regressor
+from modelgen.customized_torque import torque
 from modelgen.graph import Graph, Program, Scalar
 from modelgen.models import Model
 from modelgen.newton_euler import INERTIAL

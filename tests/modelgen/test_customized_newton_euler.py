@@ -6,7 +6,8 @@ import random
 import pytest
 from random_robots import random_table
 
-from modelgen.customized_newton_euler import Choices, regressor, torque
+from modelgen.customized_newton_euler import Choices, regressor
+from modelgen.customized_torque import torque
 from modelgen.description import derive
 from modelgen.graph import Graph
 from modelgen.kinematics import geometry, state
