@@ -394,3 +394,26 @@ def test_figures_take_results_and_an_axes(reference):
     measured, modelled, error = (line.get_ydata() for line in lines)
     assert np.allclose(measured - modelled, error)
     assert plots.histogram(reference.normalised, axes[1])
+
+
+def test_memory_does_not_grow_with_the_log(tmp_path, monkeypatch):
+    """Peak of traced allocations, ten times the samples: only decimated rows may add to it."""
+    import tracemalloc
+
+    import ident.tables
+
+    monkeypatch.setattr(ident.tables, "HELD", 0)
+    columns, _ = recording("B", seconds=100, rate=500)
+    write_parquet(tmp_path / "short.parquet", columns)
+    long = {name: np.concatenate([values] * 8) for name, values in columns.items()}
+    long["t"] = np.concatenate([columns["t"] + 101.0 * k for k in range(8)])
+    write_parquet(tmp_path / "long.parquet", long)
+    peaks = []
+    for name in ("short", "long"):
+        study = load_study(write_study(tmp_path, [{"file": f"{name}.parquet"}], model="B"))
+        prepared = prepare_study(study)
+        tracemalloc.start()
+        observe_all(prepared, 0.5)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+    assert peaks[1] < 1.5 * peaks[0], peaks
