@@ -212,8 +212,8 @@ def comparison_table(results: Mapping[str, FitResult]) -> tuple[Row, list[Row]]:
 def _lines(result: FitResult) -> dict[str, int]:
     """Lines of the table that a model fills: label -> position of the essential parameter.
 
-    ZZ2 and ZZ2R share a line; friction of motor and link, which model A sees as one, shares that of the motor as
-    in the paper; an inertia that rotor inertia was regrouped into (the paper's ZZ2Ra) has its own.
+    ZZ2 and ZZ2R share a line; friction of motor and link, which model A sees as one, shares that of the motor
+    as in the paper; an inertia that rotor inertia was regrouped into (the paper's ZZ2Ra) has its own.
     """
     out = {}
     for k in np.flatnonzero(result.estimate.active):
