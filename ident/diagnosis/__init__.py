@@ -1,6 +1,7 @@
 """Trace what a fit leaves over to the physical effects that the model lacks.
 
-rows -> candidates -> scoring -> (generic rival, events) -> state (refined together) -> loop -> diagnosis -> document.
+rows -> candidates -> scoring -> (generic rival, events) -> state (refined together) -> loop -> diagnosis ->
+document.
 """
 
 from ident.diagnosis.diagnosis import Diagnosis, Finding, Unexplained, diagnose_study

@@ -1,7 +1,7 @@
 """Every place where every effect could act, and a fast first ranking of them.
 
-Columns that depend on the motion alone are filtered once (the library); a first ranking takes one matrix product per
-channel. Ripple of any wavenumber is ranked from the spectrum of the residual over the position.
+Columns that depend on the motion alone are filtered once (the library); a first ranking takes one matrix
+product per channel. Ripple of any wavenumber is ranked from the spectrum of the residual over the position.
 """
 
 from collections.abc import Sequence
@@ -28,7 +28,8 @@ ONE_BY_ONE = ("joint_coupling",)  # its linear parameters are candidates alone a
 SPECIFIC_FIRST_WAVE = 6.0  # 1/rad; below it ripple is compared column by column
 CONTRACT = (
     "stribeck_friction", "nonlinear_viscous_friction", "asymmetric_friction", "load_dependent_friction",
-    "thermal_friction", "hysteresis", "torque_ripple", "spring", "joint_elasticity", "joint_coupling", "base_tilt",
+    "thermal_friction", "hysteresis", "torque_ripple", "spring", "joint_elasticity", "joint_coupling",
+    "base_tilt",
     "payload_change", "external_force", "drive_gain_error", "sensor_crosstalk", "offset_drift", "time_delay",
     "backlash",
 )  # fmt: skip
@@ -55,7 +56,8 @@ class Products:
 
 @dataclass(frozen=True)
 class Library:
-    """Columns that do not depend on the estimate: per channel one matrix (M, K) and the terms of its columns."""
+    """Columns that do not depend on the estimate: per channel one matrix (M, K) and the terms of its
+    columns."""
 
     terms: tuple[tuple[Term, ...], ...]  # per channel
     starts: tuple[np.ndarray, ...]  # first column of each term
@@ -211,7 +213,8 @@ def screen_columns(term: Term, cols: Columns, system: System) -> Ranked:
 def ripple_peaks(
     effect: Effect, context: Context, system: System, channel: int, count: int = 4
 ) -> list[float]:
-    """Wavenumbers where the residual's spectrum over the joint's position is largest, relative to the filter's gain."""
+    """Wavenumbers where the residual's spectrum over the joint's position is largest, relative to the
+    filter's gain."""
     rows: Rows = context.rows
     joint = context.view.joint_of[channel]
     use = system.rows_of(system.folds.identify) & system.keep[channel]

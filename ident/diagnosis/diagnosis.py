@@ -1,8 +1,10 @@
-"""The diagnosis as a value, and the way to it from a study. Pure of printing; recordings are read at the edge.
+"""The diagnosis as a value, and the way to it from a study. Pure of printing; recordings are read at the
+edge.
 
-error_percent is 100 ||rho||/||Y|| of the filtered torque. It is summed over the kept instants, 2.5 times as many a
-second as the filter's cut-off in Hz: a band-limited signal sampled above its Nyquist rate keeps its mean square, so
-this is the error at the full filtered rate. Joints at rest are left out, their friction is undetermined.
+error_percent is 100 ||rho||/||Y|| of the filtered torque. It is summed over the kept instants, 2.5 times as
+many a second as the filter's cut-off in Hz: a band-limited signal sampled above its Nyquist rate keeps its
+mean square, so this is the error at the full filtered rate. Joints at rest are left out, their friction is
+undetermined.
 """
 
 from collections.abc import Sequence
@@ -88,7 +90,8 @@ class Diagnosis:
 
 
 def diagnose_study(study, progress: Progress = silent, max_terms: int | None = None) -> Diagnosis:
-    """Fit, trace the residual to what the model lacks, add it, fit again. Raises IdentError and its relatives."""
+    """Fit, trace the residual to what the model lacks, add it, fit again. Raises IdentError and its
+    relatives."""
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, "blas"):
@@ -222,11 +225,15 @@ def errors(state: State) -> Percent:
         if not use.any():
             continue
         rho, y = state.system.residual * use, rows.y * use
-        own = {"total": 100 * float(np.linalg.norm(rho) / max(np.linalg.norm(y), 1e-30))}
+        own = {"total": 100 * _ratio(rho, y)}
         for c, name in enumerate(rows.channels):
-            own[name] = 100 * float(np.linalg.norm(rho[c]) / max(np.linalg.norm(y[c]), 1e-30))
+            own[name] = 100 * _ratio(rho[c], y[c])
         out[role] = own
     return out
+
+
+def _ratio(rho: np.ndarray, y: np.ndarray) -> float:
+    return float(np.linalg.norm(rho)) / max(float(np.linalg.norm(y)), 1e-30)
 
 
 def _joints(term: Term) -> tuple[int, ...]:

@@ -1,8 +1,9 @@
 """Loads of the whole robot: undeclared payloads (a run, or from a moment on), contacts, a tilted base.
 
-Windows are searched by cumulative Gram matrices: sums over half-second blocks of a unit load's products with the
-model, itself and the residual give the gain of every window without touching the rows again. The held-out test is
-alternating blocks of all the runs, fitted apart and swapped, so a window is judged inside itself.
+Windows are searched by cumulative Gram matrices: sums over half-second blocks of a unit load's products
+with the model, itself and the residual give the gain of every window without touching the rows again. The
+held-out test is alternating blocks of all the runs, fitted apart and swapped, so a window is judged inside
+itself.
 """
 
 from collections.abc import Sequence
@@ -64,7 +65,8 @@ def window_terms(
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """Cumulative products of a unit load on one run: with the model, itself and the residual, block by block."""
+    """Cumulative products of a unit load on one run: with the model, itself and the residual, block by
+    block."""
 
     edges: np.ndarray  # (B + 1,) s
     model: np.ndarray  # (B + 1, b, p)

@@ -1,9 +1,11 @@
-"""The sign of Coulomb friction as the recordings show it: how fast friction turns over at a reversal, per joint.
+"""The sign of Coulomb friction as the recordings show it: how fast friction turns over at a reversal, per
+joint.
 
-No real (or simulated) joint has a mathematical sign: friction turns over within a small rate (tanh) or a small travel
-(Dahl's presliding, here at most half a milliradian). A sign that is too sharp or too soft leaves pulses at every
-reversal of every joint, which look like hysteresis, delay or a Stribeck curve. The turn-over is a property of the model,
-chosen by likelihood before anything is looked for; a travel beyond the cap is an effect and is left for the search.
+No real (or simulated) joint has a mathematical sign: friction turns over within a small rate (tanh) or a
+small travel (Dahl's presliding, here at most half a milliradian). A sign that is too sharp or too soft
+leaves pulses at every reversal of every joint, which look like hysteresis, delay or a Stribeck curve. The
+turn-over is a property of the model, chosen by likelihood before anything is looked for; a travel beyond
+the cap is an effect and is left for the search.
 """
 
 from dataclasses import replace
@@ -20,8 +22,23 @@ TRAVELS = tuple(2e-5 * 1.35**k for k in range(11))  # rad of Dahl's law, up to 0
 WORTH = 2.0  # log-likelihood that a new turn-over must gain
 
 
-def settle_sign(rows: Rows, view: ModelView, bank: Bank, passes: int = 2) -> tuple[Rows, ModelView, Bank]:
-    """Rows, view and bank with each joint's turn-over chosen."""
+def settle_sign(
+    rows: Rows,
+    view: ModelView,
+    bank: Bank,
+    extra: np.ndarray | None = None,
+    torque: np.ndarray | None = None,
+    passes: int = 2,
+    worth: float = WORTH,
+) -> tuple[Rows, ModelView, Bank]:
+    """Rows, view and bank with each joint's turn-over chosen; the same bank when nothing is worth a change.
+
+    `extra` (channels, M, e): columns of what was found so far; `torque` (channels, M): instead of the
+    measured one.
+    """
+    extra = np.zeros((*bank.base.shape[:2], 0)) if extra is None else extra
+    torque = rows.y if torque is None else torque
+    given = bank
     places: dict[int, list[tuple[int, list[int]]]] = {}
     for k, name in enumerate(view.parameters):
         kind, row = split_name(name)
@@ -36,11 +53,11 @@ def settle_sign(rows: Rows, view: ModelView, bank: Bank, passes: int = 2) -> tup
     options = {j: _options(rows, j) for j in places}
     base = bank.base
     for _ in range(passes):
-        system = make_system(bank, np.zeros((*base.shape[:2], 0)), rows.y)
+        system = make_system(bank, extra, torque)
         changed = False
         for j, columns in places.items():
-            best, gain = None, WORTH
-            for option, (values, low) in enumerate(options[j]):
+            best, gain = None, worth
+            for option, (_, low) in enumerate(options[j]):
                 d = low - filtered[:, j]
                 if np.abs(d).max() < 1e-9:
                     continue
@@ -66,6 +83,8 @@ def settle_sign(rows: Rows, view: ModelView, bank: Bank, passes: int = 2) -> tup
                 for c in channels:
                     base[c, :, k] = filtered[:, j]
         bank = make_bank(base, bank.keep, bank.folds)
+    if bank is given:
+        return rows, view, bank
     entries = [(index, values.copy()) for index, values in view.entries]
     for j, columns in places.items():
         for k, channels in columns:

@@ -1,7 +1,8 @@
-"""What anything could explain: products of {1, q, dq, ddq, sign dq, t} of all joints and sin/cos(q) times those.
+"""What anything could explain: products of {1, q, dq, ddq, sign dq, t} of all joints and sin/cos(q) times
+those.
 
-Where such a nameless column beats the best effect of the catalogue clearly, nobody is blamed and the joint is
-reported as unexplained with the variables of the winning columns.
+Where such a nameless column beats the best effect of the catalogue clearly, nobody is blamed and the joint
+is reported as unexplained with the variables of the winning columns.
 """
 
 from dataclasses import dataclass, field
@@ -79,7 +80,8 @@ def build_generic(fine: Fine, low_pass: scipy.sparse.csr_array) -> GenericLibrar
 def best_rival(
     library: GenericLibrary, system: System, channel: int, context: Context, size: int = 2
 ) -> Rival | None:
-    """Greedy choice of up to `size` columns on one channel by the identify rows; scored on both kinds of rows."""
+    """Greedy choice of up to `size` columns on one channel by the identify rows; scored on both kinds of
+    rows."""
     mask = system.identify_mask(channel)
     w = system.weight[channel]
     if channel not in library.products:
@@ -130,8 +132,8 @@ def best_rival(
 def local_columns(
     context: Context, system: System, channel: int
 ) -> tuple[np.ndarray, tuple[tuple[str, ...], ...]]:
-    """Columns that follow this channel's residual: lines in time, waves in the position that scale with the rate,
-    bends of the torque itself, products of three signals with the joint's own."""
+    """Columns that follow this channel's residual: lines in time, waves in the position that scale with the
+    rate, bends of the torque itself, products of three signals with the joint's own."""
     rows = context.rows
     fine = rows.fine
     j = context.view.joint_of[channel]
@@ -148,10 +150,10 @@ def local_columns(
     power[(f < 0.03) | (f > 0.5 * rows.filter.cutoff_hz)] = 0.0
     width = 1.5 / max(float(rows.t.max()), 1.0)
     for _ in range(4):
-        k = int(np.argmax(power))
-        parts += [np.sin(2 * np.pi * f[k] * rows.t), np.cos(2 * np.pi * f[k] * rows.t)]
+        line = f[int(np.argmax(power))]
+        parts += [np.sin(2 * np.pi * line * rows.t), np.cos(2 * np.pi * line * rows.t)]
         names += [("t",), ("t",)]
-        power[np.abs(f - f[k]) < width] = 0.0
+        power[np.abs(f - line) < width] = 0.0
     u = rows.low_pass.T @ residual
     waves: list[np.ndarray] = []
     x = fine.q[:, j]

@@ -1,6 +1,7 @@
 """Numeric forward kinematics of an MDH table: Jacobian of the last frame and torques of gravity, for loads.
 
-T(a(j), j) = Rot_z(gamma) Trans_z(b) Rot_x(alpha) Trans_x(d) Rot_z(theta) Trans_z(r)   (Khalil and Kleinfinger 1986)
+T(a(j), j) = Rot_z(gamma) Trans_z(b) Rot_x(alpha) Trans_x(d) Rot_z(theta) Trans_z(r)   (Khalil and
+Kleinfinger 1986)
 """
 
 from dataclasses import dataclass
@@ -59,7 +60,8 @@ class Geometry:
         return way
 
     def jacobian_torques(self, q: np.ndarray, row: int) -> np.ndarray:
-        """(n, N, 6): torque on each joint of a unit wrench (FX FY FZ NX NY NZ, base axes) at the origin of `row`."""
+        """(n, N, 6): torque on each joint of a unit wrench (FX FY FZ NX NY NZ, base axes) at the origin of
+        `row`."""
         R, p = self.frames(q)
         out = np.zeros((self.n, len(q), 6))
         for j in self.ancestors(row):
@@ -75,7 +77,8 @@ class Geometry:
         return out
 
     def gravity_torques(self, q: np.ndarray, moments: dict[int, np.ndarray], g: np.ndarray) -> np.ndarray:
-        """(n, N): drive torque that holds bodies against gravity g; `moments[row]` is (MX, MY, MZ, M) of the row."""
+        """(n, N): drive torque that holds bodies against gravity g; `moments[row]` is (MX, MY, MZ, M) of
+        the row."""
         R, p = self.frames(q)
         out = np.zeros((self.n, len(q)))
         for row, body in moments.items():

@@ -1,8 +1,10 @@
-"""Uncertainty of the found terms: linear and nonlinear parameters together, noise correlated in time and joints.
+"""Uncertainty of the found terms: linear and nonlinear parameters together, noise correlated in time and
+joints.
 
 With every column of the final fit (nonlinear parameters by their sensitivities), the estimate's error is
-H^-1 sum_t u_t, u_t = sum_c omega_c x_ct e_ct. Its covariance takes the series u_t with Bartlett's weights (Newey and
-West, Econometrica 55, 1987), so neither a coloured torque noise nor joints that share it make intervals too short.
+H^-1 sum_t u_t, u_t = sum_c omega_c x_ct e_ct. Its covariance takes the series u_t with Bartlett's weights
+(Newey and West, Econometrica 55, 1987), so neither a coloured torque noise nor joints that share it make
+intervals too short.
 """
 
 import numpy as np

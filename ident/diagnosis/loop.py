@@ -1,4 +1,5 @@
-"""The loop: rank what could be missing, add the best that held-out data confirm, fit again, until nothing is left."""
+"""The loop: rank what could be missing, add the best that held-out data confirm, fit again, until nothing
+is left."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +32,7 @@ from ident.diagnosis.scoring import (
     make_bank,
     make_system,
 )
-from ident.diagnosis.state import Found, State, refine, refit, stack_columns
+from ident.diagnosis.state import Found, State, refine, refit, resettle, stack_columns
 from ident.diagnosis.terms import Context, Term, columns
 from modelgen.effects import catalogue
 
@@ -102,6 +103,20 @@ class Search:
     progress: Callable[[str, float | None], None]
     event_bank: Bank | None = None
 
+    def resettled(self, state: State) -> State:
+        """The state with its friction signs chosen again; products with the old ones are forgotten."""
+        settled = state
+        for _ in range(3):
+            again = resettle(settled)
+            if again is settled:
+                break
+            settled = again
+        if settled is not state:
+            self.library._products.clear()
+            self.generic.products.clear()
+            self.event_bank = None
+        return settled
+
     def event_system(self, state: State) -> System:
         """The state's columns over all runs that may be looked at, in alternating blocks."""
         if self.event_bank is None:
@@ -150,13 +165,13 @@ def run_loop(
             blocked.add(rival.channel)
             nuisance = Found(None, {rival.channel: rival.columns}, rival.score.coefficients, "unexplained")
             strongest, least_share = max(strongest, rival.score.identify), SHARE_BESIDE_UNEXPLAINED
-            state = refit(state, [*state.found, nuisance])
+            state = search.resettled(refit(state, [*state.found, nuisance]))
             continue
         strongest = max(strongest, step.gain)
         steps.append(step)
-        state = step.after
+        state = search.resettled(step.after)
     progress("what is left", 0.95)
-    state, steps = prune(state, steps)
+    state, steps = prune(state, steps, least_share * strongest)
     for rival, gain in leftovers(state, search, blocked, strongest):
         unexplained.append(rival)
         impostors = {
@@ -226,7 +241,8 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
 
 
 def _no_falling_cubic(near: list[Candidate]) -> list[Candidate]:
-    """A power law before a cubic that makes friction fall at speed: as good here, it does not turn over beyond."""
+    """A power law before a cubic that makes friction fall at speed: as good here, it does not turn over
+    beyond."""
     powers = {c.term.joint for c in near if c.term.effect.name == "power_law_friction"}
     first = near[0]
     if first.term.effect.name == "nonlinear_viscous_friction" and first.score.coefficients[0] < 0:
@@ -269,7 +285,7 @@ def _refined(term: Term, state: State) -> Candidate | None:
 
 
 def _bracket(name: str, p, value: float, context: Context, term: Term) -> tuple[float, float]:
-    grid = [g for g in p.grid]
+    grid = list(p.grid)
     if name == "torque_ripple":
         span = 0.7 * np.pi / max(float(np.ptp(context.rows.fine.q[:, term.joint])), 0.3)
         return max(p.low, value - span), min(p.high, value + span)
@@ -336,7 +352,11 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)
     ):
         return None
-    if at_bound(after.found[-1].term) or is_turn_over(after.found[-1].term, after.context):
+    if (
+        not physical(after.found[-1])
+        or at_bound(after.found[-1].term)
+        or is_turn_over(after.found[-1].term, after.context)
+    ):
         return None
     return Step(
         after.found[-1].term,
@@ -358,7 +378,8 @@ def _balance(system: System) -> float:
 
 
 def gains(before: System, after: System) -> tuple[float, float]:
-    """Log-likelihood gained on identify and on held-out rows, effective samples of the residual that is left."""
+    """Log-likelihood gained on identify and on held-out rows, effective samples of the residual that is
+    left."""
     N = after.count[list(after.folds.identify)].sum(axis=0)
     tests = [s for _, test in after.folds.held_out for s in test]
     N_held = after.count[tests].sum(axis=0)
@@ -399,7 +420,9 @@ def main_channel(step: Step) -> int:
 
 def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tuple[Rival | None, bool]:
     """Does a nameless explanation beat the accepted term clearly on its main channel?"""
-    c = step.accepted.channels[0] if len(step.accepted.channels) == 1 else main_channel(step)  # type: ignore[union-attr]
+    term = step.accepted
+    assert term is not None
+    c = term.channels[0] if len(term.channels) == 1 else main_channel(step)
     if c in blocked:
         return None, False
     rival = best_rival(search.generic, state.system, c, state.context)
@@ -414,31 +437,41 @@ def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tu
     return rival, True
 
 
-def prune(state: State, steps: list[Step]) -> tuple[State, list[Step]]:
-    """Take out found terms that the others made superfluous."""
-    while len(state.terms) > 1:
-        worst, smallest, without = None, np.inf, None
+def prune(state: State, steps: list[Step], least: float) -> tuple[State, list[Step]]:
+    """Take out found terms that the others made superfluous, or whose sign physics forbids in the last fit."""
+    while state.terms:
+        worst: tuple[float, int, State] | None = None
         for i, f in enumerate(state.found):
-            if f.term is None:
+            if f.term is None or (f.lent and len(state.terms) == 1):
                 continue
             reduced = refit(state, [g for k, g in enumerate(state.found) if k != i], turns=1)
             gain, held = gains(reduced.system, state.system)
+            value = min(gain / max(FIRST_GAIN, least), held / HELD_GAIN)
             if f.term.run is not None:
-                continue
-            if min(gain, held) < smallest:
-                worst, smallest, without = i, min(gain, held), reduced
-        if worst is None or smallest > HELD_GAIN or without is None:
+                value = 2.0
+            if not physical(f):
+                value = -np.inf
+            if worst is None or value < worst[0]:
+                worst = (value, i, reduced)
+        if worst is None or worst[0] > 1.0 or (len(state.terms) == 1 and worst[0] > -np.inf):
             break
-        key = state.found[worst].term.key  # type: ignore[union-attr]
-        state = without
+        key = state.found[worst[1]].term.key  # type: ignore[union-attr]
+        state = worst[2]
         steps = [s for s in steps if s.accepted is None or s.accepted.key != key]
     return state, steps
 
 
-def leftovers(
-    state: State, search: Search, blocked: set[int], strongest: float
-) -> list[tuple[Rival, float]]:
-    """Channels with structure left and its gain: a nameless explanation confirmed on held-out rows, or far above the noise floor."""
+def physical(f: Found) -> bool:
+    """Coefficients have the signs that physics allows."""
+    if f.term is None:
+        return True
+    signs = {q.name: q.sign for q in f.term.effect.linear}
+    return not any(signs.get(n) == "positive" and a < 0 for n, a in zip(f.term.terms, f.coefficients))
+
+
+def leftovers(state: State, search: Search, blocked: set[int], strongest: float) -> list[tuple[Rival, float]]:
+    """Channels with structure left and its gain: a nameless explanation confirmed on held-out rows, or far
+    above the noise floor."""
     rows = state.context.rows
     floor = noise_floor(rows, state.context.torque)
     rms = np.sqrt(

@@ -1,12 +1,13 @@
 """The rigid model on the fine signals: its columns channel by channel, and the torques that effects read.
 
-A run without a declared payload has zeros in the payload's columns. Parameters that a study's `without` leaves out
-are removed from the model and become candidates.
+A run without a declared payload has zeros in the payload's columns. Parameters that a study's `without`
+leaves out are removed from the model and become candidates.
 """
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,7 @@ def split_name(parameter: str) -> tuple[str, int]:
 class ModelView:
     """Non-zero model columns on the fine signals. `entries[c]`: (parameter numbers (k,), values (N, k))."""
 
-    model: object  # the generated model, for torques elsewhere
+    model: Any  # the generated model, for torques elsewhere
     n: int
     parameters: tuple[str, ...]
     channels: tuple[str, ...]
@@ -61,7 +62,8 @@ class ModelView:
         return out
 
     def number(self, kinds: Sequence[str], joint: int) -> int | None:
-        """Position of the first parameter of one of these kinds at a joint (0-based), None when there is none."""
+        """Position of the first parameter of one of these kinds at a joint (0-based), None when there is
+        none."""
         for k, name in enumerate(self.parameters):
             kind, row = split_name(name)
             if kind in kinds and row == joint + 1:
@@ -86,7 +88,8 @@ def build_view(
     without: Sequence[str] = (),
     coupled_drives: Sequence[tuple[int, int]] = (),
 ) -> ModelView:
-    """Evaluate the model's columns. `payload_models[label]` is the generated model with that payload appended."""
+    """Evaluate the model's columns. `payload_models[label]` is the generated model with that payload
+    appended."""
     names = list(model.parameters)
     keep = [k for k, name in enumerate(names) if not _left_out(name, without)]
     N = len(fine.t)
@@ -99,15 +102,15 @@ def build_view(
     for label in labels:
         extended = payload_models[label]
         rows = np.isin(fine.run, [i for i, r in enumerate(runs) if r.payload == label])
-        blocks = [dict() for _ in model.channels]
+        blocks: list[dict[int, np.ndarray]] = [{} for _ in model.channels]
         first = len(names)
         for piece in fine.pieces:
             if not rows[piece.start]:
                 continue
-            for c, column in enumerate(_nonzero_columns(extended, fine, piece)):
-                for k, values in column.items():
+            for c, table in enumerate(_nonzero_columns(extended, fine, piece)):
+                for k, part in table.items():
                     if k >= first:
-                        blocks[c].setdefault(k, np.zeros(N))[piece] = values
+                        blocks[c].setdefault(k, np.zeros(N))[piece] = part
         payload_columns[label] = blocks
     joint_of = tuple(int(re.sub(r"\D", "", name)) - 1 for name in model.channels)
     for c in range(len(model.channels)):
@@ -167,7 +170,7 @@ def _nonzero_columns(model, fine: Fine, rows: slice) -> list[dict[int, np.ndarra
     """Per channel {parameter: values} of the columns that are not all zero."""
     q, dq, ddq, sign = fine.q[rows], fine.dq[rows], fine.ddq[rows], fine.sign[rows]
     q, dq, ddq, sign = (np.ascontiguousarray(x) for x in (q, dq, ddq, sign))
-    out: list[dict[int, np.ndarray]] = [dict() for _ in model.channels]
+    out: list[dict[int, np.ndarray]] = [{} for _ in model.channels]
     if hasattr(model, "nonzeros"):
         places = [(int(c), int(k)) for c, k in model.nonzeros]
         for c, k in places:
@@ -178,6 +181,6 @@ def _nonzero_columns(model, fine: Fine, rows: slice) -> list[dict[int, np.ndarra
         return out
     W = model.regressor(q, dq, ddq, sign=sign)
     for c in range(W.shape[1]):
-        for k in np.flatnonzero(np.abs(W[:, c]).max(axis=0) > 0):
-            out[c][int(k)] = W[:, c, k].copy()
+        for number in np.flatnonzero(np.abs(W[:, c]).max(axis=0) > 0):
+            out[c][int(number)] = W[:, c, number].copy()
     return out

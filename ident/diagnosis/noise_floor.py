@@ -1,4 +1,5 @@
-"""Noise floor of each channel from the band above the rows' cut-off: an upper bound, friction reversals reach there."""
+"""Noise floor of each channel from the band above the rows' cut-off: an upper bound, friction reversals
+reach there."""
 
 import numpy as np
 import scipy.signal

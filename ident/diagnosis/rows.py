@@ -1,13 +1,16 @@
-"""Residual rows: torque and every column pass the same zero-phase low-pass and are kept at nearly independent instants.
+"""Residual rows: torque and every column pass the same zero-phase low-pass and are kept at nearly
+independent instants.
 
     recording --zero-phase position filter, central differences--> fine signals (about 250 Hz)
-              --model columns and candidate columns at 250 Hz--> banded low-pass product --> rows (about 2.5 x cut-off)
+              --model columns and candidate columns at 250 Hz--> banded low-pass product
+              --> rows (about 2.5 x cut-off)
 
-Nonlinear columns and gates are evaluated before the low-pass: a column gated after filtering has edges that look like
-events. The low-pass is a windowed sinc sampled at any fractional offset, so a delayed channel is the same product with
-shifted taps.
+Nonlinear columns and gates are evaluated before the low-pass: a column gated after filtering has edges that
+look like events. The low-pass is a windowed sinc sampled at any fractional offset, so a delayed channel is
+the same product with shifted taps.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -116,11 +119,12 @@ def _split(t: np.ndarray) -> list[slice]:
     typical = float(np.median(steps))
     cuts = np.flatnonzero((steps > max(10 * typical, 0.1)) | (steps <= 0)) + 1
     edges = [0, *cuts.tolist(), len(t)]
-    return [slice(a, b) for a, b in zip(edges[:-1], edges[1:]) if t[b - 1] - t[a] >= MIN_SEGMENT_SECONDS]
+    return [slice(a, b) for a, b in itertools.pairwise(edges) if t[b - 1] - t[a] >= MIN_SEGMENT_SECONDS]
 
 
 def row_cutoff(rate_hz: float, position_cutoff_hz: float | None = None) -> float:
-    """Hz. 10 for a fast log, a 24th of the rate for a slow one; never above the study's own position cut-off."""
+    """Hz. 10 for a fast log, a 24th of the rate for a slow one; never above the study's own position cut-
+    off."""
     return min(ROW_CUTOFF_HZ, rate_hz / 24.0, position_cutoff_hz or np.inf)
 
 
@@ -138,7 +142,8 @@ def build_rows(
     position_cutoff_hz: float | None = None,
     sign_width: np.ndarray | float | None = None,
 ) -> Rows:
-    """Rows of all recordings. `recordings` have label, role, payload, t (N,), q (N, n), tau_m, tau_l (N, n) | None.
+    """Rows of all recordings. `recordings` have label, role, payload, t (N,), q (N, n), tau_m, tau_l (N, n)
+    | None.
 
     Raises DiagnosisError when nothing long enough without a gap is left.
     """
@@ -169,7 +174,7 @@ def build_rows(
             f"no recording holds {MIN_SEGMENT_SECONDS:g} s without a gap; check the time stamps."
         )
     edges = np.cumsum([0] + [len(p["t"]) for p in parts])
-    pieces = tuple(slice(int(a), int(b)) for a, b in zip(edges[:-1], edges[1:]))
+    pieces = tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(edges))
     joined = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     if sign_width is None:
         sign_width = np.maximum(5.0 * noise.max(axis=0), 2e-3)
@@ -263,7 +268,8 @@ def _fine_piece(t, q, y, rate, cutoff, step) -> tuple[dict, np.ndarray]:
 
 
 def _moving(fine: Fine, centres: np.ndarray, channels: tuple[str, ...]) -> np.ndarray:
-    """(channels, M) False where the channel's joint stands still for a while: its friction is undetermined there."""
+    """(channels, M) False where the channel's joint stands still for a while: its friction is undetermined
+    there."""
     noise = fine.velocity_noise.max(axis=0)
     slow = np.maximum(3.0 * noise, 0.01 * np.abs(fine.dq).max(axis=0))
     rest = np.abs(fine.dq) < slow

@@ -1,12 +1,13 @@
 """Score of a candidate: log-likelihood gained over all joints, on the rows fitted and on rows never fitted.
 
-The model is partialled out of every candidate (Frisch-Waugh-Lovell) in a basis where its weighted columns are
-orthonormal. Every channel keeps its own Gram matrix per set of rows, so that weights, fits on part of the rows and
-errors on the other part are small dense algebra:
+The model is partialled out of every candidate (Frisch-Waugh-Lovell) in a basis where its weighted columns
+are orthonormal. Every channel keeps its own Gram matrix per set of rows, so that weights, fits on part of
+the rows and errors on the other part are small dense algebra:
 
     gain = sum over channels of (N_c f_c / 2) log(rss_before / rss_after)
 
-N_c f_c counts effective samples: f_c = 1/(1 + 2 sum rho_k) from the residual that is left (Newey and West 1987).
+N_c f_c counts effective samples: f_c = 1/(1 + 2 sum rho_k) from the residual that is left (Newey and West
+1987).
 """
 
 from collections.abc import Sequence
@@ -23,7 +24,8 @@ RANK_TOLERANCE = 1e-9  # of the scaled Gram matrix: collinear to 3e-5
 
 @dataclass(frozen=True, slots=True)
 class Folds:
-    """Which rows are fitted and which are only predicted. `sets[m]` is the number of row m's set, -1 unused."""
+    """Which rows are fitted and which are only predicted. `sets[m]` is the number of row m's set, -1
+    unused."""
 
     sets: np.ndarray  # (M,)
     identify: tuple[int, ...]  # sets that the final fit uses
@@ -36,7 +38,8 @@ class Folds:
 
 
 def make_folds(run: np.ndarray, t: np.ndarray, roles: Sequence[str], block_seconds: float = 3.0) -> Folds:
-    """Validate recordings are predicted from the identify ones; without any, alternating blocks in four sets."""
+    """Validate recordings are predicted from the identify ones; without any, alternating blocks in four
+    sets."""
     role = np.array(roles)[run]
     sets = np.full(len(run), -1)
     if (role == "validate").any():
@@ -77,7 +80,8 @@ class Score:
 
 @dataclass(frozen=True)
 class Bank:
-    """Model columns at the kept instants with their Gram matrices per set and channel: made once for given folds."""
+    """Model columns at the kept instants with their Gram matrices per set and channel: made once for given
+    folds."""
 
     base: np.ndarray  # (channels, M, k)
     keep: np.ndarray  # (channels, M)
@@ -101,7 +105,7 @@ def make_bank(base: np.ndarray, keep: np.ndarray, folds: Folds) -> Bank:
 
 @dataclass(frozen=True)
 class System:
-    """Model and found columns with their Gram matrices in a basis that is orthonormal at the final weights."""
+    """Model and found columns with their Gram matrices in a basis orthonormal at the final weights."""
 
     bank: Bank
     extra: np.ndarray  # (channels, M, e) columns of what was found
@@ -235,7 +239,8 @@ def _rss(gram, xy, yy, sets, solution, x) -> np.ndarray:
 
 
 def make_system(bank: Bank, extra: np.ndarray, y: np.ndarray) -> System:
-    """System of the bank's model columns followed by `extra` (channels, M, e): what was found, sensitivities."""
+    """System of the bank's model columns followed by `extra` (channels, M, e): what was found,
+    sensitivities."""
     S, C, _M = bank.masks.shape
     k, e = bank.base.shape[2], extra.shape[2]
     gram, xy, yy = np.zeros((S, C, k + e, k + e)), np.zeros((S, C, k + e)), np.zeros((S, C))
@@ -275,7 +280,8 @@ def make_system(bank: Bank, extra: np.ndarray, y: np.ndarray) -> System:
 
 
 def _orthonormal(H: np.ndarray) -> np.ndarray:
-    """(k, b) with columns' weighted Gram matrix H turned to the identity; directions without data are left out."""
+    """(k, b) with columns' weighted Gram matrix H turned to the identity; directions without data are left
+    out."""
     d = np.sqrt(np.maximum(np.diag(H), 1e-300))
     values, vectors = np.linalg.eigh(H / np.outer(d, d))
     good = values > RANK_TOLERANCE * values[-1]

@@ -1,7 +1,7 @@
 """The model with what was found so far, fitted: columns, system and context move together.
 
-Terms whose columns follow the estimate (gain, delay, elasticity, tilt, load) are recomputed a few times; nonlinear
-parameters of all found terms are refined together by Gauss-Newton on the projected problem.
+Terms whose columns follow the estimate (gain, delay, elasticity, tilt, load) are recomputed a few times;
+nonlinear parameters of all found terms are refined together by Gauss-Newton on the projected problem.
 """
 
 from dataclasses import dataclass, replace
@@ -137,7 +137,8 @@ def _needs_validation(term: Term, rows: Rows) -> bool:
 
 
 def solve(bank: Bank, rows: Rows, found: list[Found]) -> tuple[System, list[Found]]:
-    """Fit everything; lent terms are estimated first on all runs that may be looked at, then taken off the torque."""
+    """Fit everything; lent terms are estimated first on all runs that may be looked at, then taken off the
+    torque."""
     y = rows.y
     out = list(found)
     if any(f.lent for f in found):
@@ -212,8 +213,28 @@ def sensitivity(f: Found, name: str, context: Context) -> Columns:
     return {c: ((up[c] - down[c]) @ f.coefficients / (2 * h))[:, None] for c in up}
 
 
+def resettle(state: State) -> State:
+    """Choose the turn-over of the friction signs again beside what was found."""
+    rows, view, bank = settle_sign(
+        state.context.rows, state.context.view, state.bank, state.system.extra, state.system.y, 1, RESETTLE
+    )
+    if bank is state.bank:
+        return state
+    context = replace(state.context, rows=rows, view=view)
+    found = [
+        replace(f, columns=columns(f.term, context))
+        if f.term is not None and f.term.effect.kind == "column"
+        else f
+        for f in state.found
+    ]
+    return refit(State(context, state.system, state.found, bank), found)
+
+
+RESETTLE = 8.0  # log-likelihood
+
+
 def refine(state: State, steps: int = 2) -> State:
-    """Gauss-Newton over the nonlinear parameters of every found term at once, with halved steps on failure."""
+    """Gauss-Newton over the nonlinear parameters of all found terms, with shorter steps on failure."""
     for _ in range(steps):
         places = [
             (i, p)

@@ -1,7 +1,8 @@
 """An effect put somewhere (joint, channels, run, window) and the columns it makes at the kept instants.
 
-Columns that depend on the model's own torque (gain, delay, elasticity, tilt, load) use the current estimate: they are
-secants, exact at the estimate itself, and are recomputed until the estimate no longer moves.
+Columns that depend on the model's own torque (gain, delay, elasticity, tilt, load) use the current
+estimate: they are secants, exact at the estimate itself, and are recomputed until the estimate no longer
+moves.
 """
 
 from collections.abc import Mapping
@@ -85,6 +86,7 @@ class Context:
 
 def state_values(effect: Effect, q: np.ndarray, theta: Mapping[str, float], pieces) -> np.ndarray:
     """(N,) state of the effect, integrated piece by piece."""
+    assert effect.state is not None
     z = np.empty(len(q))
     for piece in pieces:
         z[piece] = effect.state.integrate(q[piece], theta, effect.state.initial)
@@ -108,8 +110,7 @@ def columns(term: Term, context: Context) -> Columns:
     """{channel: (M, p)} of any kind of term, filtered as the torque is."""
     kind = term.effect.kind
     if kind == "column":
-        fine = fine_columns(term, context)
-        filtered = context.rows.low_pass @ fine
+        filtered = context.rows.low_pass @ fine_columns(term, context)
         return dict.fromkeys(term.channels, filtered)
     if kind == "measurement":
         return _measurement(term, context)
@@ -134,6 +135,7 @@ def _measurement(term: Term, context: Context) -> Columns:
         if name == "drive_gain_error":
             out[c] = context.rows.low_pass @ context.torque[c][:, None]
         elif name == "sensor_crosstalk":
+            assert term.joint is not None and term.source is not None
             source = c - term.joint + term.source
             out[c] = context.rows.low_pass @ context.torque[source][:, None]
     if name == "time_delay":  # secant of the exact shift, the derivative at zero
@@ -156,7 +158,8 @@ def smooth(x: np.ndarray, pieces, step: float, cutoff_hz: float) -> np.ndarray:
 
 
 def _motion(term: Term, context: Context) -> Columns:
-    """Rigid torque changed by the link's shift x: linear in x at first, the secant [tau(q + s x) - tau(q)]/s later."""
+    """Rigid torque changed by the link's shift x: linear in x at first, the secant [tau(q + s x) -
+    tau(q)]/s later."""
     fine, view = context.rows.fine, context.view
     size = _size(term, context)
     elastic = "tau_link" in term.effect.needs
@@ -189,8 +192,8 @@ def _motion(term: Term, context: Context) -> Columns:
 
 
 def _slack(term: Term, context: Context) -> Columns:
-    """Backlash: the position torques of the shifted link (its impacts are too short for the rows), and, for terms
-    with "drop", the torque of the joint that is not passed on while the motor crosses the gap."""
+    """Backlash: the position torques of the shifted link (its impacts are too short for the rows), and, for
+    terms with "drop", the torque of the joint that is not passed on while the motor crosses the gap."""
     view = context.view
     j = term.joint
     assert j is not None
@@ -237,13 +240,17 @@ def _sensitivity(context: Context, j: int) -> tuple[np.ndarray, np.ndarray, np.n
             motion = [fine.q, fine.dq, fine.ddq]
             motion[which] = motion[which].copy()
             motion[which][:, j] += h
-            parts.append((context.view.shifted_torque(*motion, context.chi) - _rigid(context)) / h)
+            parts.append(
+                (context.view.shifted_torque(motion[0], motion[1], motion[2], context.chi) - _rigid(context))
+                / h
+            )
         context.cache[key] = (parts[0], parts[1], parts[2])
     return context.cache[key]
 
 
 def load_columns(term: Term, context: Context) -> Columns:
-    """{channel: (N, p)} of a load before its gate: unit body on the last link, unit wrench, unit tilt of gravity."""
+    """{channel: (N, p)} of a load before its gate: unit body on the last link, unit wrench, unit tilt of
+    gravity."""
     view, fine = context.view, context.rows.fine
     name = term.effect.name
     if name == "payload_change":
@@ -270,7 +277,8 @@ def _payload_columns(view: ModelView) -> Columns:
 
 
 def _tilt_columns(term: Term, context: Context) -> Columns:
-    """Derivative of the gravity torque by roll and pitch, and (names beyond these) what joint 1 did not show before."""
+    """Derivative of the gravity torque by roll and pitch, and (names beyond these) what joint 1 did not
+    show before."""
     view, fine = context.view, context.rows.fine
     bodies: dict[int, np.ndarray] = {}
     for name, value in zip(view.parameters, context.chi):
