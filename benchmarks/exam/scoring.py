@@ -12,6 +12,7 @@ JOINTLESS = {"payload_change", "external_force", "base_tilt"}
 EQUIVALENT = {
     "position_friction": {"position_dependent_friction"},
     "cubic_spring": {"counterbalance"},
+    "temperature_step": {"thermal_friction"},
 }
 RATIOS = {
     *("Fc", "Fv", "off", "Ia", "Fs", "vs", "Fv3", "Fva", "mu", "a", "T", "sigma", "A", "wavenumber", "k"),
