@@ -18,6 +18,7 @@ from ident.report.diagnosis_report import finding_sentence, unexplained_sentence
 
 STUDIES = Path(__file__).parents[1] / "ident" / "studies"
 PREFIX = "diagnose_"
+MOST = 5  # sentences of findings, and of unexplained structure
 
 
 def diagnose(names: list[str], folder: Path) -> None:
@@ -36,8 +37,13 @@ def section(name: str, document: Mapping[str, Any]) -> list[str]:
     study = (STUDIES / f"{PREFIX}{name}.yaml").read_text(encoding="utf-8").splitlines()
     about = " ".join(line.removeprefix("#").strip() for line in study if line.startswith("#"))
     lines = [f"## {name.replace('_', ' ')}", about, "", f"**{verdict(document)}**", ""]
-    lines += [f"- {finding_sentence(document, finding)}" for finding in document["findings"]]
-    lines += [f"- {unexplained_sentence(item)}" for item in document["unexplained"]]
+    for items, tell in (
+        (document["findings"], lambda item: finding_sentence(document, item)),
+        (document["unexplained"], unexplained_sentence),
+    ):
+        lines += [f"- {tell(item)}" for item in items[:MOST]]
+        if len(items) > MOST:
+            lines.append(f"- {len(items) - MOST} more of the same kind, weaker.")
     before, after = document["error_percent"]["before"], document["error_percent"]["after"]
     channels = list(next(iter(before.values())))
     lines += ["", "| error in percent, before → after | " + " | ".join(channels) + " |"]

@@ -88,6 +88,13 @@ def test_every_bash_line_is_either_set_up_or_executed():
             assert option in targets
 
 
+def test_benchmarks_that_are_named_are_there_and_explain_themselves():
+    named = set(re.findall(r"`python (benchmarks/\w+\.py)`", README + CONTRIBUTING))
+    assert named
+    for path in named:
+        assert "usage" in run(f"{sys.executable} {ROOT / path} --help", ROOT)
+
+
 def test_the_effect_in_contributing_is_one():
     from modelgen.effects import Effect
 
