@@ -49,7 +49,7 @@ EVENT_LEFT = 0.01  # share of a load that the model must leave
 LEFT_GAIN = 25.0  # of a nameless explanation of what is left
 LEFT_HELD_GAIN = 10.0
 ABOVE_FLOOR = 3.0  # times the noise floor: structure, whatever it depends on
-NARROWEST_STRIBECK = 0.012  # of the largest rate
+NARROWEST_STRIBECK = 0.018  # of the largest rate
 NAMED_TRAVEL = 8e-4  # rad; a shorter presliding is how any sign turns over
 EQUAL = 0.03  # candidates this close are equal: fewer parameters win
 
@@ -438,7 +438,7 @@ def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tu
 
 
 def prune(state: State, steps: list[Step], least: float) -> tuple[State, list[Step]]:
-    """Take out found terms that the others made superfluous, or whose sign physics forbids in the last fit."""
+    """Take out found terms that became superfluous, or whose sign physics forbids in the last fit."""
     while state.terms:
         worst: tuple[float, int, State] | None = None
         for i, f in enumerate(state.found):

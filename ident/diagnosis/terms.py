@@ -162,7 +162,7 @@ def _motion(term: Term, context: Context) -> Columns:
     tau(q)]/s later."""
     fine, view = context.rows.fine, context.view
     size = _size(term, context)
-    elastic = "tau_link" in term.effect.needs
+    elastic = term.effect.name == "joint_elasticity"
     cutoff = SHIFT_CUTOFF_HZ
     j = term.joint
     assert j is not None

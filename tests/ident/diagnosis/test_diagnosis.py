@@ -79,7 +79,10 @@ def test_stribeck_friction_is_named_with_its_size(arm):
         assert abs(told["value"] - true) < 4 * told["std"] + 1e-9
     assert diagnosis.after["validate"]["tau_m3"] < 0.7 * diagnosis.before["validate"]["tau_m3"]
     document = diagnosis.document()
-    assert document["verdict"] == "effect" and set(document["error_percent"]["after"]) == {"identify", "validate"}
+    assert document["verdict"] == "effect" and set(document["error_percent"]["after"]) == {
+        "identify",
+        "validate",
+    }
 
 
 def test_payload_of_one_run_only(arm):

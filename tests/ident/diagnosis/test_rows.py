@@ -12,7 +12,9 @@ CHANNELS = ("tau_m1",)
 
 def recording(q, tau, rate=500.0, role="identify", label="run"):
     t = np.arange(len(q)) / rate
-    return SimpleNamespace(label=label, role=role, payload=None, t=t, q=q[:, None], tau_m=tau[:, None], tau_l=None)
+    return SimpleNamespace(
+        label=label, role=role, payload=None, t=t, q=q[:, None], tau_m=tau[:, None], tau_l=None
+    )
 
 
 @pytest.fixture
@@ -22,7 +24,7 @@ def swing():
 
 
 def test_velocity_and_acceleration_of_a_sine(swing):
-    t, q = swing
+    _, q = swing
     fine = build_rows([recording(q, q)], CHANNELS).fine
     inside = (fine.t > 1) & (fine.t < 18)
     # the position filter (40 Hz) and central differences at 500 Hz change a 0.3 Hz sine by less than 1e-5
