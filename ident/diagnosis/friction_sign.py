@@ -18,7 +18,7 @@ from ident.diagnosis.scoring import Bank, make_bank, make_system
 from modelgen.effects.states import integrate_dahl
 
 RATES = tuple(5e-4 * 1.41**k for k in range(10))  # rad/s of tanh(dq / rate)
-TRAVELS = tuple(2e-5 * 1.35**k for k in range(11))  # rad of Dahl's law, up to 0.4 mrad
+TRAVELS = tuple(2e-6 * 1.6**k for k in range(12))  # rad of Dahl's law, up to 0.35 mrad
 WORTH = 2.0  # log-likelihood that a new turn-over must gain
 
 
