@@ -18,8 +18,8 @@ RUNS = (
 )
 OPENING = (
     "A simulated Kuka LWR4+ records four runs of positions and motor torques. One of its joints has a "
-    "friction that the model does not know. The loop identifies the arm, looks at what is left of the torque, "
-    "and has to say what is missing, and where."
+    "friction that the model does not know. The loop identifies the arm, looks at what is left of the "
+    "torque, and has to say what is missing, and where."
 )
 
 
