@@ -1,8 +1,8 @@
 """Before and after the loop on the recorded robots: `python benchmarks/real_robots.py [STUDY ...]`.
 
-Every committed study `ident/studies/diagnose_*.yaml` is diagnosed; errors are per joint and recording, in
-percent of the filtered torque, with everything frozen at the fit of the identify runs. DYNIDENT_DATA names the
-folder of the recordings (default: ../shared/data beside the project).
+Every committed study `ident/studies/diagnose_*.yaml` is diagnosed. Errors are per joint and recording, in
+percent of the filtered torque, with everything frozen at the fit of the identify runs. DYNIDENT_DATA names
+the folder of the recordings (default: ../shared/data beside the project).
 """
 
 import os

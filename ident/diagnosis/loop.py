@@ -232,23 +232,23 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
         top = candidates[0].total
         near = [c for c in candidates if c.total > (1 - EQUAL) * top]
         near.sort(key=lambda c: (c.parameters, -c.total))
-        near = _no_falling_cubic(near)
-        candidates = near + [c for c in candidates if c.total <= (1 - EQUAL) * top]
+        near = _no_falling_cubic(near, candidates)
+        candidates = near + [c for c in candidates if not any(c is n for n in near)]
         candidates.sort(
             key=lambda c: c.term.effect.name not in OWN_TERMS
         )  # what a study left out comes first
     return candidates
 
 
-def _no_falling_cubic(near: list[Candidate]) -> list[Candidate]:
-    """A power law before a cubic that makes friction fall at speed: as good here, it does not turn over
-    beyond."""
-    powers = {c.term.joint for c in near if c.term.effect.name == "power_law_friction"}
+def _no_falling_cubic(near: list[Candidate], every: list[Candidate]) -> list[Candidate]:
+    """A power law, if nearly as good, before a cubic that makes friction fall at speed."""
     first = near[0]
-    if first.term.effect.name == "nonlinear_viscous_friction" and first.score.coefficients[0] < 0:
-        better = [c for c in near if c.term.effect.name == "power_law_friction" and c.total > first.total]
-        if first.term.joint in powers and better and better[0].term.joint == first.term.joint:
-            return [better[0], *(c for c in near if c is not better[0])]
+    if first.term.effect.name != "nonlinear_viscous_friction" or first.score.coefficients[0] >= 0:
+        return near
+    for c in every:
+        same = c.term.effect.name == "power_law_friction" and c.term.channels == first.term.channels
+        if same and c.total > 0.95 * first.total:
+            return [c, *(other for other in near if other is not c)]
     return near
 
 
