@@ -22,6 +22,7 @@ from ident.diagnosis.candidates import (
 from ident.diagnosis.events import block_folds, load_terms, refine_window, window_terms
 from ident.diagnosis.generic_rival import GenericLibrary, Rival, best_rival, build_generic
 from ident.diagnosis.noise_floor import noise_floor
+from ident.diagnosis.rotor_split import settle_rotor
 from ident.diagnosis.scoring import (
     Bank,
     Columns,
@@ -230,7 +231,7 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
     candidates.sort(key=lambda c: -c.total)
     if candidates:
         top = candidates[0].total
-        near = [c for c in candidates if c.total > (1 - EQUAL) * top]
+        near = [c for c in candidates if c.total >= top - EQUAL * abs(top)]
         near.sort(key=lambda c: (c.parameters, -c.total))
         near = _no_falling_cubic(near, candidates)
         candidates = near + [c for c in candidates if not any(c is n for n in near)]
@@ -341,7 +342,7 @@ def _event_share(system: System, cols: Columns, score: Score, c: int) -> float:
 def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> Step | None:
     """Fit with the candidate; keep it when both kinds of rows confirm it with effective sample counts."""
     found = [*state.found, Found(candidate.term, candidate.columns, candidate.score.coefficients)]
-    after = refine(refit(state, found))
+    after = settle_rotor(refine(refit(state, found)))
     gain, held = gains(state.system, after.system)
     if candidate.event:
         gain, held = candidate.effective

@@ -47,13 +47,18 @@ class ModelView:
     payload_row: int
     joint_of: tuple[int, ...]  # joint number (0-based) of each channel
     notes: tuple[str, ...] = field(default=())
+    rotor: tuple[float, ...] = ()  # per joint: drive inertia inside a regrouped link inertia (rotor_split)
+
+    def drive_inertia(self, joint: int) -> float:
+        """Inertia of the joint's drive that the link parameters hold; it moves with the motor."""
+        return self.rotor[joint] if self.rotor else 0.0
 
     def torque(self, chi: np.ndarray) -> np.ndarray:
         """(channels, N) model torque on the fine signals."""
         return np.stack([values @ chi[index] for index, values in self.entries])
 
     def link_torque(self, chi: np.ndarray) -> np.ndarray:
-        """(n, N) torque that the gears pass on: the rigid body part of each joint's first channel."""
+        """(n, N) rigid body part of each joint's first channel, regrouped drive inertia included."""
         rigid = np.where([split_name(p)[0] in DRIVE or p[:3] in COUPLED for p in self.parameters], 0.0, chi)
         out = np.zeros((self.n, len(self.entries[0][1])))
         for c in reversed(range(len(self.channels))):

@@ -83,6 +83,8 @@ def _context(rows, view, chi, found: tuple[Found, ...], size) -> Context:
 def _load(rows: Rows, view: ModelView, chi: np.ndarray) -> np.ndarray:
     """(n, N) torque that the gears pass on: the sensor's where motor and sensor are both measured."""
     out = view.link_torque(chi)
+    for joint in range(view.n):
+        out[joint] -= view.drive_inertia(joint) * rows.fine.ddq[:, joint]
     if any(c.startswith("tau_m") for c in view.channels):
         for c, name in enumerate(view.channels):
             if name.startswith("tau_l"):
@@ -248,7 +250,7 @@ def refine(state: State, steps: int = 2) -> State:
         extra = [sensitivity(state.found[i], p.name, state.context) for i, p in places]
         system = make_system(state.bank, stack_columns(state.bank, cols + extra), state.system.y)
         delta = system.coefficients[-len(extra) :]
-        now = _objective(state)
+        now = objective(state)
         scale, better = 1.0, None
         for _halving in range(3):
             found = list(state.found)
@@ -266,20 +268,20 @@ def refine(state: State, steps: int = 2) -> State:
                 for f in found
             ]
             trial = refit(state, found, turns=1)
-            if _objective(trial) < now:
+            if objective(trial) < now:
                 better = trial
                 break
             scale /= 4
         if better is None:
             return state
-        gain = now - _objective(better)
+        gain = now - objective(better)
         state = better
         if gain < 0.05:
             break
     return state
 
 
-def _objective(state: State) -> float:
+def objective(state: State) -> float:
     """Minus log-likelihood of the identify rows, noise levels profiled out."""
     system = state.system
     N = system.count[list(system.folds.identify)].sum(axis=0)

@@ -169,12 +169,15 @@ def _motion(term: Term, context: Context) -> Columns:
     if not elastic:
         return _slack(term, context)
     shift = fine_columns(term, context)[:, 0]
+    own, drive = view.joint_of.index(j), view.drive_inertia(j)  # the drive does not follow the link
     if abs(size) < 1e-9:
         by_q, by_dq, by_ddq = _sensitivity(context, j)
         x, dx, ddx = _with_rates(shift, fine, cutoff)
         change = by_q * x + by_dq * dx + by_ddq * ddx
+        change[own] -= drive * ddx
     else:
-        rigid = _rigid(context)
+        rigid = _rigid(context).copy()
+        rigid[own] -= drive * fine.ddq[:, j]
         moved = rigid
         turns = 3
         for turn in range(turns):
@@ -184,8 +187,9 @@ def _motion(term: Term, context: Context) -> Columns:
             dq[:, j] += dx
             ddq[:, j] += ddx
             moved = view.shifted_torque(q, dq, ddq, context.chi)
+            moved[own] -= drive * ddq[:, j]
             if turn + 1 < turns:
-                shift = -moved[view.joint_of.index(j)]
+                shift = -moved[own]
         change = (moved - rigid) / size
     filtered = context.rows.low_pass @ change.T
     return {c: filtered[:, [c]] for c in range(len(view.channels))}
