@@ -105,13 +105,20 @@ def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
 
     study = load_study(study_file)
     from ident.diagnosis import diagnose_study
+    from ident.diagnosis.regenerated import with_regenerated, write_model
     from ident.report.diagnosis_plots import draw_all
-    from ident.report.diagnosis_report import finding_sentence, unexplained_sentence, verdict
+    from ident.report.diagnosis_report import (
+        finding_sentence,
+        regenerated_sentence,
+        unexplained_sentence,
+        verdict,
+    )
     from ident.report.diagnosis_result import diagnosis_html
     from ident.results import write_csv, write_document
 
     with staged(output) as stage, progress_bar(verbose) as progress:
-        diagnosis = diagnose_study(study, progress)
+        diagnosis = with_regenerated(diagnose_study(study, progress), progress)
+        diagnosis = write_model(diagnosis, stage / "model")
         progress("writing plots and report")
         document = diagnosis.document()
         write_document(stage / "diagnosis.json", document)
@@ -123,6 +130,8 @@ def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
         print(finding_sentence(document, finding))
     for item in document["unexplained"]:
         print(unexplained_sentence(item))
+    if regenerated_sentence(document):
+        print(regenerated_sentence(document))
     show("error in percent", before_and_after(document))
     finish(list(document["notes"]), output)
 

@@ -48,12 +48,13 @@ def effect_columns(
     """
     columns: list[EffectColumn] = []
     used = set(taken)
+    owners: dict[str, str] = {}  # extra input that only one effect uses -> its request
     for request in dict.fromkeys(requests):
         effect, k, source = _parse(request, robot)
         families = _families(effect, model, request)
         for suffix, channels in families:
             for name, term in effect.terms.items():
-                column, extra = _term(effect, term, k, source)
+                column, extra = _term(effect, term, k, source, request, owners)
                 label = f"{name}{suffix}{k}"
                 if label in used:
                     label = f"{label}_{effect.name}"
@@ -117,8 +118,13 @@ def _families(effect: Effect, model: Model, request: str) -> list[tuple[str, tup
     return [("", rows)]
 
 
-def _term(effect: Effect, term: sp.Expr, k: str, source: str | None) -> tuple[sp.Expr, tuple[str, ...]]:
-    """The term over the model's inputs, and the extra inputs it needs."""
+def _term(
+    effect: Effect, term: sp.Expr, k: str, source: str | None, request: str, owners: dict[str, str]
+) -> tuple[sp.Expr, tuple[str, ...]]:
+    """The term over the model's inputs, and the extra inputs it needs.
+
+    A parameter or state whose name another effect of the joint has taken gets the effect's name, too.
+    """
 
     def symbol(name: str) -> sp.Symbol:
         return sp.Symbol(name, real=True)
@@ -135,6 +141,9 @@ def _term(effect: Effect, term: sp.Expr, k: str, source: str | None) -> tuple[sp
             replacements[found] = sp.sign(symbol(f"dq{k}") + symbol(f"dq{source}"))
         else:
             label = name if name == "t" else f"tau{source}" if name == "tau_source" else f"{name}{k}"
+            own = name == "z" or name in effect.nonlinear_names
+            if own and owners.setdefault(label, request) != request:
+                label = f"{label}_{effect.name}"
             extra.append(label)
             replacements[found] = symbol(label)
     return term.xreplace(replacements), tuple(extra)

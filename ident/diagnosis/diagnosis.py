@@ -53,6 +53,7 @@ class Finding:
     held_out_gain: float
     alternatives: tuple[Rival, ...]
     term: Term
+    covariance: np.ndarray | None = None  # of the term's linear parameters, then the nonlinear ones
 
 
 @dataclass(frozen=True)
@@ -81,6 +82,7 @@ class Diagnosis:
     outcome: Outcome
     study: Any = None
     notes: tuple[str, ...] = ()
+    regenerated: Any = None  # a RegeneratedModel, see regenerated.with_regenerated
 
     def document(self) -> dict[str, Any]:
         """The content of diagnosis.json."""
@@ -265,6 +267,7 @@ def _findings(outcome: Outcome) -> tuple[Finding, ...]:
                 step.held_out,
                 alternatives(step),
                 found.term,
+                spread.get(term.key),
             )
         )
     # strongest first; terms that the study itself left out before those that no model of the paper has

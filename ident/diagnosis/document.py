@@ -42,4 +42,11 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "error_percent": {"before": diagnosis.before, "after": diagnosis.after},
         "noise_floor_percent": diagnosis.noise_floor_percent,
         "notes": list(diagnosis.notes),
+        "regenerated": _regenerated(diagnosis),
     }
+
+
+def _regenerated(diagnosis: Diagnosis) -> dict[str, Any]:
+    if diagnosis.regenerated is None:
+        return {"effects": [], "not_columns": [], "largest_relative_difference": None}
+    return diagnosis.regenerated.document()

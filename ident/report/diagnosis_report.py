@@ -148,6 +148,17 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     )
 
 
+def regenerated_sentence(document: Mapping[str, Any]) -> str:
+    """`Model with stribeck_friction:2 regenerated in model/.`, and what is not in its C; "" if nothing is."""
+    made = document.get("regenerated") or {}
+    effects, left = made.get("effects") or [], made.get("not_columns") or []
+    out = f"Model with {joined(effects)} regenerated in model/" if effects else ""
+    if left:
+        named = "; ".join(f"{effect_name(n['effect'])} on {place(n['joints'])} {n['reason']}" for n in left)
+        out += f"; not part of its C: {named}" if out else f"No model regenerated: {named}"
+    return f"{out}." if out else ""
+
+
 def diagnosis_page(
     document: Mapping[str, Any],
     title: str,
@@ -167,6 +178,7 @@ def diagnosis_page(
     sentences = [finding_sentence(document, finding) for finding in document["findings"]] + sentences
     if len(sentences) > FIRST + 1:
         sentences = [*sentences[:FIRST], f"{len(sentences) - FIRST} more below."]
+    details = (*filter(None, [regenerated_sentence(document)]), *details)
     sections = [_error_section(document)]
     for number_ in range(len(document["findings"])):
         sections.append(_finding_section(document, number_, views, rankings or {}, about or {}))

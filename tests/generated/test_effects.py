@@ -20,7 +20,7 @@ def test_compiled_effects_are_the_catalogue_columns(model):
     q, dq, ddq = rng.normal(size=(3, 19, 7))
     extra = {name: rng.uniform(0.2, 1, 19) for name in m.extra_inputs}
     theta = {p.name: 0.3 for name in COLUMNS for p in catalogue()[name].nonlinear}
-    extra |= {name: 0.3 for name in m.extra_inputs if name.endswith("2") and name[:-1] in theta}
+    extra |= {name: 0.3 for name in m.extra_inputs if name.partition("2")[0] in theta}  # also k2_of_an_effect
     W = m.regressor(q, dq, ddq, extra=extra)
     np.testing.assert_array_equal(W[:, :, :first], plain.regressor(q, dq, ddq))
     signals = {"q": q[:, ROW], "dq": dq[:, ROW], "ddq": ddq[:, ROW]}
@@ -63,3 +63,8 @@ def test_pairs_name_their_source():
     q, dq, ddq = np.random.default_rng(1).normal(size=(3, 5, 7))
     column = m.parameters.index("Fv3")
     np.testing.assert_array_equal(m.regressor(q, dq, ddq)[:, 2, column], dq[:, 4])
+
+
+def test_two_effects_of_a_joint_keep_their_own_nonlinear_parameters():
+    m = generated.load("kuka_lwr4p", "A", effects=("torque_ripple:2", "position_dependent_friction:2"))
+    assert m.extra_inputs == ("wavenumber2", "wavenumber2_position_dependent_friction")

@@ -79,6 +79,10 @@ def test_diagnose_writes_what_the_contract_says(study, tmp_path):
     html = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert "The model lacks stribeck friction on joint 2" in html and len(html) < 8e6
     assert (tmp_path / "plots" / "1_stribeck_friction.svg").is_file()
+    assert "stribeck_friction:2" in document["regenerated"]["effects"]
+    assert document["regenerated"]["largest_relative_difference"] < 1e-9
+    assert "Model with stribeck_friction:2" in done.stdout and "regenerated in model/" in html
+    assert "Fs2" in json.loads((tmp_path / "model" / "parameters.json").read_text())["parameters"]
 
 
 @pytest.mark.skipif(browser.chromium() is None, reason="no chromium on this machine")
