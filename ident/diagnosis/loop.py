@@ -47,9 +47,16 @@ SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes a
 EVENT_GAIN = 40.0  # thousands of windows are searched
 EVENT_HELD_GAIN = 18.0
 EVENT_LEFT = 0.01  # share of a load that the model must leave
-LEFT_GAIN = 25.0  # of a nameless explanation of what is left
-LEFT_HELD_GAIN = 10.0
-ABOVE_FLOOR = 3.0  # times the noise floor: structure, whatever it depends on
+LEFT_GAIN = 40.0  # of a nameless explanation of what is left
+LEFT_HELD_GAIN = 15.0
+LEFT_SHARE = 0.10  # of the residual's variance, on both kinds of rows; coloured noise gives some per cent
+ABOVE_FLOOR = 3.0  # times the noise floor: structure, where held-out rows agree at all
+FAR_ABOVE_FLOOR = 8.0  # structure, whatever it depends on; the floor misses slow noise
+PLAIN_GAIN, PLAIN_SHARE = (
+    400.0,
+    0.5,
+)  # structure on the fitted rows alone: held-out motion may differ too much
+FEWEST_WAVES = 1.5  # of a ripple within the joint's range; fewer are a spring or a bend, not a ripple
 NARROWEST_STRIBECK = 0.018  # of the largest rate
 NAMED_TRAVEL = 8e-4  # rad; a shorter presliding is how any sign turns over
 EQUAL = 0.03  # candidates this close are equal: fewer parameters win
@@ -357,6 +364,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         not physical(after.found[-1])
         or at_bound(after.found[-1].term)
         or is_turn_over(after.found[-1].term, after.context)
+        or is_bend(after.found[-1].term, after.context)
+        or leaves_no_friction(after.found[-1].term, after.context)
     ):
         return None
     return Step(
@@ -411,6 +420,22 @@ def is_turn_over(term: Term | None, context: Context) -> bool:
         return False
     top = float(np.abs(context.rows.fine.dq[:, term.joint]).max())
     return term.theta["vs"] < NARROWEST_STRIBECK * top
+
+
+def is_bend(term: Term | None, context: Context) -> bool:
+    """A ripple so slow that the joint's range holds hardly a wave of it."""
+    if term is None or term.effect.name != "torque_ripple" or term.joint is None:
+        return False
+    waves = term.theta["wavenumber"] * float(np.ptp(context.rows.fine.q[:, term.joint])) / (2 * np.pi)
+    return waves < FEWEST_WAVES
+
+
+def leaves_no_friction(term: Term | None, context: Context) -> bool:
+    """A warm-up that ends at a negative viscous friction: a slow change of another kind."""
+    if term is None or term.effect.name != "thermal_friction" or term.joint is None:
+        return False
+    number = context.view.number(("Fvm", "Fvl"), term.joint)
+    return number is not None and float(context.chi[number]) < 0.0
 
 
 def main_channel(step: Step) -> int:
@@ -486,12 +511,17 @@ def leftovers(state: State, search: Search, blocked: set[int], strongest: float)
         if rival is None:
             continue
         above = floor[c] > 1e-3 * rms[c] and rms[c] > ABOVE_FLOOR * floor[c]
+        far_above = above and rms[c] > FAR_ABOVE_FLOOR * floor[c]
         if rival.score.identify < LEFT_GAIN and not above:
             continue
         nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
-        gain, held = gains(state.system, refit(state, [*state.found, nuisance], turns=1).system)
-        confirmed = gain > max(LEFT_GAIN, 0.03 * strongest) and held > max(LEFT_HELD_GAIN, 0.15 * gain)
-        if confirmed or above:
-            share = rival.share_percent if confirmed else 100 * (1 - (floor[c] / rms[c]) ** 2)
-            out.append((replace(rival, share_percent=float(share)), gain + held if confirmed else 0.0))
+        after = refit(state, [*state.found, nuisance], turns=1).system
+        gain, held = gains(state.system, after)
+        share = 1 - max(after.rss[c] / state.system.rss[c], after.rss_held[c] / state.system.rss_held[c])
+        enough = gain > max(LEFT_GAIN, 0.03 * strongest) and held > max(LEFT_HELD_GAIN, 0.15 * gain)
+        plain = gain > PLAIN_GAIN and after.rss[c] < (1 - PLAIN_SHARE) * state.system.rss[c]
+        confirmed = plain or (enough and share > LEFT_SHARE)
+        if confirmed or far_above or (above and held > LEFT_HELD_GAIN):
+            percent = rival.share_percent if confirmed else 100 * (1 - (floor[c] / rms[c]) ** 2)
+            out.append((replace(rival, share_percent=float(percent)), gain + held if confirmed else 0.0))
     return out
