@@ -6,6 +6,7 @@ sin with libm. `REAL`, `CONSTANT`, `OUTPUT` and `STORE` are plain doubles here; 
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Mapping
 from typing import Any
@@ -16,6 +17,7 @@ import sympy as sp
 from modelgen.casadi_functions import STATE, inner_functions
 from modelgen.description import Derived
 
+LONGEST_NAME = 100  # characters
 GENERATOR = "1"  # version of what is emitted; raise it when the text changes
 
 
@@ -41,9 +43,13 @@ def prefix(description: Mapping[str, Any]) -> str:
 
 
 def file_stem(description: Mapping[str, Any]) -> str:
-    """Name of a model's files without suffix: A, A_L, A_stribeck_friction_2."""
+    """Name of a model's files without suffix: A, A_L, A_stribeck_friction_2; of many effects the first ones
+    and a digest, because file systems limit it."""
     parts = [description["model"], description["payload"] or "", *description["effects"]]
-    return re.sub(r"\W", "_", "_".join(part for part in parts if part))
+    name = re.sub(r"\W", "_", "_".join(part for part in parts if part))
+    return (
+        name if len(name) <= LONGEST_NAME else f"{name[:60]}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
+    )
 
 
 def body(function: ca.Function) -> list[str]:

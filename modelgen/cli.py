@@ -66,7 +66,11 @@ def regenerate_model(
     ] = None,
     effect: Annotated[
         list[str] | None,
-        typer.Option("--effect", help="NAME:JOINT, a column to add; may be repeated.", show_default=False),
+        typer.Option(
+            "--effect",
+            help="NAME:JOINT[:source_joint=K][:side=link], to add; repeatable.",
+            show_default=False,
+        ),
     ] = None,
     output: Annotated[
         Path | None,

@@ -1,5 +1,8 @@
 """Effects as columns of a model: "stribeck_friction:2" -> the columns of its linear parameters, in SymPy.
 
+Behind the joint come options: source_joint=K for the other joint of a pair, side=link for a motor's effect
+that acts behind the gear, where the torque sensor sees it, too.
+
 A term may use the joint's own q, dq, ddq, sign, which the model has. What else it needs (time, the torque in
 the gear, a state, the effect's nonlinear parameters) becomes a named extra input: t, tau_link2, z2, vs2.
 """
@@ -42,7 +45,7 @@ class EffectColumn:
 def effect_columns(
     robot: Robot, model: Model, requests: Sequence[str], taken: Collection[str]
 ) -> tuple[EffectColumn, ...]:
-    """The columns of NAME:JOINT[:source_joint=K] requests. `taken`: parameter names of the model.
+    """The columns of NAME:JOINT[:source_joint=K][:side=link] requests. `taken`: parameter names of the model.
 
     Raises ModelgenError where a request names no column of this model.
     """
@@ -50,8 +53,8 @@ def effect_columns(
     used = set(taken)
     owners: dict[str, str] = {}  # extra input that only one effect uses -> its request
     for request in dict.fromkeys(requests):
-        effect, k, source = _parse(request, robot)
-        families = _families(effect, model, request)
+        effect, k, source, channel = _parse(request, robot)
+        families = _families(effect, channel, model, request)
         for suffix, channels in families:
             for name, term in effect.terms.items():
                 column, extra = _term(effect, term, k, source, request, owners)
@@ -67,9 +70,10 @@ def effect_columns(
     return tuple(columns)
 
 
-def _parse(request: str, robot: Robot) -> tuple[Effect, str, str | None]:
+def _parse(request: str, robot: Robot) -> tuple[Effect, str, str | None, str]:
+    """(effect, joint, source joint, channel that it acts in)."""
     name, _, rest = request.partition(":")
-    joint, _, option = rest.partition(":")
+    joint, *options = rest.split(":")
     known = catalogue()
     if name not in known:
         close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
@@ -84,10 +88,20 @@ def _parse(request: str, robot: Robot) -> tuple[Effect, str, str | None]:
     labels = robot.joint_labels
     if joint not in labels:
         raise ModelgenError(f"--effect {request}: write {name}:JOINT with a joint of {', '.join(labels)}")
-    source = option.removeprefix("source_joint=") if option.startswith("source_joint=") else None
-    if option and (source is None or effect.joints != "pair"):
-        takes = "source_joint=K" if effect.joints == "pair" else "no option"
-        raise ModelgenError(f"--effect {request}: {option!r} is not understood; {name} takes {takes} here")
+    source, channel = None, effect.channel
+    for option in options:
+        if effect.joints == "pair" and option.startswith("source_joint="):
+            source = option.removeprefix("source_joint=")
+        elif effect.channel == "motor" and option == "side=link":
+            channel = "link"
+        else:
+            takes = ["source_joint=K"] * (effect.joints == "pair") + ["side=link"] * (
+                effect.channel == "motor"
+            )
+            raise ModelgenError(
+                f"--effect {request}: {option!r} is not understood; {name} takes "
+                f"{' and '.join(takes) or 'no option'} here"
+            )
     if effect.joints == "pair":
         here = labels.index(joint)
         source = source or (labels[here - 1 if here else here + 1] if len(labels) > 1 else joint)
@@ -95,20 +109,22 @@ def _parse(request: str, robot: Robot) -> tuple[Effect, str, str | None]:
             raise ModelgenError(
                 f"--effect {request}: source_joint={source} is not another joint of the robot"
             )
-    return effect, joint, source
+    return effect, joint, source, channel
 
 
-def _families(effect: Effect, model: Model, request: str) -> list[tuple[str, tuple[tuple[int, int], ...]]]:
+def _families(
+    effect: Effect, channel: str, model: Model, request: str
+) -> list[tuple[str, tuple[tuple[int, int], ...]]]:
     """[(suffix of the parameter's name, ((row family, sign), ...))]: one parameter for each."""
     place = {prefix: f for f, (prefix, _) in enumerate(model.families)}
-    if effect.channel == "any":
+    if channel == "any":
         suffix = {"tau_m": "m", "tau_l": "l"} if len(place) > 1 else {}
         return [(suffix.get(prefix, ""), ((f, 1),)) for prefix, f in place.items()]
     seen = {
         "motor": {"tau_m": 1, "tau_d": 1},
         "link": {"tau_m": 1, "tau_l": 1},
         "sensor": {"tau_l": 1, "tau_d": -1},
-    }[effect.channel]
+    }[channel]
     rows = tuple((f, seen[prefix]) for prefix, f in place.items() if prefix in seen)
     if not rows:
         raise EffectNotSeenError(

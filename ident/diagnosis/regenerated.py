@@ -177,7 +177,7 @@ def regenerate(
             restored.append(here)
             continue
         if not reason:
-            entry, reason = _place(here, term, robot, model_name, requests, taken)
+            entry, reason = _place(here, term, view.channels, robot, model_name, requests, taken)
             if entry is not None:
                 placed.append(entry)
                 requests = list(dict.fromkeys([*requests, entry.request]))
@@ -224,7 +224,13 @@ def regenerate(
 
 
 def _place(
-    found: Found, term: Term, robot: Robot, model_name: str, requests: list[str], taken: set[str]
+    found: Found,
+    term: Term,
+    channels: tuple[str, ...],
+    robot: Robot,
+    model_name: str,
+    requests: list[str],
+    taken: set[str],
 ) -> tuple[_Placed | None, str]:
     """The term's columns behind those already asked for, or the reason why there are none."""
     assert term.joint is not None
@@ -232,6 +238,8 @@ def _place(
     if term.source is not None:
         request += f":source_joint={term.source + 1}"
     model = model_called(model_name)
+    if term.effect.channel == "motor" and any(channels[c][:5] == "tau_l" for c in term.channels):
+        request += ":side=link"  # behind the gear
     at = requests.index(request) if request in requests else len(requests)
     try:
         before = effect_columns(robot, model, requests[:at], taken)

@@ -114,10 +114,13 @@ def test_a_term_that_the_study_left_out_is_the_models_own_column(arm):
     assert (values["Fcm1"] + values["Fcl1"], values["Fcl1"]) == pytest.approx((motor, sensor))
 
 
-def test_friction_behind_the_gear_has_no_generated_column(arm):
-    state, findings = fitted(arm, "C", [term("stribeck_friction", 1, (1, 4), vs=0.1)])
+def test_friction_before_and_behind_the_gear(arm):
+    terms = [term("stribeck_friction", 1, (1,), vs=0.2), term("stribeck_friction", 1, (1, 4), vs=0.1)]
+    state, findings = fitted(arm, "C", terms)
     made = regenerate(arm, "C", findings, state)
-    assert made.effects == () and made.not_columns[0].effect == "stribeck_friction"
+    assert made.requests == ("stribeck_friction:2", "stribeck_friction:2:side=link")
+    assert made.column_difference < 1e-9 and made.torque_difference < 1e-9
+    assert {v.name: v.value for v in made.fixed} == {"vs2": 0.2, "vs2_stribeck_friction": 0.1}
 
 
 def test_files_and_what_happens_on_failure(arm, tmp_path, monkeypatch):
