@@ -68,7 +68,7 @@ def regenerate_model(
         list[str] | None,
         typer.Option(
             "--effect",
-            help="NAME:JOINT[:source_joint=K][:side=link], to add; repeatable.",
+            help="NAME:JOINT, a column to add; may be repeated. Behind it: :source_joint=K, :side=link.",
             show_default=False,
         ),
     ] = None,
