@@ -22,12 +22,13 @@ from ident.diagnosis.model_view import build_view
 from ident.diagnosis.noise_floor import noise_floor
 from ident.diagnosis.rows import build_rows
 from ident.diagnosis.scoring import make_folds
-from ident.diagnosis.state import Found, State, first_state
+from ident.diagnosis.state import Found, State, first_state, refit
 from ident.diagnosis.terms import Term
 from ident.progress import Progress, silent
 
 Percent = dict[str, dict[str, float]]
 ALTERNATIVE_SHARE = 0.3
+SUREST_NOTHING = 3.0  # standard deviations that the size of a finding must be away from none
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,7 @@ def diagnose_recordings(
     first = first_state(rows, view, folds)
     outcome = run_loop(first, without, progress, **({} if max_terms is None else {"max_terms": max_terms}))
     progress("uncertainties", 0.97)
-    findings = _findings(outcome)
+    outcome, findings = _sure(outcome)
     unexplained = _unexplained(outcome)
     verdict = "effect" if findings else ("unexplained" if unexplained else "none")
     floor = noise_floor(outcome.last.context.rows, outcome.last.context.torque)
@@ -240,6 +241,34 @@ def _ratio(rho: np.ndarray, y: np.ndarray) -> float:
 
 def _joints(term: Term) -> tuple[int, ...]:
     return () if term.joint is None else (term.joint + 1,)
+
+
+def _sure(outcome: Outcome) -> tuple[Outcome, tuple[Finding, ...]]:
+    """Findings, without those whose size may as well be nothing; the least sure goes first, the rest is
+    fitted again. A term that the study itself left out stays."""
+    findings = _findings(outcome)
+    while True:
+        unsure = [f for f in findings if f.effect not in OWN_TERMS and certainty(f) < SUREST_NOTHING]
+        if not unsure:
+            return outcome, findings
+        worst = min(unsure, key=certainty).term.key
+        state = refit(outcome.last, [f for f in outcome.last.found if f.term is None or f.term.key != worst])
+        steps = tuple(s for s in outcome.steps if s.accepted is None or s.accepted.key != worst)
+        outcome = replace(outcome, last=state, steps=steps)
+        findings = _findings(outcome)
+
+
+def certainty(finding: Finding) -> float:
+    """Distance of the effect's size from nothing in standard deviations (of the surest of its sizes)."""
+    effect = finding.term.effect
+    nothing = 1.0 if effect.name == "drive_gain_error" else 0.0
+    out = 0.0
+    for name in effect.size_names:
+        quantity = finding.parameters.get(name)
+        if quantity is None or not quantity.get("std"):
+            continue
+        out = max(out, abs(quantity["value"] - nothing) / quantity["std"])
+    return out if out > 0.0 else float("inf")
 
 
 def _findings(outcome: Outcome) -> tuple[Finding, ...]:

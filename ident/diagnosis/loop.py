@@ -40,9 +40,10 @@ from modelgen.effects import catalogue
 MAX_TERMS = 14
 SHORTLIST = 16
 TRIES = 5
-FIRST_GAIN = 14.0  # log-likelihood on the fitted rows: Bonferroni over some thousand candidates at 1 %
-HELD_GAIN = 4.0
+FIRST_GAIN = 25.0  # log-likelihood on the fitted rows; Bonferroni asks 14, impostors of real friction reach 20
+HELD_GAIN = 8.0
 SMALLEST_SHARE = 0.02  # of the strongest finding's gain
+SMALLEST_DROP = 0.04  # of a channel's held-out error: below it, impostors outnumber effects
 SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes are smaller
 EVENT_GAIN = 40.0  # thousands of windows are searched
 EVENT_HELD_GAIN = 18.0
@@ -353,6 +354,11 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     gain, held = gains(state.system, after.system)
     if candidate.event:
         gain, held = candidate.effective
+    elif (
+        candidate.term.effect.name not in OWN_TERMS
+        and held_out_drop(state.system, after.system) < SMALLEST_DROP
+    ):
+        return None
     first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else (FIRST_GAIN, HELD_GAIN)
     if gain < max(first, least) or held < second:
         return None
@@ -396,6 +402,12 @@ def gains(before: System, after: System) -> tuple[float, float]:
     gain = np.sum(after.share * N / 2 * np.log(before.rss / after.rss))
     held = np.sum(after.share * N_held / 2 * np.log(before.rss_held / after.rss_held))
     return float(gain), float(held)
+
+
+def held_out_drop(before: System, after: System) -> float:
+    """Share by which the held-out error of the channel that gains most falls."""
+    ratio = after.rss_held / np.maximum(before.rss_held, 1e-30)
+    return float(1 - np.sqrt(ratio.min())) if before.rss_held.any() else 1.0
 
 
 def at_bound(term: Term | None) -> bool:
@@ -448,6 +460,8 @@ def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tu
     """Does a nameless explanation beat the accepted term clearly on its main channel?"""
     term = step.accepted
     assert term is not None
+    if term.effect.name in OWN_TERMS:  # the study itself left it out, so it is there, whatever else is
+        return None, False
     c = term.channels[0] if len(term.channels) == 1 else main_channel(step)
     if c in blocked:
         return None, False
