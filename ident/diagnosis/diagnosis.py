@@ -263,7 +263,7 @@ def certainty(finding: Finding) -> float:
     effect = finding.term.effect
     nothing = 1.0 if effect.name == "drive_gain_error" else 0.0
     out = 0.0
-    for name in effect.size_names:
+    for name in (*effect.size_names, *effect.torque_terms):
         quantity = finding.parameters.get(name)
         if quantity is None or not quantity.get("std"):
             continue

@@ -40,7 +40,7 @@ from modelgen.effects import catalogue
 MAX_TERMS = 14
 SHORTLIST = 16
 TRIES = 5
-FIRST_GAIN = 25.0  # log-likelihood on the fitted rows; Bonferroni asks 14, impostors of real friction reach 20
+FIRST_GAIN = 25.0  # log-likelihood on fitted rows; Bonferroni asks 14, impostors of real friction reach 20
 HELD_GAIN = 8.0
 SMALLEST_SHARE = 0.02  # of the strongest finding's gain
 SMALLEST_DROP = 0.04  # of a channel's held-out error: below it, impostors outnumber effects
