@@ -107,9 +107,9 @@ def fit(
 def diagnose(study: Study, output: Output, verbose: Verbose = False) -> None:
     """Fit, find structure in the residual, trace it to effects the model lacks, add them, fit again.
 
-    Writes diagnosis.json, plots, report.html and, in model/, C and parameters of the extended model. An effect is kept only if it lowers the error on recordings,
-    or blocks of recordings, that it was not fitted on; what no known effect explains is reported as
-    unexplained.
+    Writes diagnosis.json, plots, report.html and, in model/, C and parameters of the extended model. An
+    effect is kept only if it lowers the error on recordings, or blocks of recordings, that it was not fitted
+    on; what no known effect explains is reported as unexplained.
     """
     from ident import commands
 
