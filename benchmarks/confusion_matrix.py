@@ -114,7 +114,7 @@ def label_of(truth: dict[str, Any]) -> str:
 
 
 def detectable(truth: dict[str, Any]) -> bool | None:
-    """Whether the fit that knows lowers the held-out error of some joint by 2 %; None without held-out data."""
+    """Whether the fit that knows lowers some joint's held-out error by 2 %; None without held-out data."""
     oracle = truth["oracle"]
     if "true_validate_percent" not in oracle:
         return None

@@ -44,13 +44,16 @@ def section(name: str, document: Mapping[str, Any]) -> list[str]:
         lines += [f"- {tell(item)}" for item in items[:MOST]]
         if len(items) > MOST:
             lines.append(f"- {len(items) - MOST} more of the same kind, weaker.")
-    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    before, after = (
+        {**document["error_percent"][when], **document["error_percent_by_recording"][when]}
+        for when in ("before", "after")
+    )
     channels = list(next(iter(before.values())))
     lines += ["", "| error in percent, before → after | " + " | ".join(channels) + " |"]
     lines.append("|---" * (len(channels) + 1) + "|")
-    for role in before:
-        cells = [f"{before[role][channel]:.1f} → {after[role][channel]:.1f}" for channel in channels]
-        lines.append(f"| {role} | " + " | ".join(cells) + " |")
+    for group in before:  # roles, then recordings
+        cells = [f"{before[group][channel]:.1f} → {after[group][channel]:.1f}" for channel in channels]
+        lines.append(f"| {group} | " + " | ".join(cells) + " |")
     floor = document["noise_floor_percent"]
     cells = [f"{floor[channel]:.1f}" if channel in floor else "" for channel in channels]
     lines.append("| noise floor | " + " | ".join(cells) + " |")

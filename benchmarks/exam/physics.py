@@ -141,7 +141,7 @@ def _tilt(plant: Plant, run: Run, p: dict[str, float]) -> np.ndarray:
 
 
 def _contact(plant: Plant, run: Run, p: dict[str, float]) -> np.ndarray:
-    """A constant force, `tool` metres before the flange, with 0.1 s of rise and fall; the motors resist it."""
+    """A constant force, `tool` metres before the flange, 0.1 s of rise and fall; the motors resist it."""
     out = np.zeros_like(run.q)
     inside = np.flatnonzero((run.t >= p["from"]) & (run.t <= p["to"]))
     model = robots.pinocchio_model(plant.robot, plant.links)

@@ -7,7 +7,7 @@ mean square, so this is the error at the full filtered rate. Joints at rest are 
 undetermined.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -220,18 +220,28 @@ def diagnose_recordings(
 
 def errors(state: State) -> Percent:
     """{role: {"total" | channel: percent}} with everything frozen at the identify fit."""
+    runs = state.context.rows.runs
+    roles = [role for role in ("identify", "validate", "test") if any(r.role == role for r in runs)]
+    return _percent(state, {role: [k for k, r in enumerate(runs) if r.role == role] for role in roles})
+
+
+def errors_by_recording(state: State) -> Percent:
+    """The same for every recording alone, {label: {"total" | channel: percent}}."""
+    return _percent(state, {run.label: [k] for k, run in enumerate(state.context.rows.runs)})
+
+
+def _percent(state: State, groups: Mapping[str, Sequence[int]]) -> Percent:
     rows = state.context.rows
-    roles = np.array([r.role for r in rows.runs])[rows.run]
     out: Percent = {}
-    for role in ("identify", "validate", "test"):
-        use = (roles == role) & rows.keep
+    for name, runs in groups.items():
+        use = np.isin(rows.run, runs) & rows.keep
         if not use.any():
             continue
         rho, y = state.system.residual * use, rows.y * use
         own = {"total": 100 * _ratio(rho, y)}
-        for c, name in enumerate(rows.channels):
-            own[name] = 100 * _ratio(rho[c], y[c])
-        out[role] = own
+        for c, channel in enumerate(rows.channels):
+            own[channel] = 100 * _ratio(rho[c], y[c])
+        out[name] = own
     return out
 
 

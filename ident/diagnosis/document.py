@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ident.diagnosis.diagnosis import Diagnosis
+from ident.diagnosis.diagnosis import Diagnosis, errors_by_recording
 
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -40,6 +40,10 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             for u in diagnosis.unexplained
         ],
         "error_percent": {"before": diagnosis.before, "after": diagnosis.after},
+        "error_percent_by_recording": {
+            "before": errors_by_recording(diagnosis.outcome.first),
+            "after": errors_by_recording(diagnosis.outcome.last),
+        },
         "noise_floor_percent": diagnosis.noise_floor_percent,
         "notes": list(diagnosis.notes),
         "regenerated": _regenerated(diagnosis),
