@@ -118,9 +118,7 @@ RELATIVES = {
 }
 
 
-# the shift of half a gap is told as hysteresis on this arm: both turn over with the direction of motion
-BACKLASH = pytest.param("backlash", marks=pytest.mark.xfail(reason="told as hysteresis", strict=False))
-NAMES = [name if name != "backlash" else BACKLASH for name in sorted(catalogue())]
+NAMES = sorted(catalogue())
 
 
 @pytest.fixture(scope="module")

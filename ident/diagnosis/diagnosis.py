@@ -258,26 +258,31 @@ def _sure(outcome: Outcome) -> tuple[Outcome, tuple[Finding, ...]]:
     fitted again. A term that the study itself left out stays."""
     findings = _findings(outcome)
     while True:
-        unsure = [f for f in findings if f.effect not in OWN_TERMS and certainty(f) < SUREST_NOTHING]
-        if not unsure:
+        fitted = {f.term.key: f.coefficients for f in outcome.last.found if f.term is not None}
+        sure = {f.term.key: certainty(f, fitted[f.term.key]) for f in findings if f.effect not in OWN_TERMS}
+        if not sure or min(sure.values()) >= SUREST_NOTHING:
             return outcome, findings
-        worst = min(unsure, key=certainty).term.key
+        worst = min(sure, key=lambda key: sure[key])
         state = refit(outcome.last, [f for f in outcome.last.found if f.term is None or f.term.key != worst])
         steps = tuple(s for s in outcome.steps if s.accepted is None or s.accepted.key != worst)
         outcome = replace(outcome, last=state, steps=steps)
         findings = _findings(outcome)
 
 
-def certainty(finding: Finding) -> float:
-    """Distance of the effect's size from nothing in standard deviations (of the surest of its sizes)."""
+def certainty(finding: Finding, coefficients: np.ndarray) -> float:
+    """Distance of the effect from nothing in standard deviations: of its one size, or of its linear
+    coefficients together where it has several, which may hide behind each other (Wald)."""
     effect = finding.term.effect
+    if len(effect.size_names) > 1 and finding.covariance is not None:
+        p = len(coefficients)
+        C = finding.covariance[:p, :p]
+        return float(np.sqrt(coefficients @ np.linalg.pinv(C) @ coefficients / p))
     nothing = 1.0 if effect.name == "drive_gain_error" else 0.0
     out = 0.0
     for name in (*effect.size_names, *effect.torque_terms):
         quantity = finding.parameters.get(name)
-        if quantity is None or not quantity.get("std"):
-            continue
-        out = max(out, abs(quantity["value"] - nothing) / quantity["std"])
+        if quantity is not None and quantity.get("std"):
+            out = max(out, abs(quantity["value"] - nothing) / quantity["std"])
     return out if out > 0.0 else float("inf")
 
 
