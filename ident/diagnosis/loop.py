@@ -42,6 +42,7 @@ SHORTLIST = 16
 TRIES = 5
 FIRST_GAIN = 25.0  # log-likelihood on fitted rows; Bonferroni asks 14, impostors of real friction reach 20
 HELD_GAIN = 8.0
+OWN_GAIN, OWN_HELD_GAIN = 14.0, 4.0  # of a term that the study itself left out: it has no impostors
 SMALLEST_SHARE = 0.02  # of the strongest finding's gain
 SMALLEST_DROP = 0.04  # of a channel's held-out error: below it, impostors outnumber effects
 SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes are smaller
@@ -354,12 +355,10 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     gain, held = gains(state.system, after.system)
     if candidate.event:
         gain, held = candidate.effective
-    elif (
-        candidate.term.effect.name not in OWN_TERMS
-        and held_out_drop(state.system, after.system) < SMALLEST_DROP
-    ):
-        return None
-    first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else (FIRST_GAIN, HELD_GAIN)
+    elif candidate.term.effect.name not in OWN_TERMS:
+        if held_out_drop(state.system, after.system) < SMALLEST_DROP:
+            return None
+    first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else required(candidate.term)
     if gain < max(first, least) or held < second:
         return None
     if held < 0.15 * gain * (
@@ -384,6 +383,11 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         candidate.event,
         candidate.score.total,
     )
+
+
+def required(term: Term) -> tuple[float, float]:
+    """Gains on fitted and on held-out rows that keep a term."""
+    return (OWN_GAIN, OWN_HELD_GAIN) if term.effect.name in OWN_TERMS else (FIRST_GAIN, HELD_GAIN)
 
 
 def _balance(system: System) -> float:
@@ -486,7 +490,8 @@ def prune(state: State, steps: list[Step], least: float) -> tuple[State, list[St
                 continue
             reduced = refit(state, [g for k, g in enumerate(state.found) if k != i], turns=1)
             gain, held = gains(reduced.system, state.system)
-            value = min(gain / max(FIRST_GAIN, least), held / HELD_GAIN)
+            first, second = required(f.term)
+            value = min(gain / max(first, least), held / second)
             if f.term.run is not None:
                 value = 2.0
             if not physical(f):
