@@ -355,9 +355,11 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     gain, held = gains(state.system, after.system)
     if candidate.event:
         gain, held = candidate.effective
-    elif candidate.term.effect.name not in OWN_TERMS:
-        if held_out_drop(state.system, after.system) < SMALLEST_DROP:
-            return None
+    elif (
+        candidate.term.effect.name not in OWN_TERMS
+        and held_out_drop(state.system, after.system) < SMALLEST_DROP
+    ):
+        return None
     first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else required(candidate.term)
     if gain < max(first, least) or held < second:
         return None
