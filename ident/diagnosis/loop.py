@@ -44,6 +44,7 @@ FIRST_GAIN = 25.0  # log-likelihood on fitted rows; Bonferroni asks 14, impostor
 HELD_GAIN = 8.0
 OWN_GAIN, OWN_HELD_GAIN = 14.0, 4.0  # of a term that the study itself left out: it has no impostors
 SMALLEST_SHARE = 0.02  # of the strongest finding's gain
+SMALLEST_EVENT_DROP = 0.05  # of a channel's error over all runs
 SMALLEST_DROP = 0.04  # of a channel's held-out error: below it, impostors outnumber effects
 SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes are smaller
 EVENT_GAIN = 40.0  # thousands of windows are searched
@@ -355,6 +356,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     gain, held = gains(state.system, after.system)
     if candidate.event:
         gain, held = candidate.effective
+        if error_drop(state.system, after.system) < SMALLEST_EVENT_DROP:
+            return None
     elif (
         candidate.term.effect.name not in OWN_TERMS
         and held_out_drop(state.system, after.system) < SMALLEST_DROP
@@ -414,6 +417,12 @@ def held_out_drop(before: System, after: System) -> float:
     """Share by which the held-out error of the channel that gains most falls."""
     ratio = after.rss_held / np.maximum(before.rss_held, 1e-30)
     return float(1 - np.sqrt(ratio.min())) if before.rss_held.any() else 1.0
+
+
+def error_drop(before: System, after: System) -> float:
+    """The same over fitted and held-out rows together."""
+    ratio = (after.rss + after.rss_held) / np.maximum(before.rss + before.rss_held, 1e-30)
+    return float(1 - np.sqrt(ratio.min()))
 
 
 def at_bound(term: Term | None) -> bool:
