@@ -38,6 +38,7 @@ from ident.diagnosis.terms import Context, Term, columns
 from modelgen.effects import catalogue
 
 MAX_TERMS = 14
+MOST_SETTLINGS = 10  # a delay and the turn-over of the signs take turns until both stand still
 SHORTLIST = 16
 TRIES = 5
 FIRST_GAIN = 25.0  # log-likelihood on fitted rows; Bonferroni asks 14, impostors of real friction reach 20
@@ -117,12 +118,14 @@ class Search:
     def resettled(self, state: State) -> State:
         """The state with its friction signs chosen again; products with the old ones are forgotten."""
         settled = state
-        for _ in range(3):
-            again = resettle(settled)
-            if again is settled:
-                break
+        delayed = any(t.effect.name == "time_delay" for t in state.terms)
+        for _ in range(MOST_SETTLINGS):
+            current = refit(settled, list(settled.found)) if delayed else settled
+            again = resettle(current)
             settled = again
-        if settled is not state:
+            if again is current:
+                break
+        if settled.bank is not state.bank:
             self.library._products.clear()
             self.generic.products.clear()
             self.event_bank = None
