@@ -185,11 +185,6 @@ def open_recordings(study: Study, need: Need) -> list[RecordingStream]:
     return [open_recording(study, entry, need) for entry in study.recordings]
 
 
-def load_recordings(study: Study, need: Need) -> list[Recording]:
-    """Every segment of every recording, whole in memory."""
-    return [recording for stream in open_recordings(study, need) for recording in stream.load()]
-
-
 def open_recording(study: Study, entry: RecordingEntry, need: Need) -> RecordingStream:
     """Find the columns, survey the rows. Raises RecordingError or StudyError."""
     _check_sizes(study, need)

@@ -17,7 +17,7 @@ import scipy.stats
 from ident.diagnosis.candidates import OWN_TERMS
 from ident.diagnosis.geometry import geometry_of
 from ident.diagnosis.intervals import covariances
-from ident.diagnosis.loop import Candidate, Outcome, Step, run_loop
+from ident.diagnosis.loop import Candidate, Outcome, Step, largest_drop, run_loop
 from ident.diagnosis.model_view import build_view
 from ident.diagnosis.noise_floor import noise_floor
 from ident.diagnosis.rows import build_rows
@@ -103,7 +103,7 @@ def diagnose_study(study, progress: Progress = silent, max_terms: int | None = N
 
 def _diagnose(study, progress: Progress, max_terms: int | None) -> Diagnosis:
     import generated
-    from ident.reading import load_recordings, need_of
+    from ident.reading import need_of, open_recordings
     from modelgen.robot_file import load_robot
 
     progress("loading the model", 0.0)
@@ -115,10 +115,13 @@ def _diagnose(study, progress: Progress, max_terms: int | None) -> Diagnosis:
     robot = load_robot(study.robot_source)
     need = need_of(study.model, tuple(model.channels), study.positions)
     progress("reading the recordings", 0.03)
-    recordings = joined_runs(load_recordings(study, need))
+    streams = open_recordings(study, need)
+    recordings = joined_runs([recording for stream in streams for recording in stream.load()])
     if study.drive_gains == "identify":
         recordings = _with_identified_gains(study, recordings)
-    notes = ("effects of the study are not in the model that is diagnosed",) if effects else ()
+    notes = tuple(warning for stream in streams for warning in stream.warnings)
+    if effects:
+        notes += ("effects of the study are not in the model that is diagnosed",)
     cutoff = study.filter.position_cutoff_hz
     return diagnose_recordings(
         recordings,
@@ -327,9 +330,8 @@ def error_drop(step: Step) -> tuple[float, int]:
         a, b = np.sum((before * use) ** 2, axis=1), np.sum((after * use) ** 2, axis=1)
     else:
         a, b = step.before.system.rss_held, step.after.system.rss_held
-    ratio = b / np.maximum(a, 1e-30)
-    c = int(np.argmin(ratio))
-    return float(100 * (1 - np.sqrt(ratio[c]))), c
+    share, c = largest_drop(a, b)
+    return 100 * share, c
 
 
 def alternatives(step: Step) -> tuple[Rival, ...]:

@@ -359,7 +359,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     gain, held = gains(state.system, after.system)
     if candidate.event:
         gain, held = candidate.effective
-        if error_drop(state.system, after.system) < SMALLEST_EVENT_DROP:
+        before_all, after_all = (s.rss + s.rss_held for s in (state.system, after.system))
+        if largest_drop(before_all, after_all)[0] < SMALLEST_EVENT_DROP:
             return None
     elif (
         candidate.term.effect.name not in OWN_TERMS
@@ -416,16 +417,16 @@ def gains(before: System, after: System) -> tuple[float, float]:
     return float(gain), float(held)
 
 
+def largest_drop(before: np.ndarray, after: np.ndarray) -> tuple[float, int]:
+    """Share by which the error of the channel that gains most falls, from sums of squares; that channel."""
+    ratio = after / np.maximum(before, 1e-30)
+    c = int(np.argmin(ratio))
+    return float(1 - np.sqrt(ratio[c])), c
+
+
 def held_out_drop(before: System, after: System) -> float:
-    """Share by which the held-out error of the channel that gains most falls."""
-    ratio = after.rss_held / np.maximum(before.rss_held, 1e-30)
-    return float(1 - np.sqrt(ratio.min())) if before.rss_held.any() else 1.0
-
-
-def error_drop(before: System, after: System) -> float:
-    """The same over fitted and held-out rows together."""
-    ratio = (after.rss + after.rss_held) / np.maximum(before.rss + before.rss_held, 1e-30)
-    return float(1 - np.sqrt(ratio.min()))
+    """The largest drop on held-out rows; 1 where nothing is held out."""
+    return largest_drop(before.rss_held, after.rss_held)[0] if before.rss_held.any() else 1.0
 
 
 def at_bound(term: Term | None) -> bool:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import generated
-from ident.diagnosis.diagnosis import diagnose_recordings
+from ident.diagnosis.diagnosis import diagnose_recordings, diagnose_study
 from ident.diagnosis.geometry import geometry_of
+from ident.study import load_study
 from modelgen.robot_file import load_robot
 
 RATE, SECONDS, SMOOTH = 250.0, 30.0, 2e-3
@@ -105,3 +106,19 @@ def test_a_torque_of_no_catalogue_is_unexplained_and_nobody_is_blamed(arm):
     diagnosis = diagnosed(arm, strange)
     assert diagnosis.verdict == "unexplained"
     assert [u.joints for u in diagnosis.unexplained] == [(4,)]
+
+
+def test_degrees_are_suspected_by_the_diagnosis_too(tmp_path):
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    t = np.arange(0, 12, 0.005)
+    table = {"t": t}
+    for j in range(1, 7):
+        table |= {f"q{j}": np.degrees(np.sin((0.3 + 0.1 * j) * t)), f"tau_m{j}": np.cos(j * t)}
+    pq.write_table(pa.table(table), tmp_path / "run.parquet")
+    (tmp_path / "study.yaml").write_text(
+        "robot: ur10e\nmodel: A\nrecordings:\n  - {file: run.parquet, use: identify}\n"
+    )
+    diagnosis = diagnose_study(load_study(tmp_path / "study.yaml"), max_terms=0)
+    assert any("looks like degrees" in note for note in diagnosis.document()["notes"])
