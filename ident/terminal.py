@@ -36,7 +36,9 @@ def progress_bar(verbose: bool) -> Iterator[Progress]:
         task = bar.add_task("", total=None)
 
         def show(text: str, done: float | None = None) -> None:
-            bar.update(task, description=text, completed=done or 0.0, total=None if done is None else 1.0)
+            told, last[0] = last[0], text  # a step shorter than the bar's own period is shown as well
+            total = None if done is None else 1.0
+            bar.update(task, description=text, completed=done or 0.0, total=total, refresh=text != told)
 
         yield show
 
