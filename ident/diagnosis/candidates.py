@@ -114,7 +114,7 @@ def _groups(effect: Effect) -> list[tuple[str, ...]]:
     if effect.name in ONE_BY_ONE:
         return [("Fv",), ("Ia",), ("Fv", "Ia"), ("Fv", "Ia", "Fc")]
     if effect.name == "backlash":
-        return [("gap",), ("gap", "drop")]
+        return [("gap",), ("gap", "drop"), ("drop",)]  # gravity need not show the shift, nor the gear a drop
     return [tuple(p.name for p in effect.linear if not p.optional)]
 
 

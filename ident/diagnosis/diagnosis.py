@@ -203,8 +203,10 @@ def diagnose_recordings(
     outcome, findings = _sure(outcome)
     unexplained = _unexplained(outcome)
     verdict = "effect" if findings else ("unexplained" if unexplained else "none")
-    floor = noise_floor(outcome.last.context.rows, outcome.last.context.torque)
-    rms = np.sqrt(np.mean(outcome.last.context.rows.y**2, axis=1))
+    last = outcome.last
+    floor = noise_floor(last.context.rows, last.context.torque, last.system.residual)
+    rows = last.context.rows
+    rms = np.sqrt(np.sum((rows.y * rows.keep) ** 2, axis=1) / np.maximum(rows.keep.sum(axis=1), 1))
     return Diagnosis(
         getattr(model, "robot_name", ""),
         getattr(study, "model", getattr(model, "model", "")),
@@ -371,15 +373,16 @@ def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[st
     effect = term.effect
     theta = effect.complete(term.theta)
     values = {name: float(a) for name, a in zip(term.terms, found.coefficients)}
-    full = np.zeros((len(effect.linear) + len(effect.nonlinear),) * 2)
-    order = [effect.linear_names.index(n) for n in term.terms if n in effect.linear_names]
-    nonlinear = range(0 if effect.name == "backlash" else len(effect.nonlinear))  # its travel is its gap
-    order += [len(effect.linear) + k for k in nonlinear]
-    if spread is not None and len(order) != len(term.terms) + len(nonlinear):
-        spread = spread[: len(order), : len(order)]
+    names = (*effect.linear_names, *effect.nonlinear_names)
+    full = np.zeros((len(names), len(names)))
     if spread is not None:
-        m = min(len(order), len(spread)) if len(spread) <= len(order) else len(order)
-        full[np.ix_(order[:m], order[:m])] = spread[:m, :m]
+        free, p = [q.name for q in term.free], len(found.coefficients)
+        place = [names.index(n) for n in (*term.terms, *free)]
+        pick = [*range(len(term.terms)), *range(p, p + len(free))]
+        full[np.ix_(place, place)] = spread[np.ix_(pick, pick)]
+    if effect.name == "backlash" and term.free:  # a torque that drops shows the gap by its travel
+        values["gap"] = theta["travel"]
+        full[0], full[:, 0] = full[names.index("travel")], full[:, names.index("travel")]
     context = {}
     for name in effect.context:
         k = view.number((f"{name}m", f"{name}l"), term.joint) if term.joint is not None else None

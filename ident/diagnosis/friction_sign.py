@@ -67,11 +67,10 @@ def settle_sign(
                         change[c][:, i] = d
                 score = system.score(change)
                 size = np.array([system.coefficients[k] for k, _ in columns])
-                ratio = float(score.coefficients @ size) / max(
-                    float(size @ size), 1e-30
-                )  # 1: replaces it all
-                if score.identify > gain and 0.5 < ratio < 3.0:
-                    best, gain = option, score.identify
+                ratio = float(score.coefficients @ size) / max(float(size @ size), 1e-30)
+                replaced = replacing(score.identify, ratio)
+                if replaced > gain:
+                    best, gain = option, replaced
             if best is not None:
                 sign[:, j], filtered[:, j] = options[j][best]
                 changed = True
@@ -93,6 +92,12 @@ def settle_sign(
                 values[:, int(np.flatnonzero(index == k)[0])] = sign[:, j]
     rows = replace(rows, fine=replace(fine, sign=sign))
     return rows, replace(view, entries=tuple(entries)), bank
+
+
+def replacing(gain: float, ratio: float) -> float:
+    """Gain when a column's step to another turn-over is taken once. `gain` is that of the best multiple
+    `ratio` of the step, and the likelihood is quadratic in the multiple."""
+    return gain * (2.0 / ratio - 1.0 / ratio**2) if ratio > 0.5 else 0.0
 
 
 def _options(rows: Rows, joint: int) -> list[tuple[np.ndarray, np.ndarray]]:

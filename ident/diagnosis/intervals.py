@@ -22,11 +22,7 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
     extra, layout = [], []
     for f in own:
         p = next(iter(f.columns.values())).shape[1]
-        names = (
-            []
-            if f.term is None
-            else [q.name for q in f.term.effect.nonlinear if f.term.effect.name != "backlash"]
-        )
+        names = [] if f.term is None else [q.name for q in f.term.free]
         layout.append((f, p, len(names)))
         extra += [sensitivity(f, name, state.context) for name in names]
     out = {}

@@ -21,7 +21,7 @@ from ident.diagnosis.candidates import (
 )
 from ident.diagnosis.events import block_folds, load_terms, refine_window, window_terms
 from ident.diagnosis.generic_rival import GenericLibrary, Rival, best_rival, build_generic
-from ident.diagnosis.noise_floor import noise_floor
+from ident.diagnosis.noise_floor import white_floor
 from ident.diagnosis.rotor_split import settle_rotor
 from ident.diagnosis.scoring import (
     Bank,
@@ -54,8 +54,8 @@ EVENT_LEFT = 0.01  # share of a load that the model must leave
 LEFT_GAIN = 40.0  # of a nameless explanation of what is left
 LEFT_HELD_GAIN = 15.0
 LEFT_SHARE = 0.10  # of the residual's variance, on both kinds of rows; coloured noise gives some per cent
-ABOVE_FLOOR = 3.0  # times the noise floor: structure, where held-out rows agree at all
-FAR_ABOVE_FLOOR = 8.0  # structure, whatever it depends on; the floor misses slow noise
+ABOVE_FLOOR = 5.0  # times the white floor, which misses slow noise: structure, where held-out rows agree at all
+FAR_ABOVE_FLOOR = 8.0  # structure, whatever it depends on
 PLAIN_GAIN, PLAIN_SHARE = (
     400.0,
     0.5,
@@ -79,7 +79,7 @@ class Candidate:
 
     @property
     def parameters(self) -> int:
-        return len(self.term.terms) + len(self.term.effect.nonlinear) + (2 if self.term.window else 0)
+        return len(self.term.terms) + len(self.term.free) + (2 if self.term.window else 0)
 
 
 @dataclass(frozen=True)
@@ -126,6 +126,7 @@ class Search:
             if again is current:
                 break
         if settled.bank is not state.bank:
+            settled = refine(settled)
             self.library._products.clear()
             self.generic.products.clear()
             self.event_bank = None
@@ -533,7 +534,7 @@ def leftovers(state: State, search: Search, blocked: set[int], strongest: float)
     """Channels with structure left and its gain: a nameless explanation confirmed on held-out rows, or far
     above the noise floor."""
     rows = state.context.rows
-    floor = noise_floor(rows, state.context.torque)
+    floor = white_floor(rows, state.context.torque)
     rms = np.sqrt(
         np.sum((state.system.residual * rows.keep) ** 2, axis=1) / np.maximum(rows.keep.sum(axis=1), 1)
     )

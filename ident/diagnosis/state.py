@@ -241,8 +241,8 @@ def refine(state: State, steps: int = 2) -> State:
         places = [
             (i, p)
             for i, f in enumerate(state.found)
-            if f.term is not None and f.term.effect.name != "backlash"
-            for p in f.term.effect.nonlinear
+            if f.term is not None
+            for p in f.term.free
         ]
         if not places:
             return state

@@ -15,6 +15,7 @@ from ident.diagnosis.model_view import INERTIAL, ModelView, split_name
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Columns
 from modelgen.effects import Effect
+from modelgen.effects.effect import NonlinearParameter
 
 SHIFT_CUTOFF_HZ = 3.0
 
@@ -39,6 +40,13 @@ class Term:
 
     def at(self, **theta: float) -> "Term":
         return replace(self, theta={**self.theta, **theta})
+
+    @property
+    def free(self) -> tuple[NonlinearParameter, ...]:
+        """Nonlinear parameters with a value of their own: the travel through a gap that passes all torque on
+        is the gap itself."""
+        tied = self.effect.name == "backlash" and "drop" not in self.terms
+        return () if tied else self.effect.nonlinear
 
 
 @dataclass
@@ -204,7 +212,7 @@ def _slack(term: Term, context: Context) -> Columns:
     effect = term.effect
     z = state_values(effect, context.rows.fine.q[:, j], effect.complete(term.theta), context.rows.fine.pieces)
     by_q = _sensitivity(context, j)[0]
-    parts = [-0.5 * by_q * z]
+    parts = [-0.5 * by_q * z] if "gap" in term.terms else []
     if "drop" in term.terms:
         crossing = 1.0 - np.clip(5.0 * np.abs(z) - 4.0, 0.0, 1.0)
         lost = np.zeros_like(by_q)
