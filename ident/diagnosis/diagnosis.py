@@ -337,18 +337,25 @@ def error_drop(step: Step) -> tuple[float, int]:
 
 
 def alternatives(step: Step) -> tuple[Rival, ...]:
-    """Candidates of other names or places with more than a share of the chosen one's gain."""
+    """Candidates of other names or places that explain a good share of what the chosen one does, on the
+    channel where it does most."""
     chosen = next(
         (c for c in step.ranking if step.accepted is not None and c.term.key == step.accepted.key), None
     )
     if chosen is None:
         return ()
     own = {(chosen.term.effect.name, _joints(chosen.term))}
+    before = step.before.system
+    fall = np.log(before.rss / np.maximum(chosen.score.rss, 1e-30))
+    main = int(np.argmax(before.count.sum(axis=0) * fall))
     out = []
     for c in sorted(step.ranking, key=lambda c: -c.total):
         place = (c.term.effect.name, _joints(c.term))
+        there = np.log(before.rss[main] / np.maximum(c.score.rss[main], 1e-30))
         if place in own or c.total < ALTERNATIVE_SHARE * chosen.total or c.total <= 0:
             continue
+        if not (c.event or chosen.event) and there < ALTERNATIVE_SHARE * fall[main]:
+            continue  # an event's score is of other rows
         own.add(place)
         out.append(Rival(*place, _candidate_drop(c, step)))
     return tuple(out[:5])

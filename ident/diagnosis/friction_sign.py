@@ -8,6 +8,7 @@ turn-over is a property of the model, chosen by likelihood before anything is lo
 the cap is an effect and is left for the search.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -30,21 +31,20 @@ def settle_sign(
     torque: np.ndarray | None = None,
     passes: int = 2,
     worth: float = WORTH,
+    found: Sequence[tuple[int, int, Sequence[int]]] = (),
 ) -> tuple[Rows, ModelView, Bank]:
     """Rows, view and bank with each joint's turn-over chosen; the same bank when nothing is worth a change.
 
     `extra` (channels, M, e): columns of what was found so far; `torque` (channels, M): instead of the
-    measured one.
+    measured one; `found`: (joint, column of `extra`, channels) of Coulomb friction that was found.
     """
     extra = np.zeros((*bank.base.shape[:2], 0)) if extra is None else extra
     torque = rows.y if torque is None else torque
     given = bank
-    places: dict[int, list[tuple[int, list[int]]]] = {}
-    for k, name in enumerate(view.parameters):
-        kind, row = split_name(name)
-        if kind in ("Fcm", "Fcl"):
-            channels = [c for c, (index, _) in enumerate(view.entries) if k in index]
-            places.setdefault(row - 1, []).append((k, channels))
+    places = coulomb_places(view)
+    b = bank.base.shape[2]
+    for joint, column, channels in found:
+        places.setdefault(joint, []).append((b + column, list(channels)))
     if not places:
         return rows, view, bank
     fine = rows.fine
@@ -76,22 +76,53 @@ def settle_sign(
                 changed = True
         if not changed:
             break
-        base = base.copy()
+        base, extra = base.copy(), extra.copy()
         for j, columns in places.items():
             for k, channels in columns:
                 for c in channels:
-                    base[c, :, k] = filtered[:, j]
+                    (base[c] if k < b else extra[c])[:, k if k < b else k - b] = filtered[:, j]
         bank = make_bank(base, bank.keep, bank.folds)
     if bank is given:
         return rows, view, bank
+    return replace(rows, fine=replace(fine, sign=sign)), _entries_with(view, sign), bank
+
+
+def coulomb_places(view: ModelView) -> dict[int, list[tuple[int, list[int]]]]:
+    """{joint: [(parameter, channels)]} of the model's Coulomb friction."""
+    places: dict[int, list[tuple[int, list[int]]]] = {}
+    for k, name in enumerate(view.parameters):
+        kind, row = split_name(name)
+        if kind in ("Fcm", "Fcl"):
+            channels = [c for c, (index, _) in enumerate(view.entries) if k in index]
+            places.setdefault(row - 1, []).append((k, channels))
+    return places
+
+
+def _entries_with(view: ModelView, sign: np.ndarray) -> ModelView:
     entries = [(index, values.copy()) for index, values in view.entries]
-    for j, columns in places.items():
+    for j, columns in coulomb_places(view).items():
         for k, channels in columns:
             for c in channels:
                 index, values = entries[c]
                 values[:, int(np.flatnonzero(index == k)[0])] = sign[:, j]
+    return replace(view, entries=tuple(entries))
+
+
+def sharpened(
+    rows: Rows, view: ModelView, bank: Bank, joints: Sequence[int]
+) -> tuple[Rows, ModelView, Bank]:
+    """Rows, view and bank with friction that turns over at once on these joints."""
+    fine = rows.fine
+    sign = fine.sign.copy()
+    sign[:, list(joints)] = np.tanh(fine.dq[:, list(joints)] / fine.sign_width[list(joints)])
+    filtered = rows.low_pass @ sign
+    base = bank.base.copy()
+    for j, columns in coulomb_places(view).items():
+        for k, channels in columns:
+            for c in channels:
+                base[c, :, k] = filtered[:, j]
     rows = replace(rows, fine=replace(fine, sign=sign))
-    return rows, replace(view, entries=tuple(entries)), bank
+    return rows, _entries_with(view, sign), make_bank(base, bank.keep, bank.folds)
 
 
 def replacing(gain: float, ratio: float) -> float:

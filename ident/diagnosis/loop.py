@@ -33,7 +33,16 @@ from ident.diagnosis.scoring import (
     make_bank,
     make_system,
 )
-from ident.diagnosis.state import Found, State, refine, refit, resettle, stack_columns
+from ident.diagnosis.state import (
+    Found,
+    State,
+    objective,
+    refine,
+    refit,
+    resettle,
+    sharpen,
+    stack_columns,
+)
 from ident.diagnosis.terms import Context, Term, columns
 from modelgen.effects import catalogue
 
@@ -63,6 +72,7 @@ PLAIN_GAIN, PLAIN_SHARE = (
 FEWEST_WAVES = 1.5  # of a ripple within the joint's range; fewer are a spring or a bend, not a ripple
 NARROWEST_STRIBECK = 0.018  # of the largest rate
 NAMED_TRAVEL = 8e-4  # rad; a shorter presliding is how any sign turns over
+LATE = ("time_delay",)
 EQUAL = 0.03  # candidates this close are equal: fewer parameters win
 
 
@@ -113,20 +123,14 @@ class Search:
     generic: GenericLibrary
     event_folds: Folds
     progress: Callable[[str, float | None], None]
+    bank: Bank  # that the stored products belong to
     event_bank: Bank | None = None
 
     def resettled(self, state: State) -> State:
         """The state with its friction signs chosen again; products with the old ones are forgotten."""
-        settled = state
-        delayed = any(t.effect.name == "time_delay" for t in state.terms)
-        for _ in range(MOST_SETTLINGS):
-            current = refit(settled, list(settled.found)) if delayed else settled
-            again = resettle(current)
-            settled = again
-            if again is current:
-                break
-        if settled.bank is not state.bank:
-            settled = refine(settled)
+        settled = resettle_fully(state)
+        if settled.bank is not self.bank:
+            self.bank = settled.bank
             self.library._products.clear()
             self.generic.products.clear()
             self.event_bank = None
@@ -157,6 +161,7 @@ def run_loop(
         build_generic(rows.fine, rows.low_pass),
         block_folds(rows.run, rows.t, roles != "test"),
         progress,
+        first.bank,
     )
     state = first
     steps: list[Step] = []
@@ -207,7 +212,7 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
     system, context = state.system, state.context
     done = {t.key for t in state.terms}
     ranked = screen(search.library, system)
-    ranked += screen_dynamic(search.terms, context, system, done)
+    ranked += [with_free_signs(r, state) for r in screen_dynamic(search.terms, context, system, done)]
     ripple = catalogue()["torque_ripple"]
     for c in range(len(context.view.channels)):
         if context.view.channels[c].startswith("tau_l") and len(context.view.channels) > context.view.n:
@@ -287,7 +292,7 @@ def _refined(term: Term, state: State) -> Candidate | None:
         if found.fun < loss(np.log(value) if log else value):
             term = term.at(**{p.name: best})
     cols = columns(term, context)
-    score = system.score(cols, share=np.ones(len(system.y)))
+    score = score_with_free_signs(term, cols, state)
     if effect.name == "backlash" and "drop" not in term.terms:  # the travel through the gap is the gap
         for _ in range(3):
             term = term.at(travel=float(np.clip(score.coefficients[0], 2e-5, 0.05)))
@@ -297,6 +302,83 @@ def _refined(term: Term, state: State) -> Candidate | None:
     if any(signs.get(n) == "positive" and a < 0 for n, a in zip(term.terms, score.coefficients)):
         return None
     return Candidate(term, cols, score, score.total)
+
+
+def resettle_fully(state: State) -> State:
+    """The state with its friction signs chosen again until they and what was found stand still.
+
+    Where a torque comes late, a second attempt starts from friction that turns over at once: the delay and
+    the turn-over swallow each other's part, and taking turns alone ends half-way.
+    """
+    settled = _taking_turns(state)
+    view = state.context.view
+    late = {view.joint_of[c] for t in state.terms if t.effect.name in LATE for c in t.channels}
+    if late:
+        other = _taking_turns(sharpen(state, sorted(late)))
+        settled = min((settled, other), key=objective)
+    return refine(settled) if settled.bank is not state.bank else settled
+
+
+def _taking_turns(state: State) -> State:
+    settled = state
+    delayed = any(t.effect.name in LATE for t in state.terms)
+    for _ in range(MOST_SETTLINGS):
+        current = refit(settled, list(settled.found)) if delayed else settled
+        settled = resettle(current)
+        if settled is current:
+            break
+    return settled
+
+
+def sign_columns(term: Term, state: State) -> Columns:
+    """What a sharper turn-over of friction would change in the term's channels, a column per joint.
+
+    A torque that comes late lets friction turn over late, and the turn-over chosen without the delay has
+    already swallowed much of it: a delay is judged beside signs that are free to turn over at once.
+    """
+    context = state.context
+    fine, view = context.rows.fine, context.view
+    joints = sorted({view.joint_of[c] for c in term.channels})
+    sharp = np.tanh(fine.dq[:, joints] / fine.sign_width[joints]) - fine.sign[:, joints]
+    change = context.rows.low_pass @ sharp
+    out: Columns = {}
+    for c in term.channels:
+        out[c] = np.zeros_like(change)
+        k = joints.index(view.joint_of[c])
+        out[c][:, k] = change[:, k]
+    used = [k for k in range(len(joints)) if np.abs(change[:, k]).max() > 1e-6]
+    return {c: z[:, used] for c, z in out.items()} if used else {}
+
+
+def with_free_signs(ranked: Ranked, state: State) -> Ranked:
+    """The linear screen of a late torque beside free friction signs; other terms as they are."""
+    term = ranked.term
+    if term.effect.name not in LATE:
+        return ranked
+    system, signs = state.system, sign_columns(term, state)
+    if not signs:
+        return ranked
+    cols = columns(term, state.context)
+    both = screen_columns(term, {c: np.hstack([cols[c], signs[c]]) for c in cols}, system)
+    return replace(ranked, gain=max(ranked.gain, both.gain - screen_columns(term, signs, system).gain))
+
+
+def score_with_free_signs(term: Term, cols: Columns, state: State) -> Score:
+    """The exact score; of a late torque beside free friction signs, less what these gain alone."""
+    system, equal = state.system, np.ones(len(state.system.y))
+    plain = system.score(cols, share=equal)
+    signs = sign_columns(term, state) if term.effect.name in LATE else {}
+    if not signs:
+        return plain
+    both = system.score({c: np.hstack([cols[c], signs[c]]) for c in cols}, share=equal)
+    alone = system.score(signs, share=equal)
+    free = replace(
+        both,
+        identify=both.identify - alone.identify,
+        held_out=both.held_out - alone.held_out,
+        coefficients=both.coefficients[: len(plain.coefficients)],
+    )
+    return free if free.total > plain.total else plain
 
 
 def _bracket(name: str, p, value: float, context: Context, term: Term) -> tuple[float, float]:
@@ -357,6 +439,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     """Fit with the candidate; keep it when both kinds of rows confirm it with effective sample counts."""
     found = [*state.found, Found(candidate.term, candidate.columns, candidate.score.coefficients)]
     after = settle_rotor(refine(refit(state, found)))
+    if candidate.term.effect.name in LATE:
+        after = resettle_fully(after)
     gain, held = gains(state.system, after.system)
     if candidate.event:
         gain, held = candidate.effective

@@ -4,11 +4,12 @@ Terms whose columns follow the estimate (gain, delay, elasticity, tilt, load) ar
 nonlinear parameters of all found terms are refined together by Gauss-Newton on the projected problem.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.friction_sign import settle_sign
+from ident.diagnosis.friction_sign import settle_sign, sharpened
 from ident.diagnosis.model_view import ModelView
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Bank, Columns, Folds, System, make_bank, make_system
@@ -217,11 +218,24 @@ def sensitivity(f: Found, name: str, context: Context) -> Columns:
 
 def resettle(state: State) -> State:
     """Choose the turn-over of the friction signs again beside what was found."""
+    coulomb, at = [], 0
+    for f in state.found:
+        if f.term is not None and f.term.effect.name == "coulomb_friction" and f.term.joint is not None:
+            coulomb.append((f.term.joint, at, f.term.channels))
+        at += 0 if f.lent else next(iter(f.columns.values())).shape[1]
+    context = state.context
     rows, view, bank = settle_sign(
-        state.context.rows, state.context.view, state.bank, state.system.extra, state.system.y, 1, RESETTLE
+        context.rows, context.view, state.bank, state.system.extra, state.system.y, 1, RESETTLE, coulomb
     )
-    if bank is state.bank:
-        return state
+    return state if bank is state.bank else _with_signs(state, rows, view, bank)
+
+
+def sharpen(state: State, joints: Sequence[int]) -> State:
+    """The state with friction that turns over at once on these joints."""
+    return _with_signs(state, *sharpened(state.context.rows, state.context.view, state.bank, joints))
+
+
+def _with_signs(state: State, rows: Rows, view: ModelView, bank: Bank) -> State:
     context = replace(state.context, rows=rows, view=view)
     found = [
         replace(f, columns=columns(f.term, context))

@@ -215,13 +215,19 @@ def _slack(term: Term, context: Context) -> Columns:
     parts = [-0.5 * by_q * z] if "gap" in term.terms else []
     if "drop" in term.terms:
         crossing = 1.0 - np.clip(5.0 * np.abs(z) - 4.0, 0.0, 1.0)
+        passed = passed_on(context, j)  # the model's: a sensor's torque has already dropped
         lost = np.zeros_like(by_q)
         for c, joint in enumerate(view.joint_of):
             if joint == j:
-                lost[c] = -context.tau_link[j] * crossing
+                lost[c] = -passed * crossing
         parts.append(lost)
     filtered = [context.rows.low_pass @ part.T for part in parts]
     return {c: np.stack([f[:, c] for f in filtered], axis=1) for c in range(len(view.channels))}
+
+
+def passed_on(context: Context, j: int) -> np.ndarray:
+    """(N,) rigid torque of the model that the gear of a joint passes on to its link."""
+    return context.view.link_torque(context.chi)[j] - context.view.drive_inertia(j) * context.rows.fine.ddq[:, j]
 
 
 def _with_rates(x: np.ndarray, fine, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
