@@ -292,7 +292,7 @@ def _refined(term: Term, state: State) -> Candidate | None:
         if found.fun < loss(np.log(value) if log else value):
             term = term.at(**{p.name: best})
     cols = columns(term, context)
-    score = score_with_free_signs(term, cols, state)
+    score = score_beside_nuisance(term, cols, state)
     if effect.name == "backlash" and "drop" not in term.terms:  # the travel through the gap is the gap
         for _ in range(3):
             term = term.at(travel=float(np.clip(score.coefficients[0], 2e-5, 0.05)))
@@ -363,10 +363,17 @@ def with_free_signs(ranked: Ranked, state: State) -> Ranked:
     return replace(ranked, gain=max(ranked.gain, both.gain - screen_columns(term, signs, system).gain))
 
 
-def score_with_free_signs(term: Term, cols: Columns, state: State) -> Score:
-    """The exact score; of a late torque beside free friction signs, less what these gain alone."""
+def score_beside_nuisance(term: Term, cols: Columns, state: State) -> Score:
+    """The exact score; of a late torque beside free friction signs, less what these gain alone; of a tilted
+    base less what the moments gain that gravity did not show before."""
     system, equal = state.system, np.ones(len(state.system.y))
     plain = system.score(cols, share=equal)
+    moments = beyond_terms(term, cols)
+    if moments:
+        alone = system.score(moments, share=equal)
+        return replace(
+            plain, identify=plain.identify - alone.identify, held_out=plain.held_out - alone.held_out
+        )
     signs = sign_columns(term, state) if term.effect.name in LATE else {}
     if not signs:
         return plain
@@ -379,6 +386,12 @@ def score_with_free_signs(term: Term, cols: Columns, state: State) -> Score:
         coefficients=both.coefficients[: len(plain.coefficients)],
     )
     return free if free.total > plain.total else plain
+
+
+def beyond_terms(term: Term, cols: Columns) -> Columns:
+    """Columns that go with a term and are not of its own parameters."""
+    p = len(term.terms)
+    return {c: z[:, p:] for c, z in cols.items() if z.shape[1] > p and np.any(z[:, p:])}
 
 
 def _bracket(name: str, p, value: float, context: Context, term: Term) -> tuple[float, float]:
@@ -442,6 +455,10 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     if candidate.term.effect.name in LATE:
         after = resettle_fully(after)
     gain, held = gains(state.system, after.system)
+    moments = beyond_terms(candidate.term, candidate.columns)
+    if moments:
+        alone = state.system.score(moments)
+        gain, held = gain - alone.identify, held - alone.held_out
     if candidate.event:
         gain, held = candidate.effective
         before_all, after_all = (s.rss + s.rss_held for s in (state.system, after.system))

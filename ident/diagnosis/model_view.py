@@ -66,6 +66,13 @@ class ModelView:
             out[self.joint_of[c]] = values @ rigid[index]
         return out
 
+    def link_friction(self, chi: np.ndarray, joint: int) -> np.ndarray:
+        """(N,) friction and offset behind the gear of a joint: the gear passes it on with the link's torque."""
+        c = max(c for c, j in enumerate(self.joint_of) if j == joint)
+        index, values = self.entries[c]
+        behind = np.array([split_name(self.parameters[k])[0] in ("Fvl", "Fcl", "Offl") for k in index])
+        return values @ np.where(behind, chi[index], 0.0)
+
     def number(self, kinds: Sequence[str], joint: int) -> int | None:
         """Position of the first parameter of one of these kinds at a joint (0-based), None when there is
         none."""

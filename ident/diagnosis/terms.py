@@ -177,6 +177,9 @@ def _motion(term: Term, context: Context) -> Columns:
     if not elastic:
         return _slack(term, context)
     shift = fine_columns(term, context)[:, 0]
+    friction = view.link_friction(context.chi, j)
+    if not any(name.startswith("tau_m") for name in view.channels):  # a sensor's torque has it already
+        shift = shift - friction
     own, drive = view.joint_of.index(j), view.drive_inertia(j)  # the drive does not follow the link
     if abs(size) < 1e-9:
         by_q, by_dq, by_ddq = _sensitivity(context, j)
@@ -197,10 +200,27 @@ def _motion(term: Term, context: Context) -> Columns:
             moved = view.shifted_torque(q, dq, ddq, context.chi)
             moved[own] -= drive * ddq[:, j]
             if turn + 1 < turns:
-                shift = -moved[own]
+                shift = -(moved[own] + friction)
         change = (moved - rigid) / size
+        lag = _link_friction_change(context, j, dx) / size
+        for c, joint in enumerate(view.joint_of):
+            if joint == j:
+                change[c] += lag
     filtered = context.rows.low_pass @ change.T
     return {c: filtered[:, [c]] for c in range(len(view.channels))}
+
+
+def _link_friction_change(context: Context, j: int, dx: np.ndarray) -> np.ndarray:
+    """(N,) what friction behind the gear changes when it follows the link's rate dq + dx."""
+    fine, view = context.rows.fine, context.view
+    viscous, dry = (view.number((kind,), j) for kind in ("Fvl", "Fcl"))
+    out = np.zeros(len(dx))
+    if viscous is not None:
+        out += context.chi[viscous] * dx
+    if dry is not None:
+        width, dq = fine.sign_width[j], fine.dq[:, j]
+        out += context.chi[dry] * (np.tanh((dq + dx) / width) - np.tanh(dq / width))
+    return out
 
 
 def _slack(term: Term, context: Context) -> Columns:
