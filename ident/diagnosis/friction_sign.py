@@ -14,12 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.model_view import ModelView, split_name
-from ident.diagnosis.rows import Rows
+from ident.diagnosis.rows import Rows, TurnOver
 from ident.diagnosis.scoring import Bank, make_bank, make_system
 from modelgen.effects.states import integrate_dahl
 
 RATES = tuple(5e-4 * 1.41**k for k in range(10))  # rad/s of tanh(dq / rate)
 TRAVELS = tuple(2e-6 * 1.6**k for k in range(12))  # rad of Dahl's law, up to 0.35 mrad
+SOFTER = 1.3  # times the rate or travel, for a derivative
 WORTH = 2.0  # log-likelihood that a new turn-over must gain
 
 
@@ -48,7 +49,7 @@ def settle_sign(
     if not places:
         return rows, view, bank
     fine = rows.fine
-    sign = fine.sign.copy()
+    sign, turn_over = fine.sign.copy(), list(fine.turn_over)
     filtered = rows.low_pass @ sign
     options = {j: _options(rows, j) for j in places}
     base = bank.base
@@ -57,7 +58,7 @@ def settle_sign(
         changed = False
         for j, columns in places.items():
             best, gain = None, worth
-            for option, (_, low) in enumerate(options[j]):
+            for option, (_, _, low) in enumerate(options[j]):
                 d = low - filtered[:, j]
                 if np.abs(d).max() < 1e-9:
                     continue
@@ -72,7 +73,7 @@ def settle_sign(
                 if replaced > gain:
                     best, gain = option, replaced
             if best is not None:
-                sign[:, j], filtered[:, j] = options[j][best]
+                turn_over[j], sign[:, j], filtered[:, j] = options[j][best]
                 changed = True
         if not changed:
             break
@@ -84,7 +85,8 @@ def settle_sign(
         bank = make_bank(base, bank.keep, bank.folds)
     if bank is given:
         return rows, view, bank
-    return replace(rows, fine=replace(fine, sign=sign)), _entries_with(view, sign), bank
+    rows = replace(rows, fine=replace(fine, sign=sign, turn_over=tuple(turn_over)))
+    return rows, _entries_with(view, sign), bank
 
 
 def coulomb_places(view: ModelView) -> dict[int, list[tuple[int, list[int]]]]:
@@ -108,9 +110,7 @@ def _entries_with(view: ModelView, sign: np.ndarray) -> ModelView:
     return replace(view, entries=tuple(entries))
 
 
-def sharpened(
-    rows: Rows, view: ModelView, bank: Bank, joints: Sequence[int]
-) -> tuple[Rows, ModelView, Bank]:
+def sharpened(rows: Rows, view: ModelView, bank: Bank, joints: Sequence[int]) -> tuple[Rows, ModelView, Bank]:
     """Rows, view and bank with friction that turns over at once on these joints."""
     fine = rows.fine
     sign = fine.sign.copy()
@@ -121,7 +121,10 @@ def sharpened(
         for k, channels in columns:
             for c in channels:
                 base[c, :, k] = filtered[:, j]
-    rows = replace(rows, fine=replace(fine, sign=sign))
+    turn_over = list(fine.turn_over)
+    for j in joints:
+        turn_over[j] = TurnOver("rate", float(fine.sign_width[j]))
+    rows = replace(rows, fine=replace(fine, sign=sign, turn_over=tuple(turn_over)))
     return rows, _entries_with(view, sign), make_bank(base, bank.keep, bank.folds)
 
 
@@ -131,18 +134,31 @@ def replacing(gain: float, ratio: float) -> float:
     return gain * (2.0 / ratio - 1.0 / ratio**2) if ratio > 0.5 else 0.0
 
 
-def _options(rows: Rows, joint: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """(fine, filtered) turn-overs of a joint, from sharp to soft."""
+def sign_of(rows: Rows, joint: int, turn_over: TurnOver) -> np.ndarray:
+    """(N,) the joint's sign by a law: tanh(dq/value) or Dahl's with the travel `value`."""
     fine = rows.fine
-    top = 0.02 * float(np.abs(fine.dq[:, joint]).max())
+    if turn_over.law == "rate":
+        return np.tanh(fine.dq[:, joint] / turn_over.value)
+    z = np.empty(len(fine.t))
+    for piece in fine.pieces:
+        q = fine.q[piece, joint]
+        start = float(np.sign(q[min(len(q) - 1, 5)] - q[0]))
+        z[piece] = integrate_dahl(q, {"width": turn_over.value}, start)
+    return z
+
+
+def softer(rows: Rows, joint: int) -> np.ndarray:
+    """(M,) change of the joint's filtered sign when its friction turns over a little softer."""
+    now = rows.fine.turn_over[joint]
+    other = sign_of(rows, joint, TurnOver(now.law, SOFTER * now.value))
+    return rows.low_pass @ (other - rows.fine.sign[:, joint])
+
+
+def _options(rows: Rows, joint: int) -> list[tuple[TurnOver, np.ndarray, np.ndarray]]:
+    """(law, fine, filtered) turn-overs of a joint, from sharp to soft."""
+    top = 0.02 * float(np.abs(rows.fine.dq[:, joint]).max())
     rates = [r for r in RATES if r <= top] or [max(top, 1e-6)]
-    values = [np.tanh(fine.dq[:, joint] / r) for r in rates]
-    for travel in TRAVELS:
-        z = np.empty(len(fine.t))
-        for piece in fine.pieces:
-            q = fine.q[piece, joint]
-            start = float(np.sign(q[min(len(q) - 1, 5)] - q[0]))
-            z[piece] = integrate_dahl(q, {"width": travel}, start)
-        values.append(z)
+    laws = [*(TurnOver("rate", r) for r in rates), *(TurnOver("travel", w) for w in TRAVELS)]
+    values = [sign_of(rows, joint, law) for law in laws]
     low = rows.low_pass @ np.stack(values, axis=1)
-    return [(v, low[:, i]) for i, v in enumerate(values)]
+    return [(law, v, low[:, i]) for i, (law, v) in enumerate(zip(laws, values))]

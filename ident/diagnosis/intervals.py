@@ -4,13 +4,17 @@ joints.
 With every column of the final fit (nonlinear parameters by their sensitivities), the estimate's error is
 H^-1 sum_t u_t, u_t = sum_c omega_c x_ct e_ct. Its covariance takes the series u_t with Bartlett's weights
 (Newey and West, Econometrica 55, 1987), so neither a coloured torque noise nor joints that share it make
-intervals too short.
+intervals too short; it is widened to the critical values for a finite share of lags (Kiefer and Vogelsang,
+Econometric Theory 21, 2005).
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from ident.diagnosis.scoring import make_system
-from ident.diagnosis.state import State, both_bank, sensitivity, stack_columns
+from ident.diagnosis.friction_sign import coulomb_places, softer
+from ident.diagnosis.scoring import Columns, make_system
+from ident.diagnosis.state import Found, State, both_bank, sensitivity, stack_columns
 
 LAG_SECONDS = 1.5
 
@@ -27,6 +31,7 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
         extra += [sensitivity(f, name, state.context) for name in names]
     out = {}
     if own:
+        extra += turn_overs(state, [f for f in own if f.term is not None])
         columns = stack_columns(state.bank, [f.columns for f in own] + extra)
         system = make_system(state.bank, columns, state.system.y)
         C = _sandwich(system, rows.filter.cutoff_hz)
@@ -40,6 +45,31 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
     for f in state.found:
         if f.lent and f.term is not None:
             out[f.term.key] = _lent(state, f)
+    return out
+
+
+def turn_overs(state: State, found: Sequence[Found]) -> list[Columns]:
+    """Sensitivities to how the friction of each joint with a finding turns over. The turn-over was chosen by
+    the data too; what hides behind it (Fs, mu, a delay) is as unsure as it is."""
+    rows, view, chi = state.context.rows, state.context.view, state.context.chi
+    terms = [f.term for f in found if f.term is not None]
+    joints = {view.joint_of[c] for t in terms if t.effect.kind != "load" for c in t.channels}
+    size: dict[int, dict[int, float]] = {}
+    for joint, places in coulomb_places(view).items():
+        for k, channels in places:
+            for c in channels:
+                size.setdefault(joint, {}).setdefault(c, 0.0)
+                size[joint][c] += float(chi[k])
+    for f in found:
+        if f.term is not None and f.term.effect.name == "coulomb_friction" and f.term.joint is not None:
+            for c in f.term.channels:
+                size.setdefault(f.term.joint, {}).setdefault(c, 0.0)
+                size[f.term.joint][c] += float(f.coefficients[0])
+    out = []
+    for joint in sorted(joints & set(size)):
+        change = softer(rows, joint)[:, None]
+        if np.any(change):
+            out.append({c: s * change for c, s in size[joint].items()})
     return out
 
 
@@ -61,6 +91,8 @@ def _sandwich(system, cutoff_hz: float) -> np.ndarray:
     C = H @ S @ H
     rows = float(use.sum())
     C *= rows / max(rows - system.basis.shape[1] / max(len(system.y), 1), 1.0)
+    share = (lags + 1) / max(len(U), 1)  # Bartlett's sum is short for finite lags: fixed-b critical values
+    C *= ((1.96 + 2.9694 * share + 0.416 * share**2 - 0.5324 * share**3) / 1.96) ** 2
     return system.basis @ C @ system.basis.T
 
 

@@ -29,6 +29,14 @@ MIN_SEGMENT_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
+class TurnOver:
+    """How dry friction changes sign: within a rate (tanh, rad/s) or within a travel (Dahl, rad)."""
+
+    law: str  # rate | travel
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
 class Fine:
     """Signals of all runs one after the other at the fine rate. Angles rad, joint side."""
 
@@ -36,12 +44,13 @@ class Fine:
     q: np.ndarray  # (N, n)
     dq: np.ndarray  # (N, n)
     ddq: np.ndarray  # (N, n)
-    sign: np.ndarray  # (N, n) tanh(dq / sign_width)
+    sign: np.ndarray  # (N, n) by turn_over
     run: np.ndarray  # (N,) number of the run
     pieces: tuple[slice, ...]  # segments without a gap
     step: float  # s, between samples
     velocity_noise: np.ndarray  # (runs, n) rad/s
     sign_width: np.ndarray  # (n,) rad/s
+    turn_over: tuple[TurnOver, ...]  # of each joint's sign
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +199,7 @@ def build_rows(
         step,
         noise,
         width,
+        tuple(TurnOver("rate", float(w)) for w in width),
     )
     half = int(np.ceil(2.4 / (cutoff * step)))
     hop = 1.0 / (ROWS_PER_CUTOFF * cutoff)

@@ -252,12 +252,7 @@ RESETTLE = 8.0  # log-likelihood
 def refine(state: State, steps: int = 2) -> State:
     """Gauss-Newton over the nonlinear parameters of all found terms, with shorter steps on failure."""
     for _ in range(steps):
-        places = [
-            (i, p)
-            for i, f in enumerate(state.found)
-            if f.term is not None
-            for p in f.term.free
-        ]
+        places = [(i, p) for i, f in enumerate(state.found) if f.term is not None for p in f.term.free]
         if not places:
             return state
         cols = [f.columns for f in state.found if not f.lent]

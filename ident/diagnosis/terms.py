@@ -247,7 +247,9 @@ def _slack(term: Term, context: Context) -> Columns:
 
 def passed_on(context: Context, j: int) -> np.ndarray:
     """(N,) rigid torque of the model that the gear of a joint passes on to its link."""
-    return context.view.link_torque(context.chi)[j] - context.view.drive_inertia(j) * context.rows.fine.ddq[:, j]
+    return (
+        context.view.link_torque(context.chi)[j] - context.view.drive_inertia(j) * context.rows.fine.ddq[:, j]
+    )
 
 
 def _with_rates(x: np.ndarray, fine, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
