@@ -63,10 +63,8 @@ EVENT_LEFT = 0.01  # share of a load that the model must leave
 LEFT_GAIN = 40.0  # of a nameless explanation of what is left
 LEFT_HELD_GAIN = 15.0
 LEFT_SHARE = 0.10  # of the residual's variance, on both kinds of rows; coloured noise gives some per cent
-ABOVE_FLOOR = (
-    5.0  # times the white floor, which misses slow noise: structure, where held-out rows agree at all
-)
-FAR_ABOVE_FLOOR = 8.0  # structure, whatever it depends on
+ABOVE_FLOOR = 8.0  # times the white floor (it misses slow noise): structure, where held-out rows agree
+FAR_ABOVE_FLOOR = 15.0  # structure, whatever it depends on
 PLAIN_GAIN, PLAIN_SHARE = (
     400.0,
     0.5,

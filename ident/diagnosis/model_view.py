@@ -67,7 +67,7 @@ class ModelView:
         return out
 
     def link_friction(self, chi: np.ndarray, joint: int) -> np.ndarray:
-        """(N,) friction and offset behind the gear of a joint: the gear passes it on with the link's torque."""
+        """(N,) friction and offset behind the gear of a joint: the gear passes them on as well."""
         c = max(c for c, j in enumerate(self.joint_of) if j == joint)
         index, values = self.entries[c]
         behind = np.array([split_name(self.parameters[k])[0] in ("Fvl", "Fcl", "Offl") for k in index])

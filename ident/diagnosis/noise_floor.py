@@ -2,7 +2,7 @@
 
 `white_floor` carries the noise just above the rows' cut-off into the rows: it knows nothing of slow noise.
 `noise_floor` adds the background between the lines of the final residual's spectrum: slow noise is in it, and
-so is structure without a period, so it is an upper bound; a motion's own structure stands in lines and is not.
+so is structure without a period (an upper bound); what repeats with the motion stands in lines and is not.
 """
 
 import numpy as np
