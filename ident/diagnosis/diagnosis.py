@@ -14,12 +14,14 @@ from typing import Any
 import numpy as np
 import scipy.stats
 
+from ident.diagnosis.acceptance import Step, largest_drop
 from ident.diagnosis.candidates import OWN_TERMS
 from ident.diagnosis.geometry import geometry_of
 from ident.diagnosis.intervals import covariances
-from ident.diagnosis.loop import Candidate, Outcome, Step, largest_drop, run_loop
+from ident.diagnosis.loop import Outcome, run_loop
 from ident.diagnosis.model_view import build_view
 from ident.diagnosis.noise_floor import noise_floor
+from ident.diagnosis.ranking import Candidate
 from ident.diagnosis.rows import build_rows
 from ident.diagnosis.scoring import make_folds
 from ident.diagnosis.state import Found, State, first_state, refit

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ident.diagnosis import Diagnosis
-from ident.diagnosis.loop import Step, main_channel
+from ident.diagnosis.acceptance import Step, main_channel
 from ident.diagnosis.terms import Context, Term
 from ident.report.diagnosis_report import ResidualView, diagnosis_page, effect_name, place
 from ident.report.fit_result import channel_unit
