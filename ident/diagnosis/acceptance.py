@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.diagnosis.candidates import OWN_TERMS
+from ident.diagnosis.contact_point import settle_contact
 from ident.diagnosis.nuisance import beyond_terms
 from ident.diagnosis.plausibility import implausible
 from ident.diagnosis.ranking import Candidate
@@ -40,7 +41,7 @@ class Step:
 def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> Step | None:
     """Fit with the candidate; keep it when both kinds of rows confirm it with effective sample counts."""
     found = [*state.found, Found(candidate.term, candidate.columns, candidate.score.coefficients)]
-    after = settle_rotor(refine(refit(state, found)))
+    after = settle_contact(settle_rotor(refine(refit(state, found))))
     if candidate.term.effect.name in LATE:
         after = resettle_fully(after)
     gain, held = gains(state.system, after.system)

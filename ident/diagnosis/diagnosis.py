@@ -15,8 +15,7 @@ import numpy as np
 import scipy.stats
 
 from ident.diagnosis.acceptance import Step, largest_drop
-from ident.diagnosis.candidates import OWN_TERMS
-from ident.diagnosis.geometry import geometry_of
+from ident.diagnosis.candidates import EXTENSIONS, OWN_TERMS
 from ident.diagnosis.intervals import covariances
 from ident.diagnosis.loop import Outcome, run_loop
 from ident.diagnosis.model_view import build_view
@@ -128,7 +127,7 @@ def _diagnose(study, progress: Progress, max_terms: int | None) -> Diagnosis:
     return diagnose_recordings(
         recordings,
         model,
-        geometry_of(robot),
+        robot,
         payload_models,
         tuple(study.without),
         cutoff,
@@ -184,7 +183,7 @@ def _with_identified_gains(study, recordings: list[Run]) -> list[Run]:
 def diagnose_recordings(
     recordings: Sequence,
     model,
-    geometry,
+    robot,
     payload_models: dict,
     without: Sequence[str] = (),
     position_cutoff_hz: float | None = None,
@@ -197,7 +196,7 @@ def diagnose_recordings(
     """The loop on recordings in memory (label, role, payload, t, q, tau_m, tau_l)."""
     progress("filtering", 0.05)
     rows = build_rows(recordings, tuple(model.channels), position_cutoff_hz)
-    view = build_view(model, rows.fine, geometry, rows.runs, payload_models, without, coupled_drives)
+    view = build_view(model, rows.fine, robot, rows.runs, payload_models, without, coupled_drives)
     folds = make_folds(rows.run, rows.t, [r.role for r in rows.runs])
     first = first_state(rows, view, folds)
     outcome = run_loop(first, without, progress, **({} if max_terms is None else {"max_terms": max_terms}))
@@ -280,7 +279,11 @@ def certainty(finding: Finding, coefficients: np.ndarray) -> float:
     """Distance of the effect from nothing in standard deviations: of its one size, or of its linear
     coefficients together where it has several, which may hide behind each other (Wald)."""
     effect = finding.term.effect
-    if len(effect.size_names) > 1 and finding.covariance is not None:
+    several = len(effect.size_names) > 1
+    if several and effect.name in EXTENSIONS:  # flexible shapes: every part must be there
+        told = [finding.parameters[name] for name in effect.size_names if name in finding.parameters]
+        return min((abs(t["value"]) / t["std"] for t in told if t["std"]), default=float("inf"))
+    if several and finding.covariance is not None:
         p = len(coefficients)
         C = finding.covariance[:p, :p]
         return float(np.sqrt(coefficients @ np.linalg.pinv(C) @ coefficients / p))
@@ -404,6 +407,8 @@ def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[st
             out[name] = dict(item)
     if effect.name == "joint_coupling":
         out = {k: v for k, v in out.items() if k in term.terms}
+    if effect.name == "external_force" and not term.free:  # at the origin of the last frame
+        out = {k: v for k, v in out.items() if k not in effect.nonlinear_names}
     if effect.name == "spring":  # a model with an offset cannot see where the spring rests
         out.pop("q0", None)
     if term.source is not None:

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.geometry import Geometry
 from ident.diagnosis.rows import Fine
+from modelgen.effects.frames import frames
+from modelgen.robot import Robot
 
 DRIVE = ("Iam", "Fvm", "Fcm", "Offm", "Fvl", "Fcl", "Offl")
 COUPLED = ("Iac", "Fvc", "Fcc")
@@ -41,7 +42,7 @@ class ModelView:
     parameters: tuple[str, ...]
     channels: tuple[str, ...]
     entries: tuple[tuple[np.ndarray, np.ndarray], ...]
-    geometry: Geometry
+    robot: Robot
     kept: np.ndarray  # parameter numbers of the generated model that the view keeps first
     payload_map: np.ndarray  # (base parameters of the model, 10): what a body on the last link adds
     payload_row: int
@@ -94,7 +95,7 @@ class ModelView:
 def build_view(
     model,
     fine: Fine,
-    geometry: Geometry,
+    robot: Robot,
     runs: Sequence,
     payload_models: dict,
     without: Sequence[str] = (),
@@ -149,7 +150,8 @@ def build_view(
         parameters += list(payload_models[label].parameters[len(names) :])
     for _, second_joint in coupled_drives:
         parameters += [f"{kind}{second_joint}" for kind in ("Iac", "Fvc", "Fcc")]
-    row = max(range(len(geometry.sigma)), key=lambda j: len(geometry.ancestors(j)))
+    arm = frames(robot, np.zeros((1, fine.q.shape[1])))
+    row = max(range(len(robot.links)), key=lambda j: len(arm.above(j)))
     bodies = [f"{kind}{row + 1}" for kind in INERTIAL]
     if set(bodies) <= set(model.standard_parameters):
         payload_map = np.stack([model.regroup({name: 1.0}) for name in bodies], axis=1)
@@ -157,11 +159,11 @@ def build_view(
         payload_map = np.zeros((len(names), len(INERTIAL)))
     return ModelView(
         model,
-        geometry.n,
+        fine.q.shape[1],
         tuple(parameters),
         tuple(model.channels),
         tuple(entries),
-        geometry,
+        robot,
         np.array(keep, dtype=int),
         payload_map,
         row,

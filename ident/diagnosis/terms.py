@@ -16,6 +16,7 @@ from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Columns
 from modelgen.effects import Effect
 from modelgen.effects.effect import NonlinearParameter
+from modelgen.effects.loads import force_columns, gravity_torque
 
 SHIFT_CUTOFF_HZ = 3.0
 
@@ -44,9 +45,12 @@ class Term:
     @property
     def free(self) -> tuple[NonlinearParameter, ...]:
         """Nonlinear parameters with a value of their own: the travel through a gap that passes all torque on
-        is the gap itself."""
-        tied = self.effect.name == "backlash" and "drop" not in self.terms
-        return () if tied else self.effect.nonlinear
+        is the gap itself, and a contact is at the origin of the last frame unless it was moved."""
+        if self.effect.name == "backlash" and "drop" not in self.terms:
+            return ()
+        if self.effect.name == "external_force" and not self.theta:
+            return ()
+        return self.effect.nonlinear
 
 
 @dataclass
@@ -291,7 +295,7 @@ def _sensitivity(context: Context, j: int) -> tuple[np.ndarray, np.ndarray, np.n
 def load_columns(term: Term, context: Context) -> Columns:
     """{channel: (N, p)} of a load before its gate: unit body on the last link, unit wrench, unit tilt of
     gravity."""
-    view, fine = context.view, context.rows.fine
+    view = context.view
     name = term.effect.name
     if name == "payload_change":
         key = ("payload",)
@@ -300,12 +304,22 @@ def load_columns(term: Term, context: Context) -> Columns:
         pick = [INERTIAL.index(k) for k in term.terms]
         return {c: x[:, pick] for c, x in context.cache[key].items()}
     if name == "external_force":
-        key = ("wrench",)
-        if key not in context.cache:
-            context.cache[key] = view.geometry.jacobian_torques(fine.q, view.payload_row)
+        wrench = _wrench_columns(term, context)
         pick = [("FX", "FY", "FZ", "NX", "NY", "NZ").index(k) for k in term.terms]
-        return {c: context.cache[key][view.joint_of[c]][:, pick] for c in range(len(view.channels))}
+        return {c: wrench[:, view.joint_of[c]][:, pick] for c in range(len(view.channels))}
     return _tilt_columns(term, context)
+
+
+def _wrench_columns(term: Term, context: Context) -> np.ndarray:
+    """(N, n, 6); those at the origin of the last frame, which every step searches, are kept."""
+    view, q = context.view, context.rows.fine.q
+    if term.free:
+        theta = term.effect.complete(term.theta)
+        return force_columns(view.robot, q, view.payload_row, (theta["px"], theta["py"], theta["pz"]))
+    key = ("wrench",)
+    if key not in context.cache:
+        context.cache[key] = force_columns(view.robot, q, view.payload_row)
+    return context.cache[key]
 
 
 def _payload_columns(view: ModelView) -> Columns:
@@ -320,21 +334,20 @@ def _tilt_columns(term: Term, context: Context) -> Columns:
     """Derivative of the gravity torque by roll and pitch, and (names beyond these) what joint 1 did not
     show before."""
     view, fine = context.view, context.rows.fine
-    bodies: dict[int, np.ndarray] = {}
+    bodies: dict[str, float] = {}
     for name, value in zip(view.parameters, context.chi):
         kind, row = split_name(name)
         if kind in ("MX", "MY", "MZ", "M"):
-            body = bodies.setdefault(row - 1, np.zeros(4))
-            body[("MX", "MY", "MZ", "M").index(kind)] = value
-    g = view.geometry.gravity
+            bodies[f"{kind}{row}"] = float(value)
+    g = np.array([float(view.robot.value(x)) for x in view.robot.gravity])
     axes = {"roll": np.array([1.0, 0, 0]), "pitch": np.array([0, 1.0, 0])}
     parts = []
     for name in term.terms:
         turned = -np.cross(axes[name], g)  # the base turns, so gravity turns back in its axes
-        parts.append(view.geometry.gravity_torques(fine.q, bodies, turned))
+        parts.append(gravity_torque(view.robot, fine.q, bodies, turned))
     out = {}
     for c in range(len(view.channels)):
-        columns = [p[view.joint_of[c]] for p in parts]
+        columns = [p[:, view.joint_of[c]] for p in parts]
         own = view.joint_of[c] == 0
         columns += [np.cos(fine.q[:, 0]) * own, np.sin(fine.q[:, 0]) * own]  # moments that g did not show
         out[c] = np.stack(columns, axis=1)

@@ -232,7 +232,8 @@ def _link_effects(
             extra += inside * twin.link.torque(*state, chi)
         elif effect.name == "external_force":
             wrench = np.array([e.linear[name] for name in ("FX", "FY", "FZ", "NX", "NY", "NZ")])
-            extra += inside * (force_columns(twin.robot, state[0]) @ wrench)
+            point = (e.nonlinear["px"], e.nonlinear["py"], e.nonlinear["pz"])
+            extra += inside * (force_columns(twin.robot, state[0], point=point) @ wrench)
         elif effect.name == "base_tilt":
             extra += tilt_torque(twin.robot, state[0], heavy, e.linear["roll"], e.linear["pitch"])
     return extra

@@ -24,7 +24,9 @@ EFFECT = Effect(
     source="Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1, 1968",
     terms={"Fc": SIGNALS.z - SIGNALS.sign_dq},  # instead of the sign that the model has
     linear=(LinearParameter("Fc", "N m", 0.0, 200.0, "positive"),),
-    nonlinear=(NonlinearParameter("width", "rad", 3e-4, 0.8, (1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)),),
+    nonlinear=(
+        NonlinearParameter("width", "rad", 3e-4, 0.8, (1e-3, 3e-3, 0.01, 0.02, 0.04, 0.08, 0.16, 0.32)),
+    ),
     reported=(Quantity("sigma", "N m/rad", Fc / width), Quantity("Fc", "N m", Fc)),
     inverse={"width": Fc / sigma},
     state=DAHL,

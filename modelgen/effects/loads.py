@@ -24,20 +24,23 @@ def gate(t: Array, start: float | None = None, stop: float | None = None) -> Arr
     return inside.astype(float)
 
 
-def force_columns(robot: Robot, q: Array, row: int | None = None) -> Array:
-    """(N, n, 6) columns J^T of a wrench (FX FY FZ NX NY NZ), base axes, at the origin of a row's frame.
+def force_columns(
+    robot: Robot, q: Array, row: int | None = None, point: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> Array:
+    """(N, n, 6) columns J^T of a wrench (FX FY FZ NX NY NZ), base axes, at a point [m] of a row's frame.
 
-    The last moving row by default. Unit: N m per N and per N m (revolute), N per N (prismatic).
+    By default the origin of the last moving row. Unit: N m per N and per N m (revolute), N per N (prismatic).
     """
     arm = frames(robot, q)
     last = max(j for j, k in enumerate(arm.joint) if k >= 0) if row is None else row
+    place = arm.p[:, last] + arm.R[:, last] @ np.asarray(point, dtype=float)
     columns = np.zeros((len(q), arm.n, 6))
     for j in arm.above(last):
         if arm.joint[j] < 0:
             continue
         z = arm.R[:, j, :, 2]
         if arm.sigma[j] == 0:
-            columns[:, arm.joint[j], :3] = np.cross(z, arm.p[:, last] - arm.p[:, j])
+            columns[:, arm.joint[j], :3] = np.cross(z, place - arm.p[:, j])
             columns[:, arm.joint[j], 3:] = z
         else:
             columns[:, arm.joint[j], :3] = z

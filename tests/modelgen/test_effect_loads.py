@@ -133,3 +133,13 @@ def test_payload_of_the_simulator_is_a_body_that_can_exist():
         P = np.block([[np.trace(inertia) / 2 * np.eye(3) - inertia, first.T], [first, np.array([[m]])]])
         assert np.linalg.eigvalsh(P).min() > 0
     assert e.terms["M"] == SIGNALS.gate
+
+
+def test_a_force_beside_the_origin_adds_its_moment():
+    """F at the point p of the frame is F at the origin and the moment (R p) x F."""
+    robot = load_robot("staubli_tx40")
+    q, point, force = some_states(robot), (0.02, -0.03, 0.08), np.array([3.0, -5.0, 7.0])
+    lever = frames(robot, q).R[:, -1] @ np.array(point)
+    wrench = np.concatenate([np.tile(force, (len(q), 1)), np.cross(lever, force)], axis=1)
+    expected = np.einsum("tnk,tk->tn", force_columns(robot, q), wrench)
+    assert force_columns(robot, q, point=point)[:, :, :3] @ force == pytest.approx(expected, abs=1e-12)

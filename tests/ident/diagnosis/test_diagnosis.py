@@ -7,7 +7,6 @@ import pytest
 
 import generated
 from ident.diagnosis.diagnosis import diagnose_recordings, diagnose_study
-from ident.diagnosis.geometry import geometry_of
 from ident.study import load_study
 from modelgen.robot_file import load_robot
 
@@ -17,7 +16,7 @@ DRIVES = {"Iam": 1.2, "Fvm": 6.0, "Fcm": 5.0, "Offm": 0.3}
 
 @pytest.fixture(scope="module")
 def arm():
-    return generated.load("ur10e", "A"), geometry_of(load_robot("ur10e"))
+    return generated.load("ur10e", "A"), load_robot("ur10e")
 
 
 def motion(rng, n):
@@ -52,13 +51,13 @@ def run(model, label, role, rng, extra=None):
 
 
 def diagnosed(arm, extra=None, on=("a", "b"), seed=3):
-    model, geometry = arm
+    model, robot = arm
     rng = np.random.default_rng(seed)
     runs = [
         run(model, label, role, rng, extra if label in on else None)
         for label, role in (("a", "identify"), ("b", "validate"))
     ]
-    return diagnose_recordings(runs, model, geometry, {}, position_cutoff_hz=10.0)
+    return diagnose_recordings(runs, model, robot, {}, position_cutoff_hz=10.0)
 
 
 def test_nothing_is_named_when_nothing_is_there(arm):

@@ -10,7 +10,6 @@ import pytest
 import generated
 from generated.errors import GeneratedError
 from ident.diagnosis import regenerated
-from ident.diagnosis.geometry import geometry_of
 from ident.diagnosis.intervals import covariances
 from ident.diagnosis.model_view import build_view
 from ident.diagnosis.regenerated import model_files, regenerate, with_regenerated, write_model
@@ -64,7 +63,7 @@ def fitted(path, name, terms, without=()):
     """The state with these terms added, and findings as `regenerate` reads them."""
     model = generated.load(path, name)
     rows = build_rows(recordings(model), tuple(model.channels), 10.0)
-    view = build_view(model, rows.fine, geometry_of(load_robot(path)), rows.runs, {}, without)
+    view = build_view(model, rows.fine, load_robot(path), rows.runs, {}, without)
     state = first_state(rows, view, make_folds(rows.run, rows.t, [r.role for r in rows.runs]))
     found = [Found(t, {}, np.full(len(t.terms), 1e-3)) for t in terms]
     state = refit(state, found)
