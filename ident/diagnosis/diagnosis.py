@@ -16,7 +16,7 @@ import scipy.stats
 
 from ident.diagnosis.acceptance import Step, largest_drop
 from ident.diagnosis.candidates import EXTENSIONS, OWN_TERMS
-from ident.diagnosis.intervals import covariances
+from ident.diagnosis.intervals import covariances, relative_to
 from ident.diagnosis.loop import Outcome, run_loop
 from ident.diagnosis.model_view import build_view
 from ident.diagnosis.noise_floor import noise_floor
@@ -380,25 +380,25 @@ def _channel_name(term: Term, state: State) -> str:
 
 def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[str, dict[str, Any]]:
     """{name: {value, std, unit}} of a finding as contract 7 names them."""
-    term, view = found.term, state.context.view
+    term = found.term
     assert term is not None
     effect = term.effect
     theta = effect.complete(term.theta)
     values = {name: float(a) for name, a in zip(term.terms, found.coefficients)}
-    names = (*effect.linear_names, *effect.nonlinear_names)
+    names = (*effect.linear_names, *effect.nonlinear_names, *effect.context)
     full = np.zeros((len(names), len(names)))
     if spread is not None:
         free, p = [q.name for q in term.free], len(found.coefficients)
-        place = [names.index(n) for n in (*term.terms, *free)]
-        pick = [*range(len(term.terms)), *range(p, p + len(free))]
+        relative = effect.context if len(relative_to(term, state)) == len(effect.context) else ()
+        place = [names.index(n) for n in (*term.terms, *free, *relative)]
+        pick = [*range(len(term.terms)), *range(p, p + len(free) + len(relative))]
         full[np.ix_(place, place)] = spread[np.ix_(pick, pick)]
     if effect.name == "backlash" and term.free:  # a torque that drops shows the gap by its travel
         values["gap"] = theta["travel"]
         full[0], full[:, 0] = full[names.index("travel")], full[:, names.index("travel")]
-    context = {}
-    for name in effect.context:
-        k = view.number((f"{name}m", f"{name}l"), term.joint) if term.joint is not None else None
-        context[name] = float(state.context.chi[k]) if k is not None else float("nan")
+    numbers = relative_to(term, state)
+    known = [float(state.context.chi[k]) for k in numbers] if numbers else [np.nan] * len(effect.context)
+    context = dict(zip(effect.context, known))
     for name in effect.linear_names:
         values.setdefault(name, 0.0)
     out: dict[str, dict[str, Any]] = {}

@@ -15,12 +15,14 @@ import numpy as np
 from ident.diagnosis.friction_sign import coulomb_places, softer
 from ident.diagnosis.scoring import Columns, make_system
 from ident.diagnosis.state import Found, State, both_bank, sensitivity, stack_columns
+from ident.diagnosis.terms import Term
 
 LAG_SECONDS = 1.5
 
 
 def covariances(state: State) -> dict[tuple, np.ndarray]:
-    """Covariance (linear used, then nonlinear) of every found term, by the term's key."""
+    """Covariance (linear used, nonlinear, then the model's parameters that the report divides by) of every
+    found term, by the term's key."""
     rows = state.context.rows
     own = [f for f in state.found if not f.lent]
     extra, layout = [], []
@@ -38,7 +40,8 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
         b = state.bank.base.shape[2]
         at, tail = b, b + sum(p for _, p, _ in layout)
         for f, p, k in layout:
-            pick = [*range(at, at + p), *range(tail, tail + k)]
+            relative = [] if f.term is None else relative_to(f.term, state)
+            pick = [*range(at, at + p), *range(tail, tail + k), *relative]
             if f.term is not None:
                 out[f.term.key] = C[np.ix_(pick, pick)]
             at, tail = at + p, tail + k
@@ -46,6 +49,15 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
         if f.lent and f.term is not None:
             out[f.term.key] = _lent(state, f)
     return out
+
+
+def relative_to(term: Term, state: State) -> list[int]:
+    """Numbers of the model's parameters that a term's size is reported relative to (Fv of its joint)."""
+    view = state.context.view
+    if term.joint is None:
+        return []
+    numbers = [view.number((f"{name}m", f"{name}l"), term.joint) for name in term.effect.context]
+    return [] if None in numbers else [k for k in numbers if k is not None]
 
 
 def turn_overs(state: State, found: Sequence[Found]) -> list[Columns]:

@@ -275,27 +275,27 @@ class Effect:
     ) -> dict[str, dict[str, float | str]]:
         """{name: {value, std, unit}} by the delta method: var f = f' C f'^T.
 
-        `covariance` is of (linear, nonlinear) in the order of the definition; of the linear ones alone when
-        the nonlinear ones were held fixed; None gives std 0. Optional parameters that are
+        `covariance` is of (linear, nonlinear, context) in the order of the definition; shorter when the last
+        ones were held fixed; None gives std 0. Optional parameters that are
         absent are absent from the covariance too, and what depends on them is not reported.
         """
         nonlinear = dict(nonlinear or {})
-        names = (*self.linear_names, *self.nonlinear_names)
-        values = np.array([linear.get(n, nonlinear.get(n, 0.0)) for n in names], dtype=float)
+        names = (*self.linear_names, *self.nonlinear_names, *self.context)
+        missing = sorted(set(self.context) - set(context or {}))
+        if missing:
+            raise EffectError(f"{self.name} is reported relative to {', '.join(missing)} of its joint.")
+        told = {**nonlinear, **linear, **(context or {})}
+        values = np.array([told.get(n, 0.0) for n in names], dtype=float)
         absent = {p.name for p in self.linear if p.optional and p.name not in linear}
         estimated = [i for i, name in enumerate(names) if name not in absent]
         full = np.zeros((len(names), len(names)))
         if covariance is not None:
             k = np.shape(covariance)[0]
             full[np.ix_(estimated[:k], estimated[:k])] = covariance
-        missing = sorted(set(self.context) - set(context or {}))
-        if missing:
-            raise EffectError(f"{self.name} is reported relative to {', '.join(missing)} of its joint.")
-        known = [float((context or {})[name]) for name in self.context]
         function, jacobian = _compiled_report(self)
         with np.errstate(divide="ignore", invalid="ignore"):
-            numbers = np.asarray(function(*values, *known), dtype=float).ravel()
-            J = np.asarray(jacobian(*values, *known), dtype=float).reshape(len(numbers), len(names))
+            numbers = np.asarray(function(*values), dtype=float).ravel()
+            J = np.asarray(jacobian(*values), dtype=float).reshape(len(numbers), len(names))
             std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", J, full, J), 0.0))
         return {
             quantity.name: {"value": float(v), "std": float(s), "unit": quantity.unit}
@@ -328,10 +328,10 @@ def _compiled_derivatives(effect: Effect) -> Callable:
 
 @cache
 def _compiled_report(effect: Effect) -> tuple[Callable, Callable]:
-    parameters = [sp.Symbol(n, real=True) for n in (*effect.linear_names, *effect.nonlinear_names)]
-    inputs = parameters + [sp.Symbol(n, real=True) for n in effect.context]
+    names = (*effect.linear_names, *effect.nonlinear_names, *effect.context)
+    inputs = [sp.Symbol(n, real=True) for n in names]
     quantities = sp.Matrix([q.expression for q in effect.quantities])
     return (
         sp.lambdify(inputs, quantities, modules="numpy"),
-        sp.lambdify(inputs, quantities.jacobian(parameters), modules="numpy"),
+        sp.lambdify(inputs, quantities.jacobian(inputs), modules="numpy"),
     )
