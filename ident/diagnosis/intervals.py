@@ -17,7 +17,7 @@ from ident.diagnosis.scoring import Columns, make_system
 from ident.diagnosis.state import Found, State, both_bank, sensitivity, stack_columns
 from ident.diagnosis.terms import Term
 
-LAG_SECONDS = 1.5
+LAG_SECONDS = 2.5
 
 
 def covariances(state: State) -> dict[tuple, np.ndarray]:
