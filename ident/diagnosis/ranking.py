@@ -38,6 +38,8 @@ from modelgen.effects import catalogue
 SHORTLIST = 16
 LEAST_GAIN = 4.0  # log-likelihood on the linear screen
 EVENT_LEFT = 0.01  # share of a load that the model must leave
+COMPARABLE = 0.6  # share of the first one's gain
+SLOW = 0.6  # of the largest rate
 EQUAL = 0.03  # candidates this close are equal: fewer parameters win
 
 
@@ -132,7 +134,7 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
         top = candidates[0].total
         near = [c for c in candidates if c.total >= top - EQUAL * abs(top)]
         near.sort(key=lambda c: (c.parameters, -c.total))
-        near = _no_falling_cubic(near, candidates)
+        near = _by_extrapolation(near, candidates, state)
         candidates = near + [c for c in candidates if not any(c is n for n in near)]
         candidates.sort(
             key=lambda c: c.term.effect.name not in OWN_TERMS
@@ -140,16 +142,33 @@ def rank(state: State, search: Search, blocked: set[int]) -> list[Candidate]:
     return candidates
 
 
-def _no_falling_cubic(near: list[Candidate], every: list[Candidate]) -> list[Candidate]:
-    """A power law, if nearly as good, before a cubic that makes friction fall at speed."""
+def _by_extrapolation(near: list[Candidate], every: list[Candidate], state: State) -> list[Candidate]:
+    """Friction that flattens at speed: a cubic that falls, or a power law? What predicts fast rows from slow
+    ones comes first; within the rates of the recordings the two are nearly the same curve."""
+    laws = ("nonlinear_viscous_friction", "power_law_friction")
     first = near[0]
-    if first.term.effect.name != "nonlinear_viscous_friction" or first.score.coefficients[0] >= 0:
+    if first.term.effect.name not in laws:
         return near
-    for c in every:
-        same = c.term.effect.name == "power_law_friction" and c.term.channels == first.term.channels
-        if same and c.total > 0.95 * first.total:
-            return [c, *(other for other in near if other is not c)]
-    return near
+    pair = [c for c in every if c.term.effect.name in laws and c.term.channels == first.term.channels]
+    cubic = next((c for c in pair if c.term.effect.name == laws[0]), None)
+    power = next((c for c in pair if c.term.effect.name == laws[1]), None)
+    if cubic is None or power is None or cubic.score.coefficients[0] >= 0:
+        return near
+    if min(cubic.total, power.total) < COMPARABLE * first.total:
+        return near
+    best = min((cubic, power), key=lambda c: _fast_error(c, state))
+    return [best, *(c for c in near if c is not best)]
+
+
+def _fast_error(c: Candidate, state: State) -> float:
+    """Sum of squares on the fast rows of the candidate's channel, everything fitted on the slow ones."""
+    rows, channel = state.context.rows, c.term.channels[0]
+    rate = np.abs(rows.fine.dq[rows.filter.centres, c.term.joint])
+    fast = rate > SLOW * rate[state.folds.sets >= 0].max()
+    folds = Folds(np.where(state.folds.sets >= 0, fast.astype(int), -1), (0,), (((0,), (1,)),), False)
+    bank = make_bank(state.bank.base, state.bank.keep, folds)
+    extra = stack_columns(state.bank, [f.columns for f in state.found])
+    return float(make_system(bank, extra, rows.y).score(c.columns).rss_held[channel])
 
 
 def _refined(term: Term, state: State) -> Candidate | None:
