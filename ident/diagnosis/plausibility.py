@@ -37,8 +37,8 @@ def at_bound(term: Term | None) -> bool:
     if term.effect.name == "hysteresis" and theta["width"] < 1.2 * NAMED_TRAVEL:
         return True
     for p in term.effect.nonlinear:
-        if p.name == "travel" or term.effect.name == "power_law_friction" and theta[p.name] > p.grid[-1]:
-            continue  # an exponent near 1 is a gentle bend, and there is no end to gentle
+        if p.name == "travel" or p not in term.free:
+            continue
         span = p.high - p.low
         if min(theta[p.name] - p.low, p.high - theta[p.name]) < 1e-3 * min(span, abs(theta[p.name]) + p.low):
             return True

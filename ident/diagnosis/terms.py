@@ -19,6 +19,7 @@ from modelgen.effects.effect import NonlinearParameter
 from modelgen.effects.loads import force_columns, gravity_torque
 
 SHIFT_CUTOFF_HZ = 3.0
+GENTLEST = 0.79  # exponent of a power law
 
 
 @dataclass(frozen=True)
@@ -45,10 +46,13 @@ class Term:
     @property
     def free(self) -> tuple[NonlinearParameter, ...]:
         """Nonlinear parameters with a value of their own: the travel through a gap that passes all torque on
-        is the gap itself, and a contact is at the origin of the last frame unless it was moved."""
+        is the gap itself, a contact is at the origin of the last frame unless it was moved, and a power law
+        at the upper end of its exponents is the gentlest bend that differs from viscous friction."""
         if self.effect.name == "backlash" and "drop" not in self.terms:
             return ()
         if self.effect.name == "external_force" and not self.theta:
+            return ()
+        if self.effect.name == "power_law_friction" and self.theta.get("p", 0.0) > GENTLEST:
             return ()
         return self.effect.nonlinear
 

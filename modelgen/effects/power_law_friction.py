@@ -14,7 +14,7 @@ EFFECT = Effect(
     source="Bona and Indri, Friction compensation in robotics: an overview, CDC 2005",
     terms={"Fp": (SIGNALS.dq**2 + REST**2) ** (p / 2) * SIGNALS.sign_dq},
     linear=(LinearParameter("Fp", "N m (s/rad)^p", 0.0, 100.0, "positive"),),
-    nonlinear=(NonlinearParameter("p", "-", 0.2, 0.92, (0.35, 0.5, 0.65, 0.8)),),
+    nonlinear=(NonlinearParameter("p", "-", 0.2, 0.8, (0.35, 0.5, 0.65)),),
     typical={"Fp": 6.0, "p": 0.5},
     common=False,
 )
