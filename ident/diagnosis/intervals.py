@@ -13,6 +13,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ident.diagnosis.friction_sign import coulomb_places, softer
+from ident.diagnosis.rotor_split import split_sensitivity
 from ident.diagnosis.scoring import Columns, make_system
 from ident.diagnosis.state import Found, State, both_bank, sensitivity, stack_columns
 from ident.diagnosis.terms import Term
@@ -34,6 +35,7 @@ def covariances(state: State) -> dict[tuple, np.ndarray]:
     out = {}
     if own:
         extra += turn_overs(state, [f for f in own if f.term is not None])
+        extra += [z for z in (split_sensitivity(state, f) for f in own) if z]
         columns = stack_columns(state.bank, [f.columns for f in own] + extra)
         system = make_system(state.bank, columns, state.system.y)
         C = _sandwich(system, rows.filter.cutoff_hz)

@@ -332,7 +332,7 @@ def _extra_inputs(placed: list[_Placed], state: State) -> tuple[dict[str, Any], 
                 q = context.rows.fine.q[:, term.joint]
                 values[label] = state_values(effect, q, theta, context.rows.fine.pieces)
             else:
-                values[label] = context.signals(term.joint, term.source)[name]
+                values[label] = context.signals(term)[name]
             signals.append(label)
     return values, fixed, signals
 

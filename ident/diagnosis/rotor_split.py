@@ -11,7 +11,9 @@ from dataclasses import replace
 import scipy.optimize
 
 from ident.diagnosis.model_view import ModelView
-from ident.diagnosis.state import State, objective, refit
+from ident.diagnosis.scoring import Columns
+from ident.diagnosis.state import Found, State, objective, refit
+from ident.diagnosis.terms import columns
 
 WORTH = 2.0  # log-likelihood that a split must gain
 LARGEST = 0.98  # of the joint's inertia
@@ -25,6 +27,23 @@ def settle_rotor(state: State) -> State:
         if regrouped(view, joint):
             state = _settled(state, joint)
     return state
+
+
+def split_sensitivity(state: State, f: Found) -> Columns:
+    """d(contribution)/d(drive inertia) of a found term that reads tau_link; {} where the split is known."""
+    term, context = f.term, state.context
+    if term is None or term.joint is None or "tau_link" not in term.effect.needs:
+        return {}
+    number = context.view.number(("ZZ",), term.joint)
+    if number is None or not regrouped(context.view, term.joint):
+        return {}
+    step = 0.02 * abs(float(context.chi[number])) + 1e-9
+    rotor = list(context.view.rotor or (0.0,) * context.view.n)
+    rotor[term.joint] += step
+    load = context.tau_link.copy()
+    load[term.joint] -= step * context.rows.fine.ddq[:, term.joint]
+    moved = replace(context, view=replace(context.view, rotor=tuple(rotor)), tau_link=load)
+    return {c: ((z - f.columns[c]) @ f.coefficients / step)[:, None] for c, z in columns(term, moved).items()}
 
 
 def regrouped(view: ModelView, joint: int) -> bool:

@@ -71,8 +71,9 @@ class Context:
     )  # last coefficients of measurement/motion terms
     cache: dict = field(default_factory=dict)
 
-    def signals(self, joint: int | None, source: int | None = None) -> dict[str, np.ndarray]:
-        fine = self.rows.fine
+    def signals(self, term: Term) -> dict[str, np.ndarray]:
+        """What the columns of a term are made of, (N,) each."""
+        fine, joint, source = self.rows.fine, term.joint, term.source
         out = {"t": fine.t}
         if joint is not None:
             out |= {
@@ -82,6 +83,8 @@ class Context:
                 "sign_dq": fine.sign[:, joint],
                 "tau_link": self.tau_link[joint],
             }
+            if any(self.view.channels[c].startswith("tau_l") for c in term.channels):
+                out["tau_link"] = passed_on(self, joint)  # a sensor must not explain itself
         if source is not None:
             total = fine.dq[:, joint] + fine.dq[:, source]
             out |= {
@@ -112,7 +115,7 @@ def state_values(effect: Effect, q: np.ndarray, theta: Mapping[str, float], piec
 def fine_columns(term: Term, context: Context) -> np.ndarray:
     """(N, p) columns of a `column` or `motion` term at the fine rate."""
     effect = term.effect
-    signals = context.signals(term.joint, term.source)
+    signals = context.signals(term)
     if effect.state is not None:
         theta = effect.complete(term.theta)
         signals["z"] = state_values(effect, signals["q"], theta, context.rows.fine.pieces)
@@ -186,8 +189,7 @@ def _motion(term: Term, context: Context) -> Columns:
         return _slack(term, context)
     shift = fine_columns(term, context)[:, 0]
     friction = view.link_friction(context.chi, j)
-    if not any(name.startswith("tau_m") for name in view.channels):  # a sensor's torque has it already
-        shift = shift - friction
+    shift = shift - friction
     own, drive = view.joint_of.index(j), view.drive_inertia(j)  # the drive does not follow the link
     if abs(size) < 1e-9:
         by_q, by_dq, by_ddq = _sensitivity(context, j)
