@@ -21,6 +21,7 @@ OWN_GAIN, OWN_HELD_GAIN = 14.0, 4.0  # of a term that the study itself left out:
 SMALLEST_DROP = 0.04  # of a channel's held-out error: below it, impostors outnumber effects
 EVENT_GAIN, EVENT_HELD_GAIN = 40.0, 18.0  # thousands of windows are searched
 SMALLEST_EVENT_DROP = 0.05  # of a channel's error over all runs
+HOPELESS = 0.4  # of the gain asked: no split of inertias lifts a candidate over that
 LEAST_AGREEMENT = 0.15  # held-out gain a fitted gain must bring
 
 
@@ -41,7 +42,11 @@ class Step:
 def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> Step | None:
     """Fit with the candidate; keep it when both kinds of rows confirm it with effective sample counts."""
     found = [*state.found, Found(candidate.term, candidate.columns, candidate.score.coefficients)]
-    after = settle_contact(settle_rotor(refine(refit(state, found))))
+    after = refine(refit(state, found))
+    first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else required(candidate.term)
+    if not candidate.event and gains(state.system, after.system)[0] < HOPELESS * first:
+        return None
+    after = settle_contact(settle_rotor(after))
     if candidate.term.effect.name in LATE:
         after = resettle_fully(after)
     gain, held = gains(state.system, after.system)
@@ -59,7 +64,6 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         and held_out_drop(state.system, after.system) < SMALLEST_DROP
     ):
         return None
-    first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else required(candidate.term)
     if gain < max(first, least) or held < second:
         return None
     balanced = 1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)

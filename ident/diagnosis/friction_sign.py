@@ -156,6 +156,13 @@ def softer(rows: Rows, joint: int) -> np.ndarray:
 
 def _options(rows: Rows, joint: int) -> list[tuple[TurnOver, np.ndarray, np.ndarray]]:
     """(law, fine, filtered) turn-overs of a joint, from sharp to soft."""
+    key = ("turn_overs", joint)
+    if key not in rows.memo:
+        rows.memo[key] = _all_options(rows, joint)
+    return rows.memo[key]
+
+
+def _all_options(rows: Rows, joint: int) -> list[tuple[TurnOver, np.ndarray, np.ndarray]]:
     top = 0.02 * float(np.abs(rows.fine.dq[:, joint]).max())
     rates = [r for r in RATES if r <= top] or [max(top, 1e-6)]
     laws = [*(TurnOver("rate", r) for r in rates), *(TurnOver("travel", w) for w in TRAVELS)]

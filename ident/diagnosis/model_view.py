@@ -58,14 +58,12 @@ class ModelView:
         """(channels, N) model torque on the fine signals."""
         return np.stack([values @ chi[index] for index, values in self.entries])
 
-    def link_torque(self, chi: np.ndarray) -> np.ndarray:
-        """(n, N) rigid body part of each joint's first channel, regrouped drive inertia included."""
-        rigid = np.where([split_name(p)[0] in DRIVE or p[:3] in COUPLED for p in self.parameters], 0.0, chi)
-        out = np.zeros((self.n, len(self.entries[0][1])))
-        for c in reversed(range(len(self.channels))):
-            index, values = self.entries[c]
-            out[self.joint_of[c]] = values @ rigid[index]
-        return out
+    def link_torque(self, chi: np.ndarray, joint: int) -> np.ndarray:
+        """(N,) rigid body part of the joint's first channel, regrouped drive inertia included."""
+        index, values = self.entries[self.joint_of.index(joint)]
+        names = [self.parameters[k] for k in index]
+        drive = [split_name(name)[0] in DRIVE or name[:3] in COUPLED for name in names]
+        return values @ np.where(drive, 0.0, chi[index])
 
     def link_friction(self, chi: np.ndarray, joint: int) -> np.ndarray:
         """(N,) friction and offset behind the gear of a joint: the gear passes them on as well."""

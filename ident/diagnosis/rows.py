@@ -12,7 +12,7 @@ the same product with shifted taps.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.interpolate
@@ -100,6 +100,7 @@ class Rows:
     keep: np.ndarray  # (channels, M) bool: the joint moves, friction is determined
     channels: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    memo: dict = field(default_factory=dict, compare=False)  # what depends on the motion alone
 
     def of_role(self, role: str) -> np.ndarray:
         """(M,) True where the row belongs to a run with this role."""

@@ -16,6 +16,7 @@ from ident.diagnosis.scoring import Bank, Columns, Folds, System, make_bank, mak
 from ident.diagnosis.terms import Context, Term, columns
 
 MOVING = ("measurement", "motion")
+LASTING = ("payload", "wrench", "arm", "sensitivity", "filtered", "play", "shifted")
 
 
 @dataclass(frozen=True)
@@ -83,9 +84,8 @@ def _context(rows, view, chi, found: tuple[Found, ...], size) -> Context:
 
 def _load(rows: Rows, view: ModelView, chi: np.ndarray) -> np.ndarray:
     """(n, N) torque that the gears pass on: the sensor's where motor and sensor are both measured."""
-    out = view.link_torque(chi)
-    for joint in range(view.n):
-        out[joint] -= view.drive_inertia(joint) * rows.fine.ddq[:, joint]
+    ddq = rows.fine.ddq
+    out = np.stack([view.link_torque(chi, j) - view.drive_inertia(j) * ddq[:, j] for j in range(view.n)])
     if any(c.startswith("tau_m") for c in view.channels):
         for c, name in enumerate(view.channels):
             if name.startswith("tau_l"):
@@ -128,7 +128,7 @@ def refit(state: State, found: list[Found], turns: int | None = None) -> State:
 
 def _lasting(cache: dict) -> dict:
     """Parts of a cache that outlive a new estimate: exact ones, and the sensitivities that only rank."""
-    return {k: v for k, v in cache.items() if k[0] in ("payload", "wrench", "sensitivity", "filtered")}
+    return {k: v for k, v in cache.items() if k[0] in LASTING}
 
 
 def _needs_validation(term: Term, rows: Rows) -> bool:

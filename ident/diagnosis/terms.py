@@ -16,7 +16,8 @@ from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Columns
 from modelgen.effects import Effect
 from modelgen.effects.effect import NonlinearParameter
-from modelgen.effects.loads import force_columns, gravity_torque
+from modelgen.effects.frames import frames
+from modelgen.effects.loads import force_columns, tilt_columns
 
 SHIFT_CUTOFF_HZ = 3.0
 GENTLEST = 0.79  # exponent of a power law
@@ -236,30 +237,50 @@ def _link_friction_change(context: Context, j: int, dx: np.ndarray) -> np.ndarra
 def _slack(term: Term, context: Context) -> Columns:
     """Backlash: the position torques of the shifted link (its impacts are too short for the rows), and, for
     terms with "drop", the torque of the joint that is not passed on while the motor crosses the gap."""
-    view = context.view
     j = term.joint
     assert j is not None
-    effect = term.effect
-    z = state_values(effect, context.rows.fine.q[:, j], effect.complete(term.theta), context.rows.fine.pieces)
-    by_q = _sensitivity(context, j)[0]
-    parts = [-0.5 * by_q * z] if "gap" in term.terms else []
+    travel = term.effect.complete(term.theta)["travel"]
+    parts = [_shifted(term, context, travel)] if "gap" in term.terms else []
     if "drop" in term.terms:
-        crossing = 1.0 - np.clip(5.0 * np.abs(z) - 4.0, 0.0, 1.0)
-        passed = passed_on(context, j)  # the model's: a sensor's torque has already dropped
-        lost = np.zeros_like(by_q)
-        for c, joint in enumerate(view.joint_of):
-            if joint == j:
-                lost[c] = -passed * crossing
-        parts.append(lost)
-    filtered = [context.rows.low_pass @ part.T for part in parts]
-    return {c: np.stack([f[:, c] for f in filtered], axis=1) for c in range(len(view.channels))}
+        crossing = 1.0 - np.clip(5.0 * np.abs(_place_in_gap(term, context, travel)) - 4.0, 0.0, 1.0)
+        lost = context.rows.low_pass @ (-passed_on(context, j) * crossing)  # a sensor's has dropped already
+        own = np.array([joint == j for joint in context.view.joint_of])
+        parts.append(np.where(own, lost[:, None], 0.0))
+    return {c: np.stack([part[:, c] for part in parts], axis=1) for c in range(len(context.view.channels))}
+
+
+def _place_in_gap(term: Term, context: Context, travel: float) -> np.ndarray:
+    """(N,) state of the play; those of the grid are kept, every step searches them."""
+    key, kept = ("play", term.joint, travel), travel in term.effect.nonlinear[0].grid
+    if kept and key in context.cache:
+        return context.cache[key]
+    fine = context.rows.fine
+    z = state_values(term.effect, fine.q[:, term.joint], {"travel": travel}, fine.pieces)
+    if kept:
+        context.cache[key] = z
+    return z
+
+
+def _shifted(term: Term, context: Context, travel: float) -> np.ndarray:
+    """(M, channels) filtered position torques per rad of gap; those of the grid are kept."""
+    key, kept = ("shifted", term.joint, travel), travel in term.effect.nonlinear[0].grid
+    if kept and key in context.cache:
+        return context.cache[key]
+    assert term.joint is not None
+    by_q = _sensitivity(context, term.joint)[0]
+    out = context.rows.low_pass @ (-0.5 * by_q * _place_in_gap(term, context, travel)).T
+    if kept:
+        context.cache[key] = out
+    return out
 
 
 def passed_on(context: Context, j: int) -> np.ndarray:
     """(N,) rigid torque of the model that the gear of a joint passes on to its link."""
-    return (
-        context.view.link_torque(context.chi)[j] - context.view.drive_inertia(j) * context.rows.fine.ddq[:, j]
-    )
+    key = ("passed", j)
+    if key not in context.cache:
+        drive = context.view.drive_inertia(j) * context.rows.fine.ddq[:, j]
+        context.cache[key] = context.view.link_torque(context.chi, j) - drive
+    return context.cache[key]
 
 
 def _with_rates(x: np.ndarray, fine, cutoff_hz: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -345,12 +366,11 @@ def _tilt_columns(term: Term, context: Context) -> Columns:
         kind, row = split_name(name)
         if kind in ("MX", "MY", "MZ", "M"):
             bodies[f"{kind}{row}"] = float(value)
-    g = np.array([float(view.robot.value(x)) for x in view.robot.gravity])
-    axes = {"roll": np.array([1.0, 0, 0]), "pitch": np.array([0, 1.0, 0])}
-    parts = []
-    for name in term.terms:
-        turned = -np.cross(axes[name], g)  # the base turns, so gravity turns back in its axes
-        parts.append(gravity_torque(view.robot, fine.q, bodies, turned))
+    key = ("arm",)
+    if key not in context.cache:
+        context.cache[key] = frames(view.robot, fine.q)
+    tilt = tilt_columns(view.robot, fine.q, bodies, context.cache[key])
+    parts = [tilt[:, :, ("roll", "pitch").index(name)] for name in term.terms]
     out = {}
     for c in range(len(view.channels)):
         columns = [p[:, view.joint_of[c]] for p in parts]

@@ -92,13 +92,13 @@ def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: flo
     return _gravity_torque(frames(robot, q), standard, tilted(g, roll, pitch) - g)
 
 
-def tilt_columns(robot: Robot, q: Array, standard: Mapping[str, float]) -> Array:
+def tilt_columns(robot: Robot, q: Array, standard: Mapping[str, float], arm: Frames | None = None) -> Array:
     """(N, n, 2) derivatives of the torques with respect to roll and pitch at a level base.
 
-    d/d(roll) of the gravity is -e_x x g, d/d(pitch) is -e_y x g.
+    d/d(roll) of the gravity is -e_x x g, d/d(pitch) is -e_y x g. `arm`: frames(robot, q) if known.
     """
     g = np.array([float(robot.value(x)) for x in robot.gravity])
-    arm = frames(robot, q)
+    arm = frames(robot, q) if arm is None else arm
     return np.stack([_gravity_torque(arm, standard, -np.cross(axis, g)) for axis in np.eye(3)[:2]], axis=-1)
 
 
