@@ -14,6 +14,7 @@ POINTS = 1500  # drawn of a residual against a variable; the curve of medians is
 BINS = 60
 FIRST = 3  # sentences above the fold; each finding has its own in its section
 CLOSE = 0.8  # of a finding's error drop: a rival is named in its sentence
+WORSE = 2.0  # times the error of the fitted runs: these do not determine the model
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,19 @@ def verdict(document: Mapping[str, Any]) -> str:
         sentences.append(f"{opening} no known effect explains, on {where}.")
     if not sentences:
         sentences.append("The model lacks nothing that these recordings show: what is left looks like noise.")
-    return " ".join(sentences)
+    return " ".join([*sentences, *_worse_elsewhere(document)])
+
+
+def _worse_elsewhere(document: Mapping[str, Any]) -> list[str]:
+    """A warning where runs that were not fitted have a much larger error than those that were."""
+    after, role = document["error_percent"]["after"], _held_out(document)
+    if role == "identify" or after[role]["total"] < WORSE * after["identify"]["total"]:
+        return []
+    ratio = after[role]["total"] / max(after["identify"]["total"], 1e-9)
+    return [
+        f"The error on {role} runs is {ratio:.1f} times that of the fitted ones: these do not show all that "
+        "the robot does there; fit longer, faster or more varied motion."
+    ]
 
 
 def _what_is_missing(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:
