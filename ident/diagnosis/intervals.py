@@ -19,6 +19,7 @@ from ident.diagnosis.state import Found, State, both_bank, sensitivity, stack_co
 from ident.diagnosis.terms import Term
 
 LAG_SECONDS = 2.5
+LONGEST_LAG = 0.1  # of the rows
 
 
 def covariances(state: State) -> dict[tuple, np.ndarray]:
@@ -96,7 +97,7 @@ def _sandwich(system, cutoff_hz: float) -> np.ndarray:
         X = np.hstack([system.bank.base[c], system.extra[c]]) @ system.basis
         U += X * e[:, None]
     U = U[use]
-    lags = max(4, int(LAG_SECONDS * 2.5 * cutoff_hz))
+    lags = max(4, min(int(LAG_SECONDS * 2.5 * cutoff_hz), int(LONGEST_LAG * len(U))))
     S = U.T @ U
     for k in range(1, min(lags, len(U) // 4) + 1):
         G = U[k:].T @ U[:-k]
