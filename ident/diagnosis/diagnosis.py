@@ -197,7 +197,7 @@ def diagnose_recordings(
     progress("filtering", 0.05)
     rows = build_rows(recordings, tuple(model.channels), position_cutoff_hz)
     view = build_view(model, rows.fine, robot, rows.runs, payload_models, without, coupled_drives)
-    folds = make_folds(rows.run, rows.t, [r.role for r in rows.runs])
+    folds = make_folds(rows.run, rows.t, [r.role for r in rows.runs], [r.payload for r in rows.runs])
     first = first_state(rows, view, folds)
     outcome = run_loop(first, without, progress, **({} if max_terms is None else {"max_terms": max_terms}))
     progress("uncertainties", 0.97)

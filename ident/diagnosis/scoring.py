@@ -37,9 +37,16 @@ class Folds:
         return int(self.sets.max()) + 1
 
 
-def make_folds(run: np.ndarray, t: np.ndarray, roles: Sequence[str], block_seconds: float = 3.0) -> Folds:
-    """Validate recordings are predicted from the identify ones; without any, alternating blocks in four
-    sets."""
+def make_folds(
+    run: np.ndarray,
+    t: np.ndarray,
+    roles: Sequence[str],
+    payloads: Sequence[str | None] = (),
+    block_seconds: float = 3.0,
+) -> Folds:
+    """Validate recordings are predicted from the identify ones. Without any, each identify recording from
+    the others (blocks of a periodic motion repeat each other); with one alone, or where only some carry a
+    payload, alternating blocks in four sets."""
     role = np.array(roles)[run]
     sets = np.full(len(run), -1)
     if (role == "validate").any():
@@ -47,6 +54,12 @@ def make_folds(run: np.ndarray, t: np.ndarray, roles: Sequence[str], block_secon
         sets[role == "validate"] = 1
         return Folds(sets, (0,), (((0,), (1,)),), True)
     rows = role == "identify"
+    runs = np.unique(run[rows])
+    if len(runs) > 1 and len({payloads[r] for r in runs} if payloads else {None}) == 1:
+        sets[rows] = np.searchsorted(runs, run[rows])
+        every = tuple(range(len(runs)))
+        held = tuple((tuple(s for s in every if s != k), (k,)) for k in every)
+        return Folds(sets, every, held, False)
     span = sum(np.ptp(t[rows & (run == r)]) for r in np.unique(run[rows]))
     block = min(block_seconds, max(0.5, span / 16.0))
     order = np.zeros(len(run), dtype=int)

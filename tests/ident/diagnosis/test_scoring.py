@@ -47,6 +47,15 @@ def test_without_validate_runs_alternating_blocks_are_held_out():
     assert {s for _, test in folds.held_out for s in test} == set(folds.identify)
 
 
+def test_recordings_predict_each_other_unless_a_payload_is_in_one_alone():
+    t = np.tile(np.arange(0, 60, 0.04), 2)
+    run = np.repeat([0, 1], len(t) // 2)
+    folds = make_folds(run, t, ("identify", "identify"), (None, None))
+    assert folds.sets.tolist() == run.tolist() and folds.held_out == (((1,), (0,)), ((0,), (1,)))
+    alternating = make_folds(run, t, ("identify", "identify"), (None, "L"))
+    assert set(alternating.sets[run == 0]) == {0, 1, 2, 3}
+
+
 def test_test_runs_are_in_no_set():
     folds = make_folds(np.array([0, 1, 2]), np.zeros(3), ("identify", "validate", "test"))
     assert folds.sets.tolist() == [0, 1, -1]
