@@ -56,7 +56,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         gain, held = gain - alone.identify, held - alone.held_out
     if candidate.event:
         gain, held = candidate.effective
-        before_all, after_all = (s.rss + s.rss_held for s in (state.system, after.system))
+        elsewhere = float(state.folds.by_validation)  # else the fitted rows are all there are
+        before_all, after_all = (s.rss + elsewhere * s.rss_held for s in (state.system, after.system))
         if largest_drop(before_all, after_all)[0] < SMALLEST_EVENT_DROP:
             return None
     elif (

@@ -16,7 +16,11 @@ STEPS = 4
 def settle_contact(state: State) -> State:
     """The state with the point of its last finding, if that is a contact, moved where it fits better."""
     last = state.found[-1]
-    if last.term is None or last.term.effect.name != "external_force" or last.lent:
+    if (
+        last.term is None
+        or last.term.effect.name != "external_force"
+        or (last.lent and not state.folds.by_recording)
+    ):
         return state
     term = last.term.at(px=0.0, py=0.0, pz=0.0)
     moved = Found(term, columns(term, state.context), last.coefficients)

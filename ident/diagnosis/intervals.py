@@ -114,13 +114,15 @@ def _sandwich(system, cutoff_hz: float) -> np.ndarray:
 def _lent(state: State, f) -> np.ndarray:
     """The same for a term estimated on identify and validate runs together."""
     rows = state.context.rows
-    columns = stack_columns(state.bank, [g.columns for g in state.found])
+    own = [sensitivity(f, q.name, state.context) for q in f.term.free]
+    columns = stack_columns(state.bank, [*(g.columns for g in state.found), *own])
     system = make_system(both_bank(state.bank, rows), columns, rows.y)
     C = _sandwich(system, rows.filter.cutoff_hz)
-    at = state.bank.base.shape[2]
+    at, width = state.bank.base.shape[2], C.shape[0]
     for g in state.found:
         p = next(iter(g.columns.values())).shape[1]
         if g is f:
-            return C[at : at + p, at : at + p]
+            pick = [*range(at, at + p), *range(width - len(own), width)]
+            return C[np.ix_(pick, pick)]
         at += p
     raise AssertionError

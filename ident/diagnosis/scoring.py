@@ -31,6 +31,7 @@ class Folds:
     identify: tuple[int, ...]  # sets that the final fit uses
     held_out: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]  # (fitted sets, predicted sets)
     by_validation: bool  # the predicted rows are recordings of their own
+    by_recording: bool = False  # identify recordings predict each other
 
     @property
     def count(self) -> int:
@@ -59,7 +60,7 @@ def make_folds(
         sets[rows] = np.searchsorted(runs, run[rows])
         every = tuple(range(len(runs)))
         held = tuple((tuple(s for s in every if s != k), (k,)) for k in every)
-        return Folds(sets, every, held, False)
+        return Folds(sets, every, held, False, True)
     span = sum(np.ptp(t[rows & (run == r)]) for r in np.unique(run[rows]))
     block = min(block_seconds, max(0.5, span / 16.0))
     order = np.zeros(len(run), dtype=int)

@@ -100,7 +100,7 @@ def refit(state: State, found: list[Found], turns: int | None = None) -> State:
     moving = any(f.term is not None and (f.term.effect.kind in MOVING or _follows(f.term)) for f in found)
     current = list(found)
     system = state.system
-    current = [replace(f, lent=f.term is not None and _needs_validation(f.term, rows)) for f in current]
+    current = [replace(f, lent=f.term is not None and _needs_all(f.term, rows, state.folds)) for f in current]
     if turns is None:
         turns = 4 if moving else 1
     previous = None
@@ -131,10 +131,13 @@ def _lasting(cache: dict) -> dict:
     return {k: v for k, v in cache.items() if k[0] in LASTING}
 
 
-def _needs_validation(term: Term, rows: Rows) -> bool:
-    """True for a load on a validate run, and for one on the whole of the only identify run."""
+def _needs_all(term: Term, rows: Rows, folds: Folds) -> bool:
+    """True for a load on a validate run, one on the whole of the only identify run, and one on a recording
+    that the others must predict: they cannot know of it."""
     if term.run is None or rows.runs[term.run].role == "test":
         return False
+    if folds.by_recording:
+        return True
     fitted = [i for i, r in enumerate(rows.runs) if r.role == "identify"]
     return rows.runs[term.run].role == "validate" or (term.window is None and fitted == [term.run])
 
