@@ -43,12 +43,12 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     """Fit with the candidate; keep it when both kinds of rows confirm it with effective sample counts."""
     found = [*state.found, Found(candidate.term, candidate.columns, candidate.score.coefficients)]
     after = refine(refit(state, found))
+    if candidate.term.effect.name in LATE:
+        after = resettle_fully(after)
     first, second = (EVENT_GAIN, EVENT_HELD_GAIN) if candidate.event else required(candidate.term)
     if not candidate.event and gains(state.system, after.system)[0] < HOPELESS * first:
         return None
     after = settle_contact(settle_rotor(after))
-    if candidate.term.effect.name in LATE:
-        after = resettle_fully(after)
     gain, held = gains(state.system, after.system)
     moments = beyond_terms(candidate.term, candidate.columns)
     if moments:

@@ -8,7 +8,7 @@ turn-over is a property of the model, chosen by likelihood before anything is lo
 the cap is an effect and is left for the search.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,12 +33,15 @@ def settle_sign(
     passes: int = 2,
     worth: float = WORTH,
     found: Sequence[tuple[int, int, Sequence[int]]] = (),
+    late: Mapping[int, float] | None = None,
 ) -> tuple[Rows, ModelView, Bank]:
     """Rows, view and bank with each joint's turn-over chosen; the same bank when nothing is worth a change.
 
     `extra` (channels, M, e): columns of what was found so far; `torque` (channels, M): instead of the
-    measured one; `found`: (joint, column of `extra`, channels) of Coulomb friction that was found.
+    measured one; `found`: (joint, column of `extra`, channels) of Coulomb friction that was found; `late`:
+    {channel: s} by which a channel's torque comes late, and a new turn-over with it.
     """
+    late = late or {}
     extra = np.zeros((*bank.base.shape[:2], 0)) if extra is None else extra
     torque = rows.y if torque is None else torque
     given = bank
@@ -58,6 +61,9 @@ def settle_sign(
         changed = False
         for j, columns in places.items():
             best, gain = None, worth
+            behind = _delayed(
+                rows, options[j], sign[:, j], {c: late[c] for c in late if view.joint_of[c] == j}
+            )
             for option, (_, _, low) in enumerate(options[j]):
                 d = low - filtered[:, j]
                 if np.abs(d).max() < 1e-9:
@@ -65,7 +71,7 @@ def settle_sign(
                 change = {c: np.zeros((len(d), len(columns))) for c in {c for _, cs in columns for c in cs}}
                 for i, (_, cs) in enumerate(columns):
                     for c in cs:
-                        change[c][:, i] = d
+                        change[c][:, i] = behind[c][:, option] if c in behind else d
                 score = system.score(change)
                 size = np.array([system.coefficients[k] for k, _ in columns])
                 ratio = float(score.coefficients @ size) / max(float(size @ size), 1e-30)
@@ -87,6 +93,16 @@ def settle_sign(
         return rows, view, bank
     rows = replace(rows, fine=replace(fine, sign=sign, turn_over=tuple(turn_over)))
     return rows, _entries_with(view, sign), bank
+
+
+def _delayed(
+    rows: Rows, options: Sequence, sign: np.ndarray, late: Mapping[int, float]
+) -> dict[int, np.ndarray]:
+    """{channel: (M, options)} what each turn-over would change in a channel whose torque comes late."""
+    if not late:
+        return {}
+    change = np.stack([v - sign for _, v, _ in options], axis=1)
+    return {c: rows.filter.matrix(delay) @ change for c, delay in late.items()}
 
 
 def coulomb_places(view: ModelView) -> dict[int, list[tuple[int, list[int]]]]:

@@ -15,6 +15,7 @@ from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Bank, Columns, Folds, System, make_bank, make_system
 from ident.diagnosis.terms import Context, Term, columns
 
+LITTLE = 1e-3  # s
 MOVING = ("measurement", "motion")
 LASTING = ("payload", "wrench", "arm", "sensitivity", "filtered", "play", "shifted")
 
@@ -226,11 +227,23 @@ def resettle(state: State) -> State:
         if f.term is not None and f.term.effect.name == "coulomb_friction" and f.term.joint is not None:
             coulomb.append((f.term.joint, at, f.term.channels))
         at += 0 if f.lent else next(iter(f.columns.values())).shape[1]
-    context = state.context
+    delays = [f for f in state.found if f.term is not None and f.term.effect.name == "time_delay"]
+    late = {c: float(f.coefficients[0]) for f in delays for c in f.columns}
+    context, system = state.context, state.system
+    tangents = stack_columns(state.bank, [_later(f, context) for f in delays])
+    extra = np.concatenate([system.extra, tangents], axis=2)
     rows, view, bank = settle_sign(
-        context.rows, context.view, state.bank, state.system.extra, state.system.y, 1, RESETTLE, coulomb
+        context.rows, context.view, state.bank, extra, system.y, 1, RESETTLE, coulomb, late
     )
     return state if bank is state.bank else _with_signs(state, rows, view, bank)
+
+
+def _later(f: Found, context: Context) -> Columns:
+    """What a little more delay would change: the column of a found delay is a secant, this the tangent."""
+    delay, filtered = float(f.coefficients[0]), context.rows.filter
+    torque = context.torque[list(f.columns)].T
+    change = (filtered.matrix(delay + LITTLE) - filtered.matrix(delay - LITTLE)) @ torque / (2 * LITTLE)
+    return {c: change[:, [i]] for i, c in enumerate(f.columns)}
 
 
 def sharpen(state: State, joints: Sequence[int]) -> State:
