@@ -15,13 +15,16 @@ import numpy as np
 
 from ident.diagnosis.model_view import ModelView, split_name
 from ident.diagnosis.rows import Rows, TurnOver
-from ident.diagnosis.scoring import Bank, make_bank, make_system
+from ident.diagnosis.scoring import Bank, Columns, make_bank, make_system
 from modelgen.effects.states import integrate_dahl
 
 RATES = tuple(5e-4 * 1.41**k for k in range(10))  # rad/s of tanh(dq / rate)
 TRAVELS = tuple(2e-6 * 1.6**k for k in range(12))  # rad of Dahl's law, up to 0.35 mrad
 SOFTER = 1.3  # times the rate or travel, for a derivative
 WORTH = 2.0  # log-likelihood that a new turn-over must gain
+
+
+Carried = Mapping[int, Mapping[int, np.ndarray]]  # {joint: {channel: (N,) N m that the sign multiplies}}
 
 
 def settle_sign(
@@ -32,77 +35,86 @@ def settle_sign(
     torque: np.ndarray | None = None,
     passes: int = 2,
     worth: float = WORTH,
-    found: Sequence[tuple[int, int, Sequence[int]]] = (),
+    carried: Carried | None = None,
     late: Mapping[int, float] | None = None,
 ) -> tuple[Rows, ModelView, Bank]:
     """Rows, view and bank with each joint's turn-over chosen; the same bank when nothing is worth a change.
 
     `extra` (channels, M, e): columns of what was found so far; `torque` (channels, M): instead of the
-    measured one; `found`: (joint, column of `extra`, channels) of Coulomb friction that was found; `late`:
-    {channel: s} by which a channel's torque comes late, and a new turn-over with it.
+    measured one; `carried`: amplitudes of found terms that change sign with the rate (Stribeck, load);
+    `late`: {channel: s} by which a channel's torque comes late, and a new turn-over with it.
     """
-    late = late or {}
     extra = np.zeros((*bank.base.shape[:2], 0)) if extra is None else extra
     torque = rows.y if torque is None else torque
+    carried, late = carried or {}, late or {}
     given = bank
     places = coulomb_places(view)
-    b = bank.base.shape[2]
-    for joint, column, channels in found:
-        places.setdefault(joint, []).append((b + column, list(channels)))
-    if not places:
+    joints = sorted({*places, *carried})
+    if not joints:
         return rows, view, bank
     fine = rows.fine
     sign, turn_over = fine.sign.copy(), list(fine.turn_over)
     filtered = rows.low_pass @ sign
-    options = {j: _options(rows, j) for j in places}
     base = bank.base
     for _ in range(passes):
         system = make_system(bank, extra, torque)
         changed = False
-        for j, columns in places.items():
+        for j in joints:
+            options = _options(rows, j)
+            size = coulomb_sizes(places.get(j, []), system.coefficients)
             best, gain = None, worth
-            behind = _delayed(
-                rows, options[j], sign[:, j], {c: late[c] for c in late if view.joint_of[c] == j}
-            )
-            for option, (_, _, low) in enumerate(options[j]):
-                d = low - filtered[:, j]
-                if np.abs(d).max() < 1e-9:
+            changes = _changes(rows, options, sign[:, j], filtered[:, j], size, carried.get(j, {}), late)
+            for option, change in enumerate(changes):
+                if max(np.abs(d).max() for d in change.values()) < 1e-9:
                     continue
-                change = {c: np.zeros((len(d), len(columns))) for c in {c for _, cs in columns for c in cs}}
-                for i, (_, cs) in enumerate(columns):
-                    for c in cs:
-                        change[c][:, i] = behind[c][:, option] if c in behind else d
                 score = system.score(change)
-                size = np.array([system.coefficients[k] for k, _ in columns])
-                ratio = float(score.coefficients @ size) / max(float(size @ size), 1e-30)
-                replaced = replacing(score.identify, ratio)
+                replaced = replacing(score.identify, float(score.coefficients[0]))
                 if replaced > gain:
                     best, gain = option, replaced
             if best is not None:
-                turn_over[j], sign[:, j], filtered[:, j] = options[j][best]
+                turn_over[j], sign[:, j], filtered[:, j] = options[best]
                 changed = True
         if not changed:
             break
-        base, extra = base.copy(), extra.copy()
+        base = base.copy()
         for j, columns in places.items():
             for k, channels in columns:
                 for c in channels:
-                    (base[c] if k < b else extra[c])[:, k if k < b else k - b] = filtered[:, j]
+                    base[c, :, k] = filtered[:, j]
         bank = make_bank(base, bank.keep, bank.folds)
-    if bank is given:
-        return rows, view, bank
     rows = replace(rows, fine=replace(fine, sign=sign, turn_over=tuple(turn_over)))
+    if tuple(turn_over) == fine.turn_over:
+        return rows, view, given
+    if bank is given:  # only found terms carry a sign: the model's columns are the same
+        bank = replace(bank)
     return rows, _entries_with(view, sign), bank
 
 
-def _delayed(
-    rows: Rows, options: Sequence, sign: np.ndarray, late: Mapping[int, float]
-) -> dict[int, np.ndarray]:
-    """{channel: (M, options)} what each turn-over would change in a channel whose torque comes late."""
-    if not late:
-        return {}
-    change = np.stack([v - sign for _, v, _ in options], axis=1)
-    return {c: rows.filter.matrix(delay) @ change for c, delay in late.items()}
+def coulomb_sizes(columns: Sequence, coefficients: np.ndarray) -> dict[int, float]:
+    """{channel: N m} of the model's Coulomb friction of one joint."""
+    out: dict[int, float] = {}
+    for k, channels in columns:
+        for c in channels:
+            out[c] = out.get(c, 0.0) + float(coefficients[k])
+    return out
+
+
+def _changes(rows, options, sign, filtered, size, carried, late) -> list[Columns]:
+    """For each turn-over {channel: (M, 1)} that it would change in the torque."""
+    out: list[Columns] = [{} for _ in options]
+    fine = None
+    for c in sorted({*size, *carried}):
+        if c in carried or c in late:
+            if fine is None:
+                fine = np.stack([v - sign for _, v, _ in options], axis=1)
+            matrix = rows.filter.matrix(late[c]) if c in late else rows.low_pass
+            amplitude = size.get(c, 0.0) + carried.get(c, np.zeros(1))
+            values = matrix @ (fine * amplitude[:, None])
+        else:
+            values = size[c] * (np.stack([low for _, _, low in options], axis=1) - filtered[:, None])
+        for option, change in enumerate(out):
+            change[c] = values[:, [option]]
+    return out
 
 
 def coulomb_places(view: ModelView) -> dict[int, list[tuple[int, list[int]]]]:
@@ -164,10 +176,10 @@ def sign_of(rows: Rows, joint: int, turn_over: TurnOver) -> np.ndarray:
 
 
 def softer(rows: Rows, joint: int) -> np.ndarray:
-    """(M,) change of the joint's filtered sign when its friction turns over a little softer."""
+    """(N,) change of the joint's sign when its friction turns over a little softer."""
     now = rows.fine.turn_over[joint]
     other = sign_of(rows, joint, TurnOver(now.law, SOFTER * now.value))
-    return rows.low_pass @ (other - rows.fine.sign[:, joint])
+    return other - rows.fine.sign[:, joint]
 
 
 def _options(rows: Rows, joint: int) -> list[tuple[TurnOver, np.ndarray, np.ndarray]]:

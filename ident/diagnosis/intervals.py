@@ -12,10 +12,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.diagnosis.friction_sign import coulomb_places, softer
+from ident.diagnosis.friction_sign import coulomb_places, coulomb_sizes, softer
 from ident.diagnosis.rotor_split import split_sensitivity
 from ident.diagnosis.scoring import Columns, make_system
-from ident.diagnosis.state import Found, State, both_bank, sensitivity, stack_columns
+from ident.diagnosis.state import Found, State, both_bank, carried_signs, sensitivity, stack_columns
 from ident.diagnosis.terms import Term
 
 LAG_SECONDS = 2.5
@@ -66,25 +66,21 @@ def relative_to(term: Term, state: State) -> list[int]:
 def turn_overs(state: State, found: Sequence[Found]) -> list[Columns]:
     """Sensitivities to how the friction of each joint with a finding turns over. The turn-over was chosen by
     the data too; what hides behind it (Fs, mu, a delay) is as unsure as it is."""
-    rows, view, chi = state.context.rows, state.context.view, state.context.chi
+    rows, view = state.context.rows, state.context.view
     terms = [f.term for f in found if f.term is not None]
     joints = {view.joint_of[c] for t in terms if t.effect.kind != "load" for c in t.channels}
-    size: dict[int, dict[int, float]] = {}
-    for joint, places in coulomb_places(view).items():
-        for k, channels in places:
-            for c in channels:
-                size.setdefault(joint, {}).setdefault(c, 0.0)
-                size[joint][c] += float(chi[k])
-    for f in found:
-        if f.term is not None and f.term.effect.name == "coulomb_friction" and f.term.joint is not None:
-            for c in f.term.channels:
-                size.setdefault(f.term.joint, {}).setdefault(c, 0.0)
-                size[f.term.joint][c] += float(f.coefficients[0])
+    carried, places = carried_signs(found, state.context), coulomb_places(view)
     out = []
-    for joint in sorted(joints & set(size)):
-        change = softer(rows, joint)[:, None]
-        if np.any(change):
-            out.append({c: s * change for c, s in size[joint].items()})
+    for joint in sorted(joints & {*carried, *places}):
+        size = coulomb_sizes(places.get(joint, []), state.context.chi)
+        change = softer(rows, joint)
+        own = carried.get(joint, {})
+        columns = {
+            c: (rows.low_pass @ (change * (size.get(c, 0.0) + own.get(c, 0.0))))[:, None]
+            for c in {*size, *own}
+        }
+        if any(np.any(z) for z in columns.values()):
+            out.append(columns)
     return out
 
 

@@ -13,7 +13,7 @@ from ident.diagnosis.friction_sign import settle_sign, sharpened
 from ident.diagnosis.model_view import ModelView
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Bank, Columns, Folds, System, make_bank, make_system
-from ident.diagnosis.terms import Context, Term, columns
+from ident.diagnosis.terms import Context, Term, columns, fine_columns
 
 LITTLE = 1e-3  # s
 MOVING = ("measurement", "motion")
@@ -75,8 +75,6 @@ def _context(rows, view, chi, found: tuple[Found, ...], size) -> Context:
     context = Context(rows, view, chi[:b], torque, _load(rows, view, chi[:b]), size)
     for f in found:
         if f.term is not None and f.term.effect.kind == "column":
-            from ident.diagnosis.terms import fine_columns
-
             extra = fine_columns(f.term, context) @ f.coefficients
             for c in f.term.channels:
                 torque[c] += extra
@@ -222,20 +220,36 @@ def sensitivity(f: Found, name: str, context: Context) -> Columns:
 
 def resettle(state: State) -> State:
     """Choose the turn-over of the friction signs again beside what was found."""
-    coulomb, at = [], 0
-    for f in state.found:
-        if f.term is not None and f.term.effect.name == "coulomb_friction" and f.term.joint is not None:
-            coulomb.append((f.term.joint, at, f.term.channels))
-        at += 0 if f.lent else next(iter(f.columns.values())).shape[1]
     delays = [f for f in state.found if f.term is not None and f.term.effect.name == "time_delay"]
     late = {c: float(f.coefficients[0]) for f in delays for c in f.columns}
     context, system = state.context, state.system
     tangents = stack_columns(state.bank, [_later(f, context) for f in delays])
     extra = np.concatenate([system.extra, tangents], axis=2)
+    carried = carried_signs(state.found, context)
     rows, view, bank = settle_sign(
-        context.rows, context.view, state.bank, extra, system.y, 1, RESETTLE, coulomb, late
+        context.rows, context.view, state.bank, extra, system.y, 1, RESETTLE, carried, late
     )
     return state if bank is state.bank else _with_signs(state, rows, view, bank)
+
+
+def carried_signs(found: Sequence[Found], context: Context) -> dict[int, dict[int, np.ndarray]]:
+    """{joint: {channel: (N,)}}: what found terms multiply the sign of their joint's rate with."""
+    rows = context.rows
+
+    def with_sign(value: float) -> Context:
+        sign = np.full_like(rows.fine.sign, value)
+        return replace(context, rows=replace(rows, fine=replace(rows.fine, sign=sign)))
+
+    on, off = with_sign(1.0), with_sign(0.0)
+    out: dict[int, dict[int, np.ndarray]] = {}
+    for f in found:
+        if f.term is None or f.term.joint is None or "sign_dq" not in f.term.effect.needs:
+            continue
+        amplitude = (fine_columns(f.term, on) - fine_columns(f.term, off)) @ f.coefficients
+        joint = out.setdefault(f.term.joint, {})
+        for c in f.term.channels:
+            joint[c] = joint.get(c, 0.0) + amplitude
+    return out
 
 
 def _later(f: Found, context: Context) -> Columns:
