@@ -173,6 +173,10 @@ def local_columns(
     for cubic in (2, 3, 4):
         waves.append((x - x.mean()) ** cubic)
         names.append((q,))
+    for share in (0.7, 0.8, 0.9):  # what sets in near an end of the range
+        low, high = np.quantile(x, (1 - share, share))
+        waves += [np.maximum(x - high, 0.0) ** 2, np.maximum(low - x, 0.0) ** 2]
+        names += [(q,), (q,)]
     filtered = rows.low_pass @ np.stack(waves, axis=1)
     return np.hstack([np.stack(parts, axis=1), filtered]), tuple(tuple(dict.fromkeys(n)) for n in names)
 

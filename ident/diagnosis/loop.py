@@ -109,7 +109,8 @@ def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tu
     rival = best_rival(search.generic, state.system, c, state.context)
     if rival is None:
         return None, False
-    if rival.score.total < 1.05 * step.raw_total:
+    every_row = state.system.score({c: rival.columns}, share=np.ones(len(state.system.y)))
+    if every_row.total < 1.05 * step.raw_total:
         return rival, False
     nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
     gain, held = gains(state.system, refit(state, [*state.found, nuisance], turns=1).system)
