@@ -23,6 +23,7 @@ LEFT_GAIN, LEFT_HELD_GAIN = 40.0, 15.0  # of a nameless explanation of what is l
 LEFT_SHARE = 0.10  # of the residual's variance, on both kinds of rows; coloured noise gives some per cent
 ABOVE_FLOOR = 8.0  # times the white floor (it misses slow noise): structure, where held-out rows agree
 FAR_ABOVE_FLOOR = 15.0  # structure, whatever it depends on
+SMALL_PART = 0.25
 PLAIN_GAIN, PLAIN_SHARE = 400.0, 0.5  # structure on fitted rows alone: held-out motion may differ too much
 
 
@@ -32,6 +33,15 @@ class Outcome:
     first: State
     last: State
     unexplained: tuple[Rival, ...]
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """Structure without a name: its gain and the sum of squares it explains, 0 unless held-out rows agree."""
+
+    rival: Rival
+    gain: float
+    energy: float
 
 
 def run_loop(
@@ -82,19 +92,27 @@ def run_loop(
         state = search.resettled(step.after)
     progress("what is left", 0.95)
     state, steps = prune(state, steps, least_share * strongest)
-    for rival, gain in leftovers(state, search, blocked, strongest):
-        unexplained.append(rival)
-        impostors = {
-            s.accepted.key
-            for s in steps
-            if s.accepted is not None and s.accepted.effect.name not in OWN_TERMS
-            if rival.channel in s.accepted.channels and s.accepted.effect.joints != "robot"
-            if s.gain + s.held_out < gain
-        }
-        if impostors:  # they took a small part of something that has no name
+    for left in leftovers(state, search, blocked, strongest):
+        unexplained.append(left.rival)
+        impostors = {s.accepted.key for s in steps if s.accepted is not None and took_part_of(s, left)}
+        if impostors:
             steps = [s for s in steps if s.accepted is None or s.accepted.key not in impostors]
             state = refit(state, [f for f in state.found if f.term is None or f.term.key not in impostors])
     return Outcome(tuple(steps), first, state, tuple(unexplained))
+
+
+def took_part_of(step: Step, left: Leftover) -> bool:
+    """A finding of one joint that explains little beside what has no name there: a part of that."""
+    term, c = step.accepted, left.rival.channel
+    if (
+        term is None
+        or term.effect.name in OWN_TERMS
+        or term.effect.joints == "robot"
+        or c not in term.channels
+    ):
+        return False
+    energy = float(step.before.system.rss[c] - step.after.system.rss[c])
+    return step.gain + step.held_out < left.gain or energy < SMALL_PART * left.energy
 
 
 def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tuple[Rival | None, bool]:
@@ -144,9 +162,9 @@ def prune(state: State, steps: list[Step], least: float) -> tuple[State, list[St
     return state, steps
 
 
-def leftovers(state: State, search: Search, blocked: set[int], strongest: float) -> list[tuple[Rival, float]]:
-    """Channels with structure left and its gain: a nameless explanation confirmed on held-out rows, or far
-    above the noise floor."""
+def leftovers(state: State, search: Search, blocked: set[int], strongest: float) -> list[Leftover]:
+    """Channels with structure left: a nameless explanation confirmed on held-out rows, or far above the noise
+    floor."""
     rows = state.context.rows
     floor = white_floor(rows, state.context.torque)
     rms = np.sqrt(
@@ -161,7 +179,7 @@ def leftovers(state: State, search: Search, blocked: set[int], strongest: float)
             continue
         above = floor[c] > 1e-3 * rms[c] and rms[c] > ABOVE_FLOOR * floor[c]
         far_above = above and rms[c] > FAR_ABOVE_FLOOR * floor[c]
-        if rival.score.identify < LEFT_GAIN and not above:
+        if rival.score.identify < SMALL_PART * LEFT_GAIN and not above:
             continue
         nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
         after = refit(state, [*state.found, nuisance], turns=1).system
@@ -172,5 +190,7 @@ def leftovers(state: State, search: Search, blocked: set[int], strongest: float)
         confirmed = plain or (enough and share > LEFT_SHARE)
         if confirmed or far_above or (above and held > LEFT_HELD_GAIN):
             percent = rival.share_percent if confirmed else 100 * (1 - (floor[c] / rms[c]) ** 2)
-            out.append((replace(rival, share_percent=float(percent)), gain + held if confirmed else 0.0))
+            energy = float(state.system.rss[c] - after.rss[c])
+            told = replace(rival, share_percent=float(percent))
+            out.append(Leftover(told, *((gain + held, energy) if confirmed else (0.0, 0.0))))
     return out
