@@ -13,9 +13,11 @@ from ident.diagnosis.generic_rival import Rival, best_rival, build_generic
 from ident.diagnosis.noise_floor import white_floor
 from ident.diagnosis.plausibility import physical
 from ident.diagnosis.ranking import Search, rank
-from ident.diagnosis.state import Found, State, refit
+from ident.diagnosis.state import Found, State, refit, stack_columns
+from ident.diagnosis.terms import Term
 
 MAX_TERMS = 14
+SECONDS = 4  # candidates tried beside an accepted term
 TRIES = 5
 SMALLEST_SHARE = 0.02  # of the strongest finding's gain
 SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes are smaller
@@ -122,19 +124,47 @@ def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tu
     if term.effect.name in OWN_TERMS:  # the study itself left it out, so it is there, whatever else is
         return None, False
     c = term.channels[0] if len(term.channels) == 1 else main_channel(step)
-    if c in blocked:
-        return None, False
+    joint = state.context.view.joint_of[c]
+    done = {t.key for t in step.after.terms}
+    if c in blocked or any(left_out(t, joint) and t.key not in done for t in search.terms):
+        return None, False  # what the study left out there would look like a rival
     rival = best_rival(search.generic, state.system, c, state.context)
     if rival is None:
         return None, False
     every_row = state.system.score({c: rival.columns}, share=np.ones(len(state.system.y)))
-    if every_row.total < 1.05 * step.raw_total:
+    if every_row.total < 1.05 * max(step.raw_total, best_pair(state, step, c)):
         return rival, False
     nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
     gain, held = gains(state.system, refit(state, [*state.found, nuisance], turns=1).system)
     if gain + held < 1.1 * (step.gain + step.held_out) + 10:
         return rival, False
     return rival, True
+
+
+def best_pair(state: State, step: Step, c: int) -> float:
+    """Score of the accepted term with the best second one on its channel: a rival has two columns as well.
+    Two shapes over the position together can draw anything, so they do not count as two effects."""
+    system, every = state.system, np.ones(len(state.system.y))
+    own = next(x for x in step.ranking if step.accepted is not None and x.term.key == step.accepted.key)
+    others = [x for x in step.ranking if x is not own and not x.event and c in x.columns]
+    if is_shape(own.term):
+        others = [x for x in others if not is_shape(x.term)]
+    best = 0.0
+    for other in others[:SECONDS]:
+        both = stack_columns(state.bank, [own.columns, other.columns])
+        touched = {*own.columns, *other.columns}
+        best = max(best, system.score({k: both[k] for k in touched}, share=every).total)
+    return best
+
+
+def is_shape(term: Term) -> bool:
+    """A torque over the joint's own position alone."""
+    return term.effect.needs == {"q"}
+
+
+def left_out(term: Term, joint: int) -> bool:
+    """A term of the paper's own model, on this joint, that the study leaves out."""
+    return term.effect.name in OWN_TERMS and term.joint == joint
 
 
 def prune(state: State, steps: list[Step], least: float) -> tuple[State, list[Step]]:
