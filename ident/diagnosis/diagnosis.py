@@ -396,6 +396,9 @@ def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[st
     if effect.name == "backlash" and term.free:  # a torque that drops shows the gap by its travel
         values["gap"] = theta["travel"]
         full[0], full[:, 0] = full[names.index("travel")], full[:, names.index("travel")]
+        assert term.joint is not None
+        step = np.sqrt(12.0) * state.context.rows.fine.position_noise[term.joint]
+        full[0, 0] += (step / 2) ** 2  # where the gap ends is seen to half a step of the encoder
     numbers = relative_to(term, state)
     known = [float(state.context.chi[k]) for k in numbers] if numbers else [np.nan] * len(effect.context)
     context = dict(zip(effect.context, known))

@@ -49,6 +49,7 @@ class Fine:
     pieces: tuple[slice, ...]  # segments without a gap
     step: float  # s, between samples
     velocity_noise: np.ndarray  # (runs, n) rad/s
+    position_noise: np.ndarray  # (n,) rad, standard deviation of the white part before filtering
     sign_width: np.ndarray  # (n,) rad/s
     turn_over: tuple[TurnOver, ...]  # of each joint's sign
 
@@ -164,7 +165,7 @@ def build_rows(
     step = 1.0 / fine_rate
     n = recordings[0].q.shape[1]
     parts: list[dict] = []
-    noise = np.zeros((len(recordings), n))
+    noise, position_noise = np.zeros((len(recordings), n)), np.zeros(n)
     infos = []
     for number, (r, r_rate) in enumerate(zip(recordings, rates)):
         t0 = float(r.t[0])
@@ -172,11 +173,12 @@ def build_rows(
         measured = measured_channels(r, channels)
         levels = []
         for piece in _split(r.t):
-            part, level = _fine_piece(r.t[piece], r.q[piece], measured[piece], r_rate, cutoff, step)
+            part, level, white = _fine_piece(r.t[piece], r.q[piece], measured[piece], r_rate, cutoff, step)
             part["run"] = np.full(len(part["t"]), number)
             part["t"] = part["t"] - t0
             parts.append(part)
             levels.append(level)
+            position_noise = np.maximum(position_noise, white)
         if levels:
             noise[number] = np.max(levels, axis=0)
     if not parts:
@@ -199,6 +201,7 @@ def build_rows(
         pieces,
         step,
         noise,
+        position_noise,
         width,
         tuple(TurnOver("rate", float(w)) for w in width),
     )
@@ -246,8 +249,9 @@ def measured_channels(recording, channels: tuple[str, ...]) -> np.ndarray:
     return np.stack(columns, axis=1)
 
 
-def _fine_piece(t, q, y, rate, cutoff, step) -> tuple[dict, np.ndarray]:
-    """Signals of one segment at the fine rate, and the standard deviation of its velocity noise (n,)."""
+def _fine_piece(t, q, y, rate, cutoff, step) -> tuple[dict, np.ndarray, np.ndarray]:
+    """Signals of one segment at the fine rate, and the standard deviations of its velocity noise and of the
+    white noise of its positions, (n,) each."""
     steps = np.diff(t)
     uniform = np.max(np.abs(steps - 1.0 / rate)) < 0.02 / rate
     factor = rate * step
@@ -275,7 +279,7 @@ def _fine_piece(t, q, y, rate, cutoff, step) -> tuple[dict, np.ndarray]:
         hop = round(ratio)
         t, q, dq, ddq, y = t[::hop], q[::hop], dq[::hop], ddq[::hop], y[::hop]
     level = sigma * 2 * np.pi * prefilter / np.sqrt(3.0) * np.sqrt(prefilter / (0.5 * rate))
-    return {"t": t, "q": q, "dq": dq, "ddq": ddq, "y": y}, level
+    return {"t": t, "q": q, "dq": dq, "ddq": ddq, "y": y}, level, sigma
 
 
 def _moving(fine: Fine, centres: np.ndarray, channels: tuple[str, ...]) -> np.ndarray:
