@@ -4,6 +4,7 @@ rows -> candidates -> scoring -> (generic rival, events) -> state (refined toget
 document.
 """
 
-from ident.diagnosis.diagnosis import Diagnosis, Finding, Unexplained, diagnose_study
+from ident.diagnosis.diagnosis import Diagnosis, diagnose_study
+from ident.diagnosis.findings import Finding, Unexplained
 
 __all__ = ["Diagnosis", "Finding", "Unexplained", "diagnose_study"]

@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from ident.diagnosis.diagnosis import Diagnosis, errors_by_recording
+from ident.diagnosis.diagnosis import Diagnosis
+from ident.diagnosis.error_table import errors_by_recording
 
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:

@@ -17,7 +17,8 @@ import numpy as np
 import generated
 from generated.errors import GeneratedError
 from ident.columns import unit_of
-from ident.diagnosis.diagnosis import Diagnosis, Finding
+from ident.diagnosis.diagnosis import Diagnosis
+from ident.diagnosis.findings import Finding
 from ident.diagnosis.model_view import LEFT_OUT, split_name
 from ident.diagnosis.state import Found, State
 from ident.diagnosis.terms import Term, fine_columns, state_values
