@@ -87,7 +87,7 @@ def test_the_turn_over_of_friction_is_that_of_the_robot(arm, travel):
 
 
 def test_a_step_is_worth_what_taking_it_once_gains():
-    """The likelihood is a parabola in the multiple of the step: its top at 2 leaves 3/4 for the whole step."""
+    """The likelihood is a parabola in the multiple of the step: a top at 2 leaves 3/4 for the step."""
     assert replacing(100.0, 1.0) == 100.0
     assert replacing(100.0, 2.0) == pytest.approx(75.0)
     assert replacing(100.0, 0.4) == 0.0  # beyond twice the top a step loses
