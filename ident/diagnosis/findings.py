@@ -78,7 +78,7 @@ def certainty(finding: Finding, coefficients: np.ndarray) -> float:
     if several and effect.name in EXTENSIONS:  # flexible shapes: every part must be there
         told = [finding.parameters[name] for name in effect.size_names if name in finding.parameters]
         return min((abs(t["value"]) / t["std"] for t in told if t["std"]), default=float("inf"))
-    if several and finding.covariance is not None:
+    if (several or effect.context) and finding.covariance is not None:  # a share of Fv is as unsure as Fv
         p = len(coefficients)
         C = finding.covariance[:p, :p]
         return float(np.sqrt(coefficients @ np.linalg.pinv(C) @ coefficients / p))

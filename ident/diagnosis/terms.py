@@ -20,6 +20,8 @@ from modelgen.effects.frames import frames
 from modelgen.effects.loads import force_columns, tilt_columns
 
 SHIFT_CUTOFF_HZ = 3.0
+NEAR_RESONANCE = 3.0  # times that cut-off
+BELOW_RESONANCE = 0.8
 GENTLEST = 0.79  # exponent of a power law
 
 
@@ -180,20 +182,21 @@ def smooth(x: np.ndarray, pieces, step: float, cutoff_hz: float) -> np.ndarray:
 def _motion(term: Term, context: Context) -> Columns:
     """Rigid torque changed by the link's shift x: linear in x at first, the secant [tau(q + s x) -
     tau(q)]/s later."""
+    if term.effect.name != "joint_elasticity":
+        return _slack(term, context)
     fine, view = context.rows.fine, context.view
-    size = _size(term, context)
-    elastic = term.effect.name == "joint_elasticity"
-    cutoff = SHIFT_CUTOFF_HZ
+    size, cutoff = _size(term, context), SHIFT_CUTOFF_HZ
     j = term.joint
     assert j is not None
-    if not elastic:
-        return _slack(term, context)
-    shift = fine_columns(term, context)[:, 0]
-    friction = view.link_friction(context.chi, j)
-    shift = shift - friction
     own, drive = view.joint_of.index(j), view.drive_inertia(j)  # the drive does not follow the link
+    by_q, by_dq, by_ddq = _sensitivity(context, j)
+    friction = view.link_friction(context.chi, j)
+    square = size * abs(float(np.median(by_ddq[own])))  # one over the resonance's rate squared
+    bent = _measured_bending(j, square, context)
+    if bent is None and square > 0:
+        cutoff = min(cutoff, BELOW_RESONANCE / (2 * np.pi * np.sqrt(square)))
+    shift = fine_columns(term, context)[:, 0] - friction if bent is None else bent
     if abs(size) < 1e-9:
-        by_q, by_dq, by_ddq = _sensitivity(context, j)
         x, dx, ddx = _with_rates(shift, fine, cutoff)
         change = by_q * x + by_dq * dx + by_ddq * ddx
         change[own] -= drive * ddx
@@ -201,7 +204,7 @@ def _motion(term: Term, context: Context) -> Columns:
         rigid = _rigid(context).copy()
         rigid[own] -= drive * fine.ddq[:, j]
         moved = rigid
-        turns = 3
+        turns = 3 if bent is None else 1
         for turn in range(turns):
             x, dx, ddx = _with_rates(size * shift, fine, cutoff)
             q, dq, ddq = fine.q.copy(), fine.dq.copy(), fine.ddq.copy()
@@ -219,6 +222,17 @@ def _motion(term: Term, context: Context) -> Columns:
                 change[c] += lag
     filtered = context.rows.low_pass @ change.T
     return {c: filtered[:, [c]] for c in range(len(view.channels))}
+
+
+def _measured_bending(j: int, square: float, context: Context) -> np.ndarray | None:
+    """(N,) minus the sensor's torque, which bends the joint, where the model's is of no use: its iteration
+    diverges above the resonance, 1/sqrt(`square`) rad/s (0: not known yet). None: no sensor, or a joint stiff
+    enough for the model, which has no noise."""
+    sensor = f"tau_l{j + 1}"
+    stiff = square > 0 and square < (2 * np.pi * NEAR_RESONANCE * SHIFT_CUTOFF_HZ) ** -2
+    if sensor not in context.view.channels or stiff:
+        return None
+    return -context.rows.y_fine[context.view.channels.index(sensor)]
 
 
 def _link_friction_change(context: Context, j: int, dx: np.ndarray) -> np.ndarray:
