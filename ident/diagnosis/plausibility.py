@@ -6,8 +6,9 @@ from ident.diagnosis.state import Found
 from ident.diagnosis.terms import Context, Term
 
 FEWEST_WAVES = 1.5  # of a ripple within the joint's range; fewer are a spring or a bend, not a ripple
+LEAST_BRISTLE = 0.2  # of the dry friction
 NARROWEST_STRIBECK = 0.018  # of the largest rate
-NAMED_TRAVEL = 8e-4  # rad; a shorter presliding is how any sign turns over
+NAMED_TRAVEL = 4e-4  # rad; a shorter presliding is how any sign turns over (friction_sign)
 
 
 def implausible(f: Found, context: Context) -> bool:
@@ -18,6 +19,7 @@ def implausible(f: Found, context: Context) -> bool:
         or is_turn_over(f.term, context)
         or is_bend(f.term, context)
         or leaves_no_friction(f.term, context)
+        or is_residue(f, context)
     )
 
 
@@ -43,6 +45,14 @@ def at_bound(term: Term | None) -> bool:
         if min(theta[p.name] - p.low, p.high - theta[p.name]) < 1e-3 * min(span, abs(theta[p.name]) + p.low):
             return True
     return False
+
+
+def is_residue(f: Found, context: Context) -> bool:
+    """A hysteresis of a small part of the dry friction: how the rest turns over is not quite right."""
+    if f.term is None or f.term.effect.name != "hysteresis" or f.term.joint is None:
+        return False
+    number = context.view.number(("Fcm", "Fcl"), f.term.joint)
+    return number is not None and float(f.coefficients[0]) < LEAST_BRISTLE * float(context.chi[number])
 
 
 def is_turn_over(term: Term | None, context: Context) -> bool:

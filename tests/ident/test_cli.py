@@ -119,7 +119,13 @@ def test_a_folder_that_is_a_file_is_refused(tmp_path):
 @pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
 def test_control_c_is_status_130_and_leaves_nothing(tmp_path):
     command = [sys.executable, "-m", "ident.cli", "simulate", "kuka_lwr4p", "-o", "out", "-v"]
-    with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+
+    def listen() -> None:  # a shell's background jobs inherit that the signal is ignored
+        signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+    with subprocess.Popen(
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, preexec_fn=listen
+    ) as process:
         process.stderr.readline()  # it has begun
         process.send_signal(signal.SIGINT)
         rest = process.stderr.read()
