@@ -14,7 +14,7 @@ EFFECT = Effect(
     terms={"As": sp.sin(k * SIGNALS.q), "Ac": sp.cos(k * SIGNALS.q)},
     linear=(LinearParameter("As", "N m", -50.0, 50.0), LinearParameter("Ac", "N m", -50.0, 50.0)),
     nonlinear=(
-        NonlinearParameter("wavenumber", "1/rad", 1.5, 250.0, tuple(1.5 + 0.25 * i for i in range(395))),
+        NonlinearParameter("wavenumber", "1/rad", 1.5, 400.0, tuple(1.5 + 0.25 * i for i in range(395))),
     ),
     reported=(
         Quantity("A", "N m", sp.sqrt(As**2 + Ac**2)),
