@@ -72,8 +72,8 @@ def main() -> None:
         "# Measured robots",
         "Written by `python benchmarks/measured_robots.py > notebooks/measured_robots.md`.",
         "Errors are those of the filtered torque, on the same rows before and after. Runs marked *test* were",
-        "used for nothing else; *validate* runs decided what is kept; in a study with neither, recordings left",
-        "out in turn decided.",
+        "used for nothing else; *validate* runs decided what is kept; in a study with neither, recordings",
+        "left out in turn decided.",
         "",
     ]
     for path in sorted(arguments.output.glob("*/diagnosis.json")):
