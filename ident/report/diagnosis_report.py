@@ -256,7 +256,7 @@ def _error_section(document: Mapping[str, Any]) -> Section:
         + {
             "test": "Test runs were used neither for the fit nor to choose what is kept.",
             "validate": "Validate runs were not fitted; they decided what is kept.",
-            "identify": "No run was kept apart: runs, or blocks of a single one, left out in turn decided what is kept.",
+            "identify": "No run was kept apart; runs or blocks left out in turn decided what is kept.",
         }[_held_out(document)]
     )
     return Section("Error before and after", (Table("", tuple(columns), tuple(rows)),), text=text)
