@@ -193,8 +193,21 @@ def screen_dynamic(terms: Sequence[Term], context: Context, system: System, done
             continue
         for theta in grid_points(term.effect):
             placed = term.at(**theta)
-            out.append(screen_columns(placed, columns(placed, context), system))
+            out.append(screen_columns(placed, _kept_columns(placed, context), system))
     return out
+
+
+def _kept_columns(term: Term, context: Context) -> Columns:
+    """Columns of a point of the grid; those that depend on the motion alone are kept from step to step."""
+    follows = term.effect.name in DYNAMIC or "tau_link" in term.effect.needs
+    if follows or term.effect.kind != "column" or term.joint is None:
+        return columns(term, context)
+    turn_over = context.rows.fine.turn_over[term.joint]
+    theta = tuple(sorted(term.theta.items()))
+    key = ("column", term.effect.name, term.joint, term.source, term.terms, theta, turn_over)
+    if key not in context.cache:
+        context.cache[key] = context.rows.low_pass @ fine_columns(term, context)
+    return dict.fromkeys(term.channels, context.cache[key])
 
 
 def screen_columns(term: Term, cols: Columns, system: System) -> Ranked:

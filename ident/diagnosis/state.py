@@ -17,7 +17,7 @@ from ident.diagnosis.terms import Context, Term, columns, fine_columns
 
 LITTLE = 1e-3  # s
 MOVING = ("measurement", "motion")
-LASTING = ("payload", "wrench", "arm", "sensitivity", "filtered", "play", "shifted")
+LASTING = ("payload", "wrench", "arm", "sensitivity", "filtered", "play", "shifted", "column")
 
 
 @dataclass(frozen=True)

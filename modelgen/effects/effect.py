@@ -18,7 +18,7 @@ Kinds of effect, and what their terms mean:
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, cached_property
 from typing import Literal
 
 import numpy as np
@@ -161,7 +161,7 @@ class Effect:
         names = tuple(quantity.name for quantity in self.quantities)
         return self.sizes or tuple(name for name in names if name in self.linear_names) or names[:1]
 
-    @property
+    @cached_property
     def needs(self) -> frozenset[str]:
         """Names of the signals that the terms use."""
         parameters = set(self.nonlinear_names)
