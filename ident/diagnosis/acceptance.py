@@ -7,7 +7,7 @@ import numpy as np
 from ident.diagnosis.candidates import OWN_TERMS
 from ident.diagnosis.contact_point import settle_contact
 from ident.diagnosis.nuisance import beyond_terms
-from ident.diagnosis.plausibility import implausible
+from ident.diagnosis.plausibility import implausible, physical
 from ident.diagnosis.ranking import Candidate
 from ident.diagnosis.rotor_split import settle_rotor
 from ident.diagnosis.scoring import System
@@ -69,6 +69,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         return None
     balanced = 1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)
     if held < LEAST_AGREEMENT * gain * balanced or implausible(after.found[-1], after.context):
+        return None
+    if not all(physical(f) for f in after.found[:-1]):  # it would turn an earlier finding's sign around
         return None
     return Step(
         after.found[-1].term,
