@@ -70,6 +70,8 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
     balanced = 1.0 if candidate.event or not state.folds.by_validation else _balance(state.system)
     if held < LEAST_AGREEMENT * gain * balanced or implausible(after.found[-1], after.context):
         return None
+    if not lowers_its_own(candidate.term, state, after):
+        return None
     if not all(physical(f) for f in after.found[:-1]):  # it would turn an earlier finding's sign around
         return None
     return Step(
@@ -82,6 +84,14 @@ def try_candidate(state: State, candidate: Candidate, ranking, least: float) -> 
         candidate.event,
         candidate.score.total,
     )
+
+
+def lowers_its_own(term: Term, before: State, after: State) -> bool:
+    """An effect of a joint must lower the held-out error there, not only that of its neighbours."""
+    own = [c for c in term.channels if before.context.view.joint_of[c] == term.joint]
+    if not own or not before.system.rss_held.any():
+        return True
+    return bool(after.system.rss_held[own].sum() < before.system.rss_held[own].sum())
 
 
 def required(term: Term) -> tuple[float, float]:
