@@ -226,10 +226,10 @@ def _motion(term: Term, context: Context) -> Columns:
 
 def _measured_bending(j: int, square: float, context: Context) -> np.ndarray | None:
     """(N,) minus the sensor's torque, which bends the joint, where the model's is of no use: its iteration
-    diverges above the resonance, 1/sqrt(`square`) rad/s (0: not known yet). None: no sensor, or a joint stiff
+    diverges above the resonance, 1/sqrt(`square`) rad/s (0: none yet). None: no sensor, or a joint stiff
     enough for the model, which has no noise."""
     sensor = f"tau_l{j + 1}"
-    stiff = square > 0 and square < (2 * np.pi * NEAR_RESONANCE * SHIFT_CUTOFF_HZ) ** -2
+    stiff = square < (2 * np.pi * NEAR_RESONANCE * SHIFT_CUTOFF_HZ) ** -2
     if sensor not in context.view.channels or stiff:
         return None
     return -context.rows.y_fine[context.view.channels.index(sensor)]
