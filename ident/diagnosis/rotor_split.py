@@ -42,7 +42,9 @@ def split_sensitivity(state: State, f: Found) -> Columns:
     rotor[term.joint] += step
     load = context.tau_link.copy()
     load[term.joint] -= step * context.rows.fine.ddq[:, term.joint]
-    moved = replace(context, view=replace(context.view, rotor=tuple(rotor)), tau_link=load)
+    kept = {key: value for key, value in context.cache.items() if key[0] != "passed"}  # follows the split
+    view = replace(context.view, rotor=tuple(rotor))
+    moved = replace(context, view=view, tau_link=load, cache=kept)
     return {c: ((z - f.columns[c]) @ f.coefficients / step)[:, None] for c, z in columns(term, moved).items()}
 
 
