@@ -130,6 +130,6 @@ def held_out_drop(before: System, after: System) -> float:
 
 
 def main_channel(step: Step) -> int:
-    """Channel whose held-out error falls most."""
+    """Channel whose error on the fitted rows falls most."""
     before, after = step.before.system, step.after.system
     return int(np.argmax(np.log(before.rss / after.rss)))

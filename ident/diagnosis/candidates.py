@@ -9,13 +9,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ident.diagnosis.model_view import ModelView
+from ident.diagnosis.model_view import LEFT_OUT, ModelView
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.scoring import Columns, System
 from ident.diagnosis.terms import Context, Term, columns, fine_columns
 from modelgen.effects import Effect, catalogue
 
-OWN_TERMS = ("coulomb_friction", "viscous_friction", "offset", "rotor_inertia")
+OWN_TERMS = tuple(LEFT_OUT)
 DYNAMIC = (
     "load_dependent_friction",
     "drive_gain_error",

@@ -4,8 +4,6 @@ The origin needs no parameter. A point elsewhere has three, which the torques sh
 turns while it is pushed; it is taken when the likelihood of the fitted rows is worth it.
 """
 
-from dataclasses import replace
-
 from ident.diagnosis.state import Found, State, objective, refine, refit
 from ident.diagnosis.terms import columns
 
@@ -24,5 +22,5 @@ def settle_contact(state: State) -> State:
         return state
     term = last.term.at(px=0.0, py=0.0, pz=0.0)
     moved = Found(term, columns(term, state.context), last.coefficients)
-    trial = refine(refit(state, [*state.found[:-1], replace(moved, label=last.label)]), STEPS)
+    trial = refine(refit(state, [*state.found[:-1], moved]), STEPS)
     return trial if objective(trial) < objective(state) - WORTH else state

@@ -55,7 +55,6 @@ def settle_sign(
     fine = rows.fine
     sign, turn_over = fine.sign.copy(), list(fine.turn_over)
     filtered = rows.low_pass @ sign
-    base = bank.base
     for _ in range(passes):
         system = make_system(bank, extra, torque)
         changed = False
@@ -76,12 +75,7 @@ def settle_sign(
                 changed = True
         if not changed:
             break
-        base = base.copy()
-        for j, columns in places.items():
-            for k, channels in columns:
-                for c in channels:
-                    base[c, :, k] = filtered[:, j]
-        bank = make_bank(base, bank.keep, bank.folds)
+        bank = _bank_with(bank, places, filtered)
     rows = replace(rows, fine=replace(fine, sign=sign, turn_over=tuple(turn_over)))
     if tuple(turn_over) == fine.turn_over:
         return rows, view, given
@@ -128,6 +122,16 @@ def coulomb_places(view: ModelView) -> dict[int, list[tuple[int, list[int]]]]:
     return places
 
 
+def _bank_with(bank: Bank, places: Mapping[int, Sequence], filtered: np.ndarray) -> Bank:
+    """The bank with the Coulomb columns of other signs, `filtered` (M, n)."""
+    base = bank.base.copy()
+    for j, columns in places.items():
+        for k, channels in columns:
+            for c in channels:
+                base[c, :, k] = filtered[:, j]
+    return make_bank(base, bank.keep, bank.folds)
+
+
 def _entries_with(view: ModelView, sign: np.ndarray) -> ModelView:
     entries = [(index, values.copy()) for index, values in view.entries]
     for j, columns in coulomb_places(view).items():
@@ -141,19 +145,13 @@ def _entries_with(view: ModelView, sign: np.ndarray) -> ModelView:
 def sharpened(rows: Rows, view: ModelView, bank: Bank, joints: Sequence[int]) -> tuple[Rows, ModelView, Bank]:
     """Rows, view and bank with friction that turns over at once on these joints."""
     fine = rows.fine
-    sign = fine.sign.copy()
-    sign[:, list(joints)] = np.tanh(fine.dq[:, list(joints)] / fine.sign_width[list(joints)])
-    filtered = rows.low_pass @ sign
-    base = bank.base.copy()
-    for j, columns in coulomb_places(view).items():
-        for k, channels in columns:
-            for c in channels:
-                base[c, :, k] = filtered[:, j]
-    turn_over = list(fine.turn_over)
+    sign, turn_over = fine.sign.copy(), list(fine.turn_over)
     for j in joints:
         turn_over[j] = TurnOver("rate", float(fine.sign_width[j]))
+        sign[:, j] = sign_of(rows, j, turn_over[j])
+    sharp = _bank_with(bank, coulomb_places(view), rows.low_pass @ sign)
     rows = replace(rows, fine=replace(fine, sign=sign, turn_over=tuple(turn_over)))
-    return rows, _entries_with(view, sign), make_bank(base, bank.keep, bank.folds)
+    return rows, _entries_with(view, sign), sharp
 
 
 def replacing(gain: float, ratio: float) -> float:

@@ -62,7 +62,6 @@ def run_loop(
         build_library(terms, context),
         build_generic(rows.fine, rows.low_pass),
         block_folds(rows.run, rows.t, roles != "test"),
-        progress,
         first.bank,
     )
     state = first

@@ -1,6 +1,5 @@
 """What could be missing, best first: a linear screen of every place, then the best few refined and scored."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -67,7 +66,6 @@ class Search:
     library: Library
     generic: GenericLibrary
     event_folds: Folds
-    progress: Callable[[str, float | None], None]
     bank: Bank  # that the stored products belong to
     event_bank: Bank | None = None
 

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from small_arm import ARM
 
 import generated
 from generated.errors import GeneratedError
@@ -19,16 +20,6 @@ from ident.diagnosis.state import Found, first_state, refit
 from ident.diagnosis.terms import Term
 from modelgen.effects import catalogue
 from modelgen.robot_file import load_robot
-
-ARM = """\
-name: small
-convention: mdh
-gravity: [0, 0, -9.81]
-links:
-  - {joint: revolute, antecedent: 0, alpha: 0,    d: 0,   theta: q1, r: 0.2}
-  - {joint: revolute, antecedent: 1, alpha: pi/2, d: 0,   theta: q2, r: 0}
-  - {joint: revolute, antecedent: 2, alpha: 0,    d: 0.3, theta: q3, r: 0}
-"""
 
 
 @pytest.fixture(scope="module")
