@@ -20,9 +20,9 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests" / "support"
 from pinocchio_robot import numeric_base_count
 from random_robots import random_robot
 
-from modelgen.regrouping import regroup_inertial
-from modelgen.rule_check import broken_columns
-from modelgen.rules import derive_rules
+from modelgen.base_parameters.regrouping import regroup_inertial
+from modelgen.base_parameters.rule_check import broken_columns
+from modelgen.base_parameters.rules import derive_rules
 
 
 def main() -> int:

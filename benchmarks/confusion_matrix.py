@@ -37,13 +37,13 @@ TIME_LIMIT_S = 240
 def diagnose_one(study_path: Path, answer: Path) -> None:
     """Run in a process of its own: the diagnosis of one study, and the time it took after imports."""
     from ident.diagnosis import diagnose_study
-    from ident.study import load_study
+    from ident.diagnosis.document import diagnosis_document
+    from ident.recordings.study import load_study
 
     begin, busy = time.perf_counter(), time.process_time()
     diagnosis: Any = diagnose_study(load_study(study_path))
     took, busy = time.perf_counter() - begin, time.process_time() - busy
-    document = getattr(diagnosis, "document", diagnosis)
-    document = document() if callable(document) else document
+    document = diagnosis_document(diagnosis)
     answer.write_text(json.dumps({"seconds": took, "cpu_seconds": busy, "document": document}, default=float))
 
 

@@ -48,7 +48,15 @@ def measure(study: Path, repeat: int) -> tuple[float, float, float]:
     walls, cpus, peaks = [], [], []
     for _ in range(repeat):
         start = time.perf_counter()
-        command = [sys.executable, "-m", "ident.cli", "fit", str(study), "-o", str(study.parent / "out")]
+        command = [
+            sys.executable,
+            "-m",
+            "ident.command_line.cli",
+            "fit",
+            str(study),
+            "-o",
+            str(study.parent / "out"),
+        ]
         child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         _, status, usage = os.wait4(child.pid, 0)
         if status:

@@ -16,17 +16,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.columns import Columns
-from ident.decimation import decimate
-from ident.fit import estimate_all, prepare_study
-from ident.least_squares import Estimate
-from ident.noise import channel_noises, honest_covariance
-from ident.observation import ChannelFactor, RecordingSystem, observe, triangular
-from ident.reduction import reduce
+from ident.equations.columns import Columns
+from ident.equations.observation import ChannelFactor, RecordingSystem, observe, triangular
+from ident.estimation.fit import estimate_all
+from ident.estimation.least_squares import Estimate
+from ident.estimation.noise import channel_noises, honest_covariance
+from ident.estimation.prepared import prepare_study
+from ident.estimation.reduction import reduce
+from ident.recordings.study import load_study
+from ident.signals.decimation import decimate
 from ident.simulate.sensors import Sensors, coloured_noise, noise_level
 from ident.simulate.study import PlannedRun, simulate
 from ident.simulate.writing import write_simulation
-from ident.study import load_study
 
 RUNS = (PlannedRun("run1", "identify", 90.0, 44), PlannedRun("run5", "identify", 90.0, 44, loaded=True))
 

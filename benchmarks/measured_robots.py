@@ -27,7 +27,15 @@ def diagnose(names: list[str], folder: Path) -> None:
         name = study.stem.removeprefix(PREFIX)
         if (names and name not in names) or (folder / name / "diagnosis.json").is_file():
             continue
-        command = [sys.executable, "-m", "ident.cli", "diagnose", str(study), "-o", str(folder / name)]
+        command = [
+            sys.executable,
+            "-m",
+            "ident.command_line.cli",
+            "diagnose",
+            str(study),
+            "-o",
+            str(folder / name),
+        ]
         done = subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         print(f"{name}: {'done' if done.returncode == 0 else done.stderr.strip()}", file=sys.stderr)
 

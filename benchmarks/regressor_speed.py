@@ -62,8 +62,8 @@ class Peer:
     """The LWR in Pinocchio, with random inertias."""
 
     def __init__(self) -> None:
-        from modelgen.kinematics import geometry, state, transforms
-        from modelgen.robot_file import load_robot
+        from modelgen.geometry.kinematics import geometry, state, transforms
+        from modelgen.geometry.robot_file import load_robot
 
         robot = load_robot(ROBOT)
         self.lib = peer_library()

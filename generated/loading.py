@@ -105,7 +105,7 @@ def _load(name: str, data: bytes, model: str, payload: str | None, effects: tupl
                 stacklevel=4,
             )
             kernel = _numpy_kernel(*question)
-    return Model(description, kernel, (name, model, payload, effects), lambda: _casadi(*question))
+    return Model(description, kernel, (load, (name, model, payload, effects)), lambda: _casadi(*question))
 
 
 def _committed(
@@ -130,7 +130,7 @@ def _derived(
     """Description and C of any robot, from the cache or made now."""
 
     def build(place: Path) -> None:
-        from modelgen import c_code
+        from modelgen.emit import c_code
 
         derived, robot = _derive(name, data, model, payload, effects)
         made_of = c_code.provenance(robot.source_sha256)
@@ -150,9 +150,9 @@ def _generator() -> str:
 
 
 def _derive(name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]) -> Any:
-    from modelgen.description import derive
+    from modelgen.emit.description import derive
     from modelgen.errors import ModelgenError
-    from modelgen.robot_file import parse_robot
+    from modelgen.geometry.robot_file import parse_robot
 
     try:
         robot = parse_robot(data, Path(name).name)
@@ -166,7 +166,7 @@ def _casadi(
     name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]
 ) -> Mapping[str, Any]:
     derived, _ = _derive(name, data, model, payload, effects)
-    from modelgen.casadi_functions import outer_functions
+    from modelgen.emit.casadi_functions import outer_functions
 
     return outer_functions(derived)
 

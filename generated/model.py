@@ -75,9 +75,7 @@ class Model:
         return f"generated.load({self.robot_name!r}, {self.model!r}{payload}{effects})"
 
     def __reduce__(self) -> tuple:
-        from generated.loading import load
-
-        return load, self._reload
+        return self._reload
 
     def _source_number(self, source: int | str) -> int:
         """The number of a source in generated/batch.c: entries, then dq, ddq, sign of each joint, then 1."""

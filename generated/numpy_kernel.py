@@ -16,7 +16,7 @@ CHUNK = 2048
 
 
 class NumpyKernel:
-    """`Kernel`'s functions for a `modelgen.description.Derived`."""
+    """`Kernel`'s functions for a `modelgen.emit.description.Derived`."""
 
     def __init__(self, derived: Any) -> None:
         import sympy as sp

@@ -110,7 +110,7 @@ def regenerate_model(
         if name not in MODELS:
             raise ModelgenError(f"there is no model {name!r}; choose A, B, C or D")
 
-    from modelgen import regenerate
+    from modelgen.emit import regenerate
     from modelgen.terminal import progress
 
     with progress(verbose) as tell:

@@ -15,8 +15,9 @@ from benchmarks.exam import draw, physics, robots
 from benchmarks.exam.make_cases import Case, make_case
 from benchmarks.exam.scoring import score
 from ident.diagnosis import Diagnosis, diagnose_study
+from ident.diagnosis.document import diagnosis_document
+from ident.recordings.study import load_study
 from ident.simulate import PlannedRun, Sensors, simulate, write_simulation
-from ident.study import load_study
 from modelgen.effects import catalogue
 
 COLUMNS = (
@@ -184,5 +185,5 @@ def test_cases_of_the_exam(kind: str, names: list[str], seed: int, tmp_path: Pat
     truth = make_case(kind, names, seed, "case", tmp_path, 30.0, 250.0, "A")
     assert truth is not None
     diagnosis = diagnose_study(load_study(tmp_path / "cases" / "case" / "study.yaml"))
-    mark = score(truth, diagnosis.document())
+    mark = score(truth, diagnosis_document(diagnosis))
     assert mark.silent if kind == "clean" else mark.first_right, mark.answer

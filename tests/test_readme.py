@@ -105,7 +105,7 @@ def test_the_effect_in_contributing_is_one():
 
 
 def test_every_key_of_a_study_is_in_its_table():
-    from ident.study import ColumnMap, FilterSettings, RecordingEntry, Study
+    from ident.recordings.study import ColumnMap, FilterSettings, RecordingEntry, Study
 
     table = README[README.index("Every key of a study") : README.index("</details>")]
     for model in (Study, RecordingEntry, FilterSettings, ColumnMap):
@@ -123,7 +123,7 @@ def test_every_key_of_a_study_is_in_its_table():
 def test_every_effect_of_the_catalogue_is_reachable_from_the_readme():
     from modelgen.effects import catalogue
 
-    folder = ROOT / re.search(r"\]\((modelgen/effects)\)", README)[1]
+    folder = ROOT / re.search(r"\]\((modelgen/effects/catalogue)\)", README)[1]
     assert all((folder / f"{name}.py").is_file() for name in catalogue())
 
 

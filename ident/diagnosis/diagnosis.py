@@ -36,12 +36,6 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     regenerated: Any = None  # a RegeneratedModel, see regenerated.with_regenerated
 
-    def document(self) -> dict[str, Any]:
-        """The content of diagnosis.json."""
-        from ident.diagnosis.document import diagnosis_document
-
-        return diagnosis_document(self)
-
 
 def diagnose_study(study, progress: Progress = silent, max_terms: int | None = None) -> Diagnosis:
     """Fit, trace the residual to what the model lacks, add it, fit again. Raises IdentError and its
@@ -54,8 +48,8 @@ def diagnose_study(study, progress: Progress = silent, max_terms: int | None = N
 
 def _diagnose(study, progress: Progress, max_terms: int | None) -> Diagnosis:
     import generated
-    from ident.reading import need_of, open_recordings
-    from modelgen.robot_file import load_robot
+    from ident.recordings.opening import need_of, open_recordings
+    from modelgen.geometry.robot_file import load_robot
 
     progress("loading the model", 0.0)
     effects = tuple(study.effects)
@@ -122,7 +116,7 @@ def joined_runs(segments: Sequence) -> list[Run]:
 
 def _with_identified_gains(study, recordings: list[Run]) -> list[Run]:
     """Motor signals in N m with the gains that a fit of the study identifies."""
-    from ident.fit import fit_study
+    from ident.estimation.fit import fit_study
 
     result = fit_study(study.with_(reduction=False))
     gains = {name: float(v) for name, v in zip(result.columns.parameters, result.full.chi) if name[0] == "g"}

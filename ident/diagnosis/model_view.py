@@ -13,7 +13,7 @@ import numpy as np
 
 from ident.diagnosis.rows import Fine
 from modelgen.effects.frames import frames
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 DRIVE = ("Iam", "Fvm", "Fcm", "Offm", "Fvl", "Fcl", "Offl")
 COUPLED = ("Iac", "Fvc", "Fcc")

@@ -16,20 +16,20 @@ import numpy as np
 
 import generated
 from generated.errors import GeneratedError
-from ident.columns import unit_of
 from ident.diagnosis.diagnosis import Diagnosis
 from ident.diagnosis.findings import Finding
 from ident.diagnosis.model_view import LEFT_OUT, split_name
 from ident.diagnosis.state import Found, State
 from ident.diagnosis.terms import Term, fine_columns, state_values
+from ident.equations.columns import unit_of
 from ident.progress import Progress, silent
-from modelgen.effect_columns import WHAT, EffectColumn, effect_columns
+from modelgen.base_parameters.rules import derive_rules
+from modelgen.dynamics.models import model as model_called
+from modelgen.emit.effect_columns import WHAT, EffectColumn, effect_columns
+from modelgen.emit.regenerate import Plan, files, write
 from modelgen.errors import ModelgenError
-from modelgen.models import model as model_called
-from modelgen.regenerate import Plan, files, write
-from modelgen.robot import Robot
-from modelgen.robot_file import load_robot
-from modelgen.rules import derive_rules
+from modelgen.geometry.robot import Robot
+from modelgen.geometry.robot_file import load_robot
 
 # what the generator may meet in an effect or a robot that it does not know; a mistake of ours is among them
 FAILURES = (

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ident.diagnosis import Diagnosis
 from ident.diagnosis.acceptance import Step, main_channel
+from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.terms import Context, Term
 from ident.report.diagnosis_report import ResidualView, diagnosis_page, effect_name, place
 from ident.report.fit_result import channel_unit
@@ -32,7 +33,7 @@ def unit_of(kind: str, joint: int, context: Context) -> str:
 
 def diagnosis_html(diagnosis: Diagnosis) -> str:
     """The report of a diagnosis as HTML."""
-    return render(page_of(diagnosis, diagnosis.document()))
+    return render(page_of(diagnosis, diagnosis_document(diagnosis)))
 
 
 def page_of(diagnosis: Diagnosis, document: Mapping[str, Any]) -> ReportPage:

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from ident.fit import FitResult
+from ident.estimation.fit import FitResult
+from ident.report.files import comparison_table, fit_document
 from ident.report.fit_report import Curve, fit_page
 from ident.report.page import Cell, Column, Panel, Plot, ReportPage, Section, Table, Trace
 from ident.report.render import render
 from ident.report.wording import number, percent
-from ident.results import comparison_table, fit_document
 
 
 def fit_html(result: FitResult) -> str:

@@ -16,7 +16,7 @@ import yaml
 
 from ident.errors import IdentError
 from modelgen.effects.loads import gravity_torque
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 INERTIA = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
 BODY = (*INERTIA, "MX", "MY", "MZ", "M")

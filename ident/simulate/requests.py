@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from ident.errors import IdentError
 from modelgen.effects import Effect, catalogue
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 
 class EffectRequestError(IdentError):

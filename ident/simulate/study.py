@@ -14,8 +14,8 @@ from ident.simulate.sensors import Sensors, coloured_noise, encoder, measured, n
 from ident.simulate.sizing import activate
 from ident.simulate.trajectories import Motion, Reach, fourier, point_to_point, reach
 from ident.simulate.twin import ActiveEffect, SimulationError, Twin, make_twin, run_twin
-from modelgen.robot import Robot
-from modelgen.robot_file import load_robot
+from modelgen.geometry.robot import Robot
+from modelgen.geometry.robot_file import load_robot
 
 Array = np.ndarray
 

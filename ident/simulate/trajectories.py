@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
 State = tuple[Array, Array, Array]  # q, dq, ddq, each (N, n)

@@ -24,7 +24,7 @@ from ident.simulate.sensors import delayed, smooth
 from ident.simulate.trajectories import State
 from modelgen.effects.loads import force_columns, gate, tilt_torque
 from modelgen.effects.motions import derivatives
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
 GEAR_S = 0.006  # s, see above

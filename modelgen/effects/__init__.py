@@ -20,6 +20,7 @@ import importlib
 import pkgutil
 from functools import cache
 
+from modelgen.effects import catalogue as catalogue_folder
 from modelgen.effects.effect import SIGNALS, Effect, EffectError
 
 __all__ = ["SIGNALS", "Effect", "EffectError", "catalogue", "effect"]
@@ -28,8 +29,8 @@ __all__ = ["SIGNALS", "Effect", "EffectError", "catalogue", "effect"]
 @cache
 def _discovered() -> tuple[Effect, ...]:
     found = []
-    for module in sorted(m.name for m in pkgutil.iter_modules(__path__)):
-        value = getattr(importlib.import_module(f"{__name__}.{module}"), "EFFECT", None)
+    for module in sorted(m.name for m in pkgutil.iter_modules(catalogue_folder.__path__)):
+        value = getattr(importlib.import_module(f"{catalogue_folder.__name__}.{module}"), "EFFECT", None)
         if isinstance(value, Effect):
             found.append(value)
     return tuple(found)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
 

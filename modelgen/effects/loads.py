@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from modelgen.effects.frames import Frames, frames
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
 

@@ -13,12 +13,12 @@ import pytest
 
 import generated
 from generated import compiling
-from modelgen import regenerate
-from modelgen.description import derive
-from modelgen.kinematics import State
-from modelgen.models import MODELS, standard_regressor
-from modelgen.regrouping import exact_geometry
-from modelgen.robot_file import load_robot
+from modelgen.base_parameters.regrouping import exact_geometry
+from modelgen.dynamics.models import MODELS, standard_regressor
+from modelgen.emit import regenerate
+from modelgen.emit.description import derive
+from modelgen.geometry.kinematics import State
+from modelgen.geometry.robot_file import load_robot
 from modelgen.terminal import silent
 
 FOLDER = Path(generated.__file__).parent / "kuka_lwr4p"

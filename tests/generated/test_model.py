@@ -6,9 +6,9 @@ from pinocchio_robot import PinocchioRobot
 
 import generated
 from generated import GeneratedError
-from modelgen.kinematics import geometry, state
-from modelgen.models import MODELS, standard_regressor
-from modelgen.robot_file import built_in_names, load_robot
+from modelgen.dynamics.models import MODELS, standard_regressor
+from modelgen.geometry.kinematics import geometry, state
+from modelgen.geometry.robot_file import built_in_names, load_robot
 
 RTOL = 1e-12  # products of some ten factors, sums of some hundred terms, at 1.1e-16 each
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from modelgen.robot import Robot
+from modelgen.geometry.robot import Robot
 
 # Pinocchio's order of a body's ten parameters; the inertia is about the joint frame's origin there too.
 ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")

@@ -12,8 +12,8 @@ import random
 
 from hypothesis import strategies as st
 
-from modelgen.robot import Robot
-from modelgen.robot_file import parse_robot
+from modelgen.geometry.robot import Robot
+from modelgen.geometry.robot_file import parse_robot
 
 RIGHT = ("0", "pi/2", "-pi/2", "pi")
 TWISTS = (*RIGHT, *RIGHT, "pi/3", "-pi/3", "0.3", "-0.3", "1.234")

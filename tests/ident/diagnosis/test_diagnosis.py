@@ -7,8 +7,9 @@ import pytest
 
 import generated
 from ident.diagnosis.diagnosis import diagnose_recordings, diagnose_study
-from ident.study import load_study
-from modelgen.robot_file import load_robot
+from ident.diagnosis.document import diagnosis_document
+from ident.recordings.study import load_study
+from modelgen.geometry.robot_file import load_robot
 
 RATE, SECONDS, SMOOTH = 250.0, 30.0, 2e-3
 DRIVES = {"Iam": 1.2, "Fvm": 6.0, "Fcm": 5.0, "Offm": 0.3}
@@ -78,7 +79,7 @@ def test_stribeck_friction_is_named_with_its_size(arm):
         told = diagnosis.findings[0].parameters[name]
         assert abs(told["value"] - true) < 4 * told["std"] + 1e-9
     assert diagnosis.after["validate"]["tau_m3"] < 0.7 * diagnosis.before["validate"]["tau_m3"]
-    document = diagnosis.document()
+    document = diagnosis_document(diagnosis)
     assert document["verdict"] == "effect" and set(document["error_percent"]["after"]) == {
         "identify",
         "validate",
@@ -120,4 +121,4 @@ def test_degrees_are_suspected_by_the_diagnosis_too(tmp_path):
         "robot: ur10e\nmodel: A\nrecordings:\n  - {file: run.parquet, use: identify}\n"
     )
     diagnosis = diagnose_study(load_study(tmp_path / "study.yaml"), max_terms=0)
-    assert any("looks like degrees" in note for note in diagnosis.document()["notes"])
+    assert any("looks like degrees" in note for note in diagnosis_document(diagnosis)["notes"])

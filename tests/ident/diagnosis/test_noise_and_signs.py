@@ -15,7 +15,7 @@ from ident.diagnosis.scoring import make_folds
 from ident.diagnosis.state import first_state
 from modelgen.effects import catalogue
 from modelgen.effects.loads import force_columns
-from modelgen.robot_file import load_robot
+from modelgen.geometry.robot_file import load_robot
 
 RATE, SECONDS = 250.0, 30.0
 DRIVES = {"Iam": 1.2, "Fvm": 6.0, "Offm": 0.3}

@@ -19,7 +19,7 @@ from ident.diagnosis.scoring import make_folds
 from ident.diagnosis.state import Found, first_state, refit
 from ident.diagnosis.terms import Term
 from modelgen.effects import catalogue
-from modelgen.robot_file import load_robot
+from modelgen.geometry.robot_file import load_robot
 
 
 @pytest.fixture(scope="module")

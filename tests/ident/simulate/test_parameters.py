@@ -12,7 +12,7 @@ from ident.simulate.parameters import (
     standard_name,
     twin_parameters,
 )
-from modelgen.robot_file import load_robot
+from modelgen.geometry.robot_file import load_robot
 
 LWR = load_robot("kuka_lwr4p")
 # Table II, model C: some of the values that model A cannot separate

@@ -3,7 +3,7 @@
 import pytest
 
 from ident.simulate.requests import EffectRequestError, parse_effect
-from modelgen.robot_file import load_robot
+from modelgen.geometry.robot_file import load_robot
 
 LWR = load_robot("kuka_lwr4p")
 

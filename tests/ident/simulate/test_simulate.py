@@ -18,7 +18,7 @@ from ident.simulate.trajectories import fourier, reach
 from ident.simulate.twin import make_twin, run_twin
 from modelgen.effects import catalogue, effect
 from modelgen.errors import ModelgenError
-from modelgen.robot_file import load_robot
+from modelgen.geometry.robot_file import load_robot
 
 SHORT = (
     PlannedRun("run1", "identify", 8.0, 4),
@@ -92,7 +92,7 @@ def test_the_study_does_not_tell_what_is_hidden(tmp_path):
 
 
 def test_study_of_a_robot_file_is_complete_in_its_folder(tmp_path):
-    from ident.study import load_study
+    from ident.recordings.study import load_study
 
     (tmp_path / "arm.yaml").write_text(
         "name: arm\nconvention: mdh\ngravity: [0, 0, -9.81]\nlinks:\n"

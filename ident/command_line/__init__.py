@@ -1,0 +1,1 @@
+"""What a user types: the commands, the terminal they speak to, the demo."""

@@ -1,0 +1,287 @@
+"""Which column of W belongs to which parameter of a study, and what stands on the left of Y = W chi + rho.
+
+The compiled model gives the structurally non-zero entries of W. A study changes what becomes of them: terms
+left out (`without`), one set of ten payload columns per label and only in the runs that carry it, columns of
+its own for unknown drive gains (-i_j, so that 0 = W chi - g_j i_j) and for drives that a gearbox couples.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.errors import StudyError
+from ident.recordings.recording import Need
+from ident.recordings.study import Study
+from ident.signals.filtering import FilteredBlock, smooth_sign
+
+PAYLOAD = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
+UNITS = {
+    "XX": "kg m^2",
+    "XY": "kg m^2",
+    "XZ": "kg m^2",
+    "YY": "kg m^2",
+    "YZ": "kg m^2",
+    "ZZ": "kg m^2",
+    "MX": "kg m",
+    "MY": "kg m",
+    "MZ": "kg m",
+    "M": "kg",
+    "Iam": "kg m^2",
+    "Iac": "kg m^2",
+    "Ial": "kg m^2",
+    "Fvm": "N m s/rad",
+    "Fvl": "N m s/rad",
+    "Fvc": "N m s/rad",
+    "Fcm": "N m",
+    "Fcl": "N m",
+    "Fcc": "N m",
+    "Offm": "N m",
+    "Offl": "N m",
+    "g": "N m/unit",
+}
+TERMS = {
+    "coulomb_friction": ("Fcm", "Fcl"),
+    "viscous_friction": ("Fvm", "Fvl"),
+    "offset": ("Offm", "Offl"),
+    "rotor_inertia": ("Iam",),
+}
+Values = Callable[[FilteredBlock], np.ndarray]  # -> (N,)
+
+
+@dataclass(frozen=True, slots=True)
+class Extra:
+    """A column that the compiled model does not have: entries (channel, parameter) with their values."""
+
+    channel: int
+    column: int
+    values: Values
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """The parameters of a study's fit and where their columns come from."""
+
+    model: Any  # a model of `generated.load`
+    need: Need
+    channels: tuple[str, ...]
+    parameters: tuple[str, ...]  # b names
+    units: tuple[str, ...]
+    known: dict[str, float]  # parameters with a given value: moved to the side of Y
+    regroups: dict[str, str]
+    gain_columns: dict[int, int]  # channel -> column of its unknown drive gain
+    extras: tuple[Extra, ...]
+    sources: dict[str | None, tuple[np.ndarray, np.ndarray]]
+    # payload label -> entries of model.nonzeros to use (E,), their columns (E,); -1 - k is known parameter k
+
+    def entries(self, payload: str | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Model entries used in a run with this payload: (index into nonzeros, channel, column)."""
+        used, columns = self.sources[payload]
+        return used, np.asarray(self.model.nonzeros)[used, 0], columns
+
+    def torque(self, block: FilteredBlock) -> np.ndarray:
+        """Y (N, channels) of a block; channels with an unknown gain carry what is known of them (C: 0, D:
+        -tau_l)."""
+        motor, sensor = block.motor, block.sensor
+        if self.gain_columns and motor is not None:
+            motor = np.zeros_like(motor)
+        return self.need.torque(motor, sensor)
+
+    def model_chi(self, chi: np.ndarray, payload: str | None) -> np.ndarray:
+        """chi (b,) of the study -> the compiled model's own vector in a run with this payload."""
+        used, columns = self.sources[payload]
+        out = np.zeros(len(self.model.parameters))
+        known = np.array(list(self.known.values()))
+        values = np.where(columns >= 0, chi[np.maximum(columns, 0)], 0.0)
+        if len(known):
+            values = np.where(columns < 0, known[np.minimum(-1 - columns, len(known) - 1).clip(0)], values)
+        out[np.asarray(self.model.nonzeros)[used, 1]] = values
+        return out
+
+
+def study_columns(study: Study, model: Any, need: Need) -> Columns:
+    """Lay out the parameters of a study on a compiled model. Raises StudyError."""
+    first = study.payloads[0] if study.payloads else None
+    own = [k for k, name in enumerate(model.parameters) if not _payload_name(name, first)]
+    dropped = _left_out(study, model.parameters)
+    kept = [k for k in own if model.parameters[k] not in dropped]
+    parameters = [model.parameters[k] for k in kept]
+    place = {k: position for position, k in enumerate(kept)}
+    known: dict[str, float] = {}
+    gains_unknown = study.drive_gains == "identify"
+    placed: dict[str | None, dict[int, int]] = {None: dict(place)}
+    regroups = dict(dict(model.rules).items())
+    for label in study.payloads:
+        placed[label] = dict(place)
+        for k, name in enumerate(model.parameters):
+            kind = _payload_name(name, first)
+            if kind is None:
+                continue
+            if kind == "M" and gains_unknown and study.model == "A" and label in study.payload_mass:
+                known[f"M{label}"] = study.payload_mass[label]
+                placed[label][k] = -len(known)
+            else:
+                placed[label][k] = len(parameters)
+                parameters.append(f"{kind}{label}")
+    gain_columns, extras = _gains(study, model, need, parameters) if gains_unknown else ({}, [])
+    extras += _coupled_drives(study, need, parameters) + _link_inertia(study, need, parameters)
+    nonzeros = np.asarray(model.nonzeros)
+    sources: dict[str | None, tuple[np.ndarray, np.ndarray]] = {}
+    for carried, table in placed.items():
+        used = np.array([e for e, (_, k) in enumerate(nonzeros) if k in table], int)
+        sources[carried] = (used, np.array([table[k] for k in nonzeros[used, 1]], int))
+    units = tuple(unit_of(name, model.prismatic) for name in parameters)
+    return Columns(
+        model,
+        need,
+        tuple(model.channels),
+        tuple(parameters),
+        units,
+        known,
+        regroups,
+        gain_columns,
+        tuple(extras),
+        sources,
+    )
+
+
+def unit_of(name: str, prismatic: Collection[str] = ()) -> str:
+    """kg m^2 of ZZ2R, kg of ML, ...; empty for names that are not the paper's.
+
+    Joints listed in `prismatic` have N where others have N m, and m where others have rad.
+    """
+    kind = re.match(r"Iam|Iac|Ial|Fv[mlc]|Fc[mlc]|Off[ml]|[XYZ]{2}|M[XYZ]|M|g", name)
+    if kind is None:
+        return ""
+    unit, joint = UNITS.get(kind[0], ""), name[kind.end() :].removesuffix("R")
+    if joint in prismatic and kind[0][0] in "IFOg":
+        return {"kg m^2": "kg", "N m s/rad": "N s/m"}.get(unit, unit.replace("N m", "N"))
+    return unit
+
+
+def _payload_name(name: str, label: str | None) -> str | None:
+    """XX of XXL when the payload is labelled L, None for the robot's own parameters."""
+    if label is None:
+        return None
+    for suffix in (label, f"{label}R"):
+        if name.endswith(suffix) and name[: -len(suffix)] in PAYLOAD:
+            return name[: -len(suffix)]
+    return None
+
+
+def _left_out(study: Study, parameters: tuple[str, ...]) -> set[str]:
+    out: set[str] = set()
+    for term in study.without:
+        kind, _, joint = term.partition(":")
+        names = {
+            name
+            for name in parameters
+            for prefix in TERMS[kind]
+            if re.fullmatch(rf"{prefix}{joint or '[0-9]+'}R?", name)
+        }
+        if not names and joint:
+            raise StudyError(
+                str(study.file),
+                "without",
+                f"{term}: model {study.model} has no such parameter; check the joint number",
+            )
+        out |= names
+    return out
+
+
+def _gains(study: Study, model: Any, need: Need, parameters: list[str]) -> tuple[dict[int, int], list[Extra]]:
+    """One unknown gain per motor channel: column -i_j, so that Y = W chi - g_j i_j with Y free of the
+    motor."""
+    if study.model == "B":
+        raise StudyError(
+            str(study.file),
+            "drive_gains",
+            "model B has no motor signal, so gains cannot be identified; choose C or D",
+        )
+    places: dict[int, int] = {}
+    extras = []
+    for k, joint in enumerate(need.joints):
+        places[k] = len(parameters)
+        extras.append(Extra(k, len(parameters), _motor_signal(k)))
+        parameters.append(f"g{joint}")
+    return places, extras
+
+
+def _motor_signal(k: int) -> Values:
+    def values(block: FilteredBlock) -> np.ndarray:
+        assert block.motor is not None
+        return -block.motor[:, k]
+
+    return values
+
+
+def _coupled_drives(study: Study, need: Need, parameters: list[str]) -> list[Extra]:
+    """`coupled_drives: [[5, 6]]`: the second joint's motor turns with q5 + q6 and so loads both joints.
+
+    Its rotor adds Iac ddq6 to joint 5 and Iac ddq5 to joint 6, its friction likewise Fvc and
+    Fcc sign(dq5 + dq6) on both (its own share stays in Iam6 and Fvm6). Staubli's TX wrists are built so.
+    """
+    extras: list[Extra] = []
+    if study.coupled_drives and study.model == "B":
+        raise StudyError(
+            str(study.file),
+            "coupled_drives",
+            "acts on motor torques, which model B does not have; choose model A, C or D",
+        )
+    for first, second in study.coupled_drives:
+        if first not in need.joints or second not in need.joints or first == second:
+            raise StudyError(
+                str(study.file), "coupled_drives", f"[{first}, {second}] are not two joints of this robot"
+            )
+        a, b = need.joints.index(first), need.joints.index(second)
+        for kind in ("Iac", "Fvc", "Fcc"):
+            column = len(parameters)
+            parameters.append(f"{kind}{second}")
+            extras += [Extra(here, column, _coupled(kind, here, other)) for here, other in ((a, b), (b, a))]
+    return extras
+
+
+def _link_inertia(study: Study, need: Need, parameters: list[str]) -> list[Extra]:
+    """`link_inertia: true`: Ial_j ddq_j in sensor channel j, what of the gear's output turns beyond the
+    sensor.
+
+    The rigid model of a link has a moment about its own axis that other joints' motion shares (ZZ_j); gear
+    and bearing rings, and the sensor's own lag, follow the joint's acceleration alone. All baselines of the
+    recorded robots have this term.
+    """
+    if not study.link_inertia:
+        return []
+    if study.model not in "BC":
+        raise StudyError(
+            str(study.file),
+            "link_inertia",
+            f"model {study.model} has no sensor channel of its own; choose model B or C",
+        )
+    extras, first = [], len(need.joints) if study.model == "C" else 0
+    for k, joint in enumerate(need.joints):
+        extras.append(Extra(first + k, len(parameters), _acceleration(k)))
+        parameters.append(f"Ial{joint}")
+    return extras
+
+
+def _acceleration(k: int) -> Values:
+    def values(block: FilteredBlock) -> np.ndarray:
+        return block.ddq[:, k]
+
+    return values
+
+
+def _coupled(kind: str, here: int, other: int) -> Values:
+    def values(block: FilteredBlock) -> np.ndarray:
+        if kind == "Iac":
+            return block.ddq[:, other]
+        if kind == "Fvc":
+            return block.dq[:, other]
+        speed = block.dq[:, here] + block.dq[:, other]
+        return smooth_sign(speed, np.full(1, block.vs[[here, other]].max()))
+
+    return values

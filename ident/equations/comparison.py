@@ -1,0 +1,206 @@
+"""Measured against modelled torque, over all samples: decimated, and at the full rate.
+
+At the full rate both sides run through the position filter and nothing else; the model's friction with them:
+without that, a sign that jumps at a reversal would be held against a measurement that cannot jump. At the
+decimated rate both run through the decimation filter, as Y and W do in the fit. Samples of joints at rest,
+which the fit leaves out, are in both.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+
+from ident.equations.columns import Columns
+from ident.progress import Progress, silent
+from ident.recordings.recording import RecordingStream
+from ident.recordings.study import ROLES
+from ident.signals.decimation import Decimator, kept_every
+from ident.signals.filtering import FilterBank, FilteredBlock, LowPass, filter_stream, windows
+
+CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off
+CURVE_POINTS = 12000  # of one recording
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Torques of one recording for plots: t (m,), measured, modelled (m, channels); NaN rows part
+    segments."""
+
+    label: str
+    role: str
+    t: np.ndarray
+    measured: np.ndarray
+    modelled: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class FullRate:
+    """Errors at the full rate, at the decimated rate, and decimated with the full model; curves to draw."""
+
+    full_rate: Squares
+    decimated: Squares
+    decimated_full_model: Squares
+    curves: tuple[Curves, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Squares:
+    """above, below: sums of squares of error and of torque, {recording label: (channels,)}; roles of the
+    labels."""
+
+    channels: tuple[str, ...]
+    roles: dict[str, str]
+    above: dict[str, np.ndarray]
+    below: dict[str, np.ndarray]
+
+    @classmethod
+    def empty(cls, channels: tuple[str, ...], roles: dict[str, str]) -> Squares:
+        return cls(
+            channels,
+            roles,
+            {label: np.zeros(len(channels)) for label in roles},
+            {label: np.zeros(len(channels)) for label in roles},
+        )
+
+    def add(self, label: str, measured: np.ndarray, modelled: np.ndarray) -> None:
+        """Rows (N, channels) of one recording."""
+        self.above[label] += np.sum((measured - modelled) ** 2, axis=0)
+        self.below[label] += np.sum(measured**2, axis=0)
+
+    def by_role(self) -> dict[str, dict[str, float]]:
+        """100 ||error|| / ||torque||: {role: {"total" | channel: percent}}."""
+        out: dict[str, dict[str, float]] = {}
+        for role in ROLES:
+            labels = [label for label, its in self.roles.items() if its == role]
+            if labels:
+                out[role] = self._percent(labels)
+        return out
+
+    def by_recording(self) -> dict[str, dict[str, float]]:
+        return {label: self._percent([label]) for label in self.roles}
+
+    def _percent(self, labels: Sequence[str]) -> dict[str, float]:
+        above = np.sum([self.above[label] for label in labels], axis=0)
+        below = np.maximum(np.sum([self.below[label] for label in labels], axis=0), 1e-300)
+        out = {"total": float(100 * np.sqrt(above.sum() / below.sum()))}
+        return out | {name: float(100 * np.sqrt(a / b)) for name, a, b in zip(self.channels, above, below)}
+
+
+def modelled_torque(
+    columns: Columns, chi: np.ndarray, payload: str | None, block: FilteredBlock
+) -> np.ndarray:
+    """W chi of a block (N, channels) with the study's own columns; drive gains are left to the measured
+    side."""
+    model = columns.model
+    torque = np.asarray(
+        model.torque(block.q, block.dq, block.ddq, columns.model_chi(chi, payload), sign=block.sign_dq)
+    )
+    gains = set(columns.gain_columns.values())
+    for extra in columns.extras:
+        if extra.column not in gains and chi[extra.column] != 0:
+            torque[:, extra.channel] += chi[extra.column] * extra.values(block)
+    return torque
+
+
+def measured_torque(columns: Columns, chi: np.ndarray, block: FilteredBlock) -> np.ndarray:
+    """Y of a block (N, channels), with identified drive gains where there are any."""
+    motor = block.motor
+    if columns.gain_columns and motor is not None:
+        motor = motor * chi[[columns.gain_columns[k] for k in range(motor.shape[1])]]
+    return columns.need.torque(motor, block.sensor)
+
+
+def compare_torques(
+    streams: Sequence[RecordingStream],
+    banks: Sequence[FilterBank],
+    columns: Columns,
+    chi: np.ndarray,
+    full_chi: np.ndarray,
+    cutoff_hz: float,
+    order: int = 4,
+    progress: Progress = silent,
+) -> FullRate:
+    """One pass over all recordings: chi at both rates, full_chi (all base parameters) at the decimated
+    one."""
+    channels = columns.channels
+    roles: dict[str, str] = {stream.label: stream.role for stream in streams}
+    at_full_rate, decimated, full_model = (Squares.empty(channels, roles) for _ in range(3))
+    n = len(channels)
+    curves = []
+    total = sum(stream.survey.rows for stream in streams)
+    done = 0
+    for stream, bank in zip(streams, banks):
+        stride = max(
+            1,
+            int(stream.rate_hz / (CURVE_RATE * bank.position.cutoff_hz)),
+            -(-stream.survey.rows // CURVE_POINTS),
+        )
+        kept: list[np.ndarray] = []
+        filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)
+        for blocks in by_segment(filter_stream(stream, bank)):
+            fold = Decimator(filter, every, 3 * n)
+            tap = _Tap(stream, columns, chi, full_chi, fold)
+            if kept:
+                kept.append(np.full((1, 1 + 2 * n), np.nan))
+            for k, both in low_pass_blocks(tap.torques(blocks), bank.position):
+                at_full_rate.add(stream.label, both[:, :n], both[:, n:])
+                t = tap.start + (k + np.arange(len(both))) / stream.rate_hz
+                first = -k % stride
+                kept.append(np.column_stack([t[first::stride], both[first::stride]]))
+                done += len(both)
+                progress("comparing measured and modelled torque", min(done / total, 1.0))
+            for part in (*tap.kept, fold.finish()):
+                decimated.add(stream.label, part[:n].T, part[n : 2 * n].T)
+                full_model.add(stream.label, part[:n].T, part[2 * n :].T)
+        rows = np.concatenate(kept) if kept else np.zeros((0, 1 + 2 * n))
+        curves.append(Curves(stream.label, stream.role, rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n :]))
+    return FullRate(at_full_rate, decimated, full_model, tuple(curves))
+
+
+class _Tap:
+    """Turns the filtered blocks of one segment into torques, and decimates them on the way."""
+
+    def __init__(
+        self,
+        stream: RecordingStream,
+        columns: Columns,
+        chi: np.ndarray,
+        full_chi: np.ndarray,
+        fold: Decimator,
+    ) -> None:
+        self.stream, self.columns, self.chi, self.full_chi, self.fold = stream, columns, chi, full_chi, fold
+        self.kept: list[np.ndarray] = []
+        self.start = 0.0
+
+    def torques(self, blocks: Iterable[FilteredBlock]) -> Iterator[np.ndarray]:
+        """[measured modelled] (N, 2 channels) of each block."""
+        for number, block in enumerate(blocks):
+            if number == 0:
+                self.start = float(block.t[0])
+            measured = measured_torque(self.columns, self.chi, block)
+            modelled = modelled_torque(self.columns, self.chi, self.stream.payload, block)
+            full_model = modelled_torque(self.columns, self.full_chi, self.stream.payload, block)
+            done = self.fold.push(np.hstack([measured, modelled, full_model]).T)
+            if done is not None:
+                self.kept.append(done)
+            yield np.hstack([measured, modelled])
+
+
+def by_segment(blocks: Iterator[tuple[int, FilteredBlock]]) -> Iterator[Iterator[FilteredBlock]]:
+    """Group numbered blocks; each group is to be used up before the next."""
+    for _, group in itertools.groupby(blocks, key=lambda item: item[0]):
+        yield (block for _, block in group)
+
+
+def low_pass_blocks(blocks: Iterator[np.ndarray], filter: LowPass) -> Iterator[tuple[int, np.ndarray]]:
+    """Zero-phase filter of a stream of blocks (N, m): (number of the first row, filtered rows)."""
+    for start, window, inner in windows(blocks, filter.halo):
+        size = scipy.fft.next_fast_len(len(window), real=True)
+        response = filter.response(scipy.fft.rfftfreq(size, 1.0 / filter.rate_hz))
+        spectrum = scipy.fft.rfft(window, size, axis=0)
+        yield start, scipy.fft.irfft(spectrum * response[:, None], size, axis=0)[inner]

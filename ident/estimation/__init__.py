@@ -1,0 +1,1 @@
+"""Least squares on the equations: weights, noise, gains, reduction, the fit."""

@@ -1,0 +1,1 @@
+"""From somebody's table to a surveyed recording: studies, tables, time stamps, remarks."""

@@ -1,0 +1,1 @@
+"""Filters, derivatives, the sign of dry friction, decimation."""

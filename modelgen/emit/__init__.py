@@ -1,0 +1,1 @@
+"""Derived models as CasADi functions, C and descriptions."""

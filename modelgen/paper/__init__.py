@@ -1,0 +1,1 @@
+"""The tables of Jubien, Gautier and Janot 2014, compared with the derivation."""

@@ -1,0 +1,1 @@
+"""Expressions with shared intermediate symbols, in as few operations as we know how."""

@@ -1,0 +1,123 @@
+"""The commands end to end on a small arm: the files they write, what they print, a pipe and a terminal."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import browser
+import pytest
+from small_arm import ARM
+
+from ident.simulate import PlannedRun, simulate, write_simulation
+
+RUNS = (
+    PlannedRun("first", "identify", 20.0),
+    PlannedRun("second", "validate", 20.0),
+    PlannedRun("third", "test", 20.0),
+)
+
+
+def ident(*arguments, **options):
+    command = [sys.executable, "-m", "ident.command_line.cli", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("small")
+    (folder / "small.yaml").write_text(ARM)
+    made = simulate(folder / "small.yaml", "C", ("stribeck_friction:2",), seed=1, runs=RUNS)
+    return write_simulation(made, folder / "twin")
+
+
+def test_fit_writes_what_the_contract_says_and_is_quiet_in_a_pipe(study, tmp_path):
+    done = ident("fit", study, "-o", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    document = json.loads((tmp_path / "out" / "fit.json").read_text())
+    assert {"robot", "model", "base_parameters", "essential_parameters", "parameters",
+            "relative_error_percent", "tests"} <= set(document)  # fmt: skip
+    assert set(document["relative_error_percent"]) == {"identify", "validate", "test"}
+    assert (tmp_path / "out" / "parameters.csv").is_file() and list(
+        (tmp_path / "out" / "plots").glob("*.svg")
+    )
+    html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "base parameters explain the torque" in html and len(html) < 8e6
+    assert all(line.startswith("warning: ") for line in done.stderr.splitlines())
+    assert "\x1b" not in done.stdout and done.stdout.splitlines()[0].startswith("parameter\t")
+    assert sorted(p.name for p in (tmp_path / "out").iterdir() if p.name.startswith(".")) == []
+
+
+def test_fit_of_several_models_compares_them(study, tmp_path):
+    done = ident("fit", study, "--models", "a,B", "-o", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "A" / "fit.json").is_file() and (tmp_path / "B" / "report.html").is_file()
+    assert "Comparison of models" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert (tmp_path / "comparison.csv").read_text().startswith("parameter,A value,A % std,B value")
+    wrong = ident("fit", study, "--models", "A,E", "-o", tmp_path / "wrong")
+    assert wrong.returncode == 2 and "E" in wrong.stderr and not (tmp_path / "wrong").exists()
+
+
+def test_diagnose_writes_what_the_contract_says(study, tmp_path):
+    done = ident("diagnose", study, "-o", tmp_path, "-v")
+    assert done.returncode == 0, done.stderr
+    document = json.loads((tmp_path / "diagnosis.json").read_text())
+    assert {"verdict", "findings", "unexplained", "error_percent", "noise_floor_percent"} <= set(document)
+    first = document["findings"][0]
+    assert (first["effect"], first["joints"]) == ("stribeck_friction", [2])
+    assert "The model lacks stribeck friction on joint 2" in done.stdout
+    assert " s  " in done.stderr  # -v: each step with its time
+    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "The model lacks stribeck friction on joint 2" in html and len(html) < 8e6
+    assert (tmp_path / "plots" / "1_stribeck_friction.svg").is_file()
+    assert "stribeck_friction:2" in document["regenerated"]["effects"]
+    assert document["regenerated"]["largest_relative_difference"] < 1e-9
+    assert "Model with stribeck_friction:2" in done.stdout and "regenerated in model/" in html
+    assert "Fs2" in json.loads((tmp_path / "model" / "parameters.json").read_text())["parameters"]
+
+
+@pytest.mark.skipif(browser.chromium() is None, reason="no chromium on this machine")
+def test_reports_of_real_results_open_without_a_complaint(study, tmp_path):
+    for command in ("fit", "diagnose"):
+        assert ident(command, study, "-o", tmp_path / command).returncode == 0
+    with browser.browser_page() as tab:
+        for command, plots in (("fit", 7), ("diagnose", 1)):  # 6 channels and a histogram; one finding
+            tab.open(tmp_path / command / "report.html")
+            assert tab.problems == []
+            assert tab.evaluate("document.querySelectorAll('.canvas[data-drawn]').length") >= plots
+            assert tab.evaluate("document.documentElement.scrollWidth") <= 1200
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pseudo-terminals of POSIX")
+def test_a_terminal_gets_a_bar_and_ruled_tables(study, tmp_path):
+    import pty
+
+    main, side = pty.openpty()
+    command = [sys.executable, "-m", "ident.command_line.cli", "fit", str(study), "-o", str(tmp_path)]
+    with subprocess.Popen(command, stdout=side, stderr=side, env=os.environ | {"TERM": "xterm"}) as process:
+        os.close(side)
+        seen = b""
+        while True:
+            try:
+                part = os.read(main, 65536)
+            except OSError:  # the other side is closed
+                break
+            if not part:
+                break
+            seen += part
+        assert process.wait(timeout=60) == 0
+    os.close(main)
+    text = seen.decode()
+    assert "evaluating" in text and "┃" in text and "\x1b[" in text
+
+
+def test_a_recording_that_is_missing_is_named(study, tmp_path):
+    text = study.read_text().replace("second.parquet", "sunday.parquet")
+    broken = study.parent / "broken.yaml"
+    broken.write_text(text)
+    for command in ("fit", "diagnose"):
+        done = ident(command, broken, "-o", tmp_path / "out")
+        assert done.returncode == 2 and "sunday.parquet" in done.stderr and done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+    assert Path(study).is_file()
