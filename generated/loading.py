@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import json
+import math
 import os
 import re
 import sys
@@ -13,6 +14,7 @@ import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -24,8 +26,21 @@ from generated.model import Model
 
 HERE = Path(__file__).parent
 MODELS = ("A", "B", "C", "D")
+LARGEST_GRAVITY = 1e3  # m/s^2
 _lock = threading.RLock()
-_loaded: dict[tuple, Model] = {}
+_loaded: dict[Question, Model] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class Question:
+    """Which model is asked for: `data` is the robot file's content, `gravity` None where it is the file's."""
+
+    name: str  # built-in name or path
+    data: bytes
+    model: str
+    payload: str | None = None
+    effects: tuple[str, ...] = ()
+    gravity: tuple[float, float, float] | None = None
 
 
 def _after_fork() -> None:
@@ -42,22 +57,40 @@ def load(
     model: str = "A",
     payload: str | None = None,
     effects: Sequence[str] = (),
+    gravity: Sequence[float] | None = None,
 ) -> Model:
     """The model "A", "B", "C" or "D" of a built-in robot or of a robot file.
 
     `payload="L"` appends the ten parameters of that payload, `effects=("stribeck_friction:2",)` an effect's
-    columns. What is not built in is derived, compiled and cached on first use. Raises GeneratedError.
+    columns; `gravity=(x, y, z)`, m/s^2 in the base frame, replaces the robot file's. What is not built in is
+    derived, compiled and cached on first use. Raises GeneratedError.
     """
     if model not in MODELS:
         raise GeneratedError(f"there is no model {model!r}; choose A, B, C or D.")
     effects = (effects,) if isinstance(effects, str) else tuple(effects)
-    name, data = _robot_file(robot)
-    key = (name, hashlib.sha256(data).digest(), model, payload, effects)
+    question = Question(*_robot_file(robot), model, payload, effects, _gravity(gravity))
     with _lock:
-        found = _loaded.get(key)
+        found = _loaded.get(question)
         if found is None:
-            found = _loaded[key] = _load(name, data, model, payload, effects)
+            found = _loaded[question] = _load(question)
         return found
+
+
+def _gravity(given: Any) -> tuple[float, float, float] | None:
+    """Three finite numbers; what rounding leaves of a zero is zero, so that it costs no parameters."""
+    if given is None:
+        return None
+    try:
+        x, y, z = (float(value) for value in given)
+    except (TypeError, ValueError):
+        x = y = z = math.nan
+    size = math.sqrt(x * x + y * y + z * z)
+    if not size <= LARGEST_GRAVITY:
+        raise GeneratedError(
+            f"gravity is {given!r}; give three numbers in m/s^2 in the base frame, for example (0, 0, -9.81)."
+        )
+    x, y, z = (0.0 if abs(value) <= 1e-12 * size else value for value in (x, y, z))
+    return x, y, z
 
 
 def _robot_file(robot: str | os.PathLike[str]) -> tuple[str, bytes]:
@@ -85,13 +118,12 @@ def _modelgen() -> Path:
     return Path(next(iter(spec.submodule_search_locations)))
 
 
-def _load(name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]) -> Model:
-    question = (name, data, model, payload, effects)
-    with _first_use(f"{Path(name).stem}, model {model}") as progress:
-        files = _committed(name, data, model, payload, effects)
+def _load(question: Question) -> Model:
+    with _first_use(f"{Path(question.name).stem}, model {question.model}") as progress:
+        files = _committed(question)
         if files is None:
             progress("derived")
-            files = _derived(*question)
+            files = _derived(question)
         description, code = files
         progress("compiled")
         try:
@@ -104,41 +136,42 @@ def _load(name: str, data: bytes, model: str, payload: str | None, effects: tupl
                 "times slower: install gcc or clang, or pip install 'dynident[compiler]'.",
                 stacklevel=4,
             )
-            kernel = _numpy_kernel(*question)
-    return Model(description, kernel, (load, (name, model, payload, effects)), lambda: _casadi(*question))
+            kernel = _numpy_kernel(question)
+    q = question
+    again = (load, (q.name, q.model, q.payload, q.effects, q.gravity))
+    return Model(description, kernel, again, lambda: _casadi(question))
 
 
-def _committed(
-    name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]
-) -> tuple[Mapping[str, Any], str] | None:
+def _committed(question: Question) -> tuple[Mapping[str, Any], str] | None:
     """Description and C that came with the package, if they are of this very robot file."""
-    if effects:
+    name, model, payload = question.name, question.model, question.payload
+    if question.effects or question.gravity is not None:
         return None
     stem = model if payload is None or model == "D" else f"{model}_{payload}"
     place = HERE / name / stem
     if not re.fullmatch(r"[A-Za-z0-9_]+", name) or not place.with_suffix(".json").is_file():
         return None
     description = json.loads(place.with_suffix(".json").read_text())
-    if description["made_of"]["robot_sha256"] != hashlib.sha256(data.replace(b"\r\n", b"\n")).hexdigest():
+    content = question.data.replace(b"\r\n", b"\n")
+    if description["made_of"]["robot_sha256"] != hashlib.sha256(content).hexdigest():
         return None
     return description, place.with_suffix(".c").read_text()
 
 
-def _derived(
-    name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]
-) -> tuple[Mapping[str, Any], str]:
+def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
     """Description and C of any robot, from the cache or made now."""
 
     def build(place: Path) -> None:
         from modelgen.emit import c_code
 
-        derived, robot = _derive(name, data, model, payload, effects)
+        derived, robot = _derive(question)
         made_of = c_code.provenance(robot.source_sha256)
         (place / "model.json").write_text(json.dumps(c_code.described(derived, made_of)))
         (place / "model.c").write_text(c_code.source(derived, made_of))
 
-    entry = "model-" + cache.key(data, model, repr(payload), *effects, _generator())[:40]
-    place = cache.entry(entry, build)
+    q = question
+    asked = (q.data, q.model, repr(q.payload), repr(q.gravity), *q.effects)
+    place = cache.entry("model-" + cache.key(*asked, _generator())[:40], build)
     return json.loads((place / "model.json").read_text()), (place / "model.c").read_text()
 
 
@@ -149,32 +182,32 @@ def _generator() -> str:
     return cache.key(*(p.read_bytes() for p in parts))
 
 
-def _derive(name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]) -> Any:
+def _derive(question: Question) -> Any:
     from modelgen.emit.description import derive
     from modelgen.errors import ModelgenError
     from modelgen.geometry.robot_file import parse_robot
 
     try:
-        robot = parse_robot(data, Path(name).name)
-        return derive(robot, model, payload, effects), robot
+        robot = parse_robot(question.data, Path(question.name).name)
+        if question.gravity is not None:
+            robot = robot.with_gravity(question.gravity)
+        return derive(robot, question.model, question.payload, question.effects), robot
     except ModelgenError as error:
         raise GeneratedError(str(error)) from None
 
 
 @lru_cache(maxsize=16)
-def _casadi(
-    name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]
-) -> Mapping[str, Any]:
-    derived, _ = _derive(name, data, model, payload, effects)
+def _casadi(question: Question) -> Mapping[str, Any]:
+    derived, _ = _derive(question)
     from modelgen.emit.casadi_functions import outer_functions
 
     return outer_functions(derived)
 
 
-def _numpy_kernel(name: str, data: bytes, model: str, payload: str | None, effects: tuple[str, ...]) -> Any:
+def _numpy_kernel(question: Question) -> Any:
     from generated.numpy_kernel import NumpyKernel
 
-    return NumpyKernel(_derive(name, data, model, payload, effects)[0])
+    return NumpyKernel(_derive(question)[0])
 
 
 @contextmanager

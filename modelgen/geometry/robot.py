@@ -11,8 +11,8 @@ both constant on a fixed one (sigma 2). Angles rad, lengths m, gravity m/s^2 in 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import sympy as sp
@@ -113,6 +113,11 @@ class Robot:
                         f"write {near} if that is meant"
                     )
         return tuple(found)
+
+    def with_gravity(self, gravity: Sequence[float]) -> Robot:
+        """The same robot under another gravity: three numbers, m/s^2 in the base frame, as they print."""
+        x, y, z = (sp.Rational(repr(float(value))) for value in gravity)
+        return replace(self, gravity=(x, y, z))
 
     def payload_link(self, label: str) -> int:
         """Row that carries payload `label`: the declared one, else the last link."""

@@ -1,5 +1,7 @@
 """Compiled models against the plain recursion, Pinocchio, and what users hand in by mistake."""
 
+import pickle
+
 import numpy as np
 import pytest
 from pinocchio_robot import PinocchioRobot
@@ -224,3 +226,31 @@ def test_effects_bring_their_columns_and_inputs():
     )
     with pytest.raises(GeneratedError, match="this model needs vs2, t"):
         m.regressor(q, dq, ddq)
+
+
+def test_gravity_can_be_replaced_and_survives_a_pickle(tmp_path):
+    text = "name: two\nconvention: mdh\ngravity: [0, 0, -9.81]\nlinks:\n"
+    text += "  - {joint: revolute, antecedent: 0, alpha: 0.3, d: 0, theta: q1, r: 0}\n"
+    text += "  - {joint: revolute, antecedent: 1, alpha: pi/2, d: 0.5, theta: q2, r: 0.1}\n"
+    (tmp_path / "two.yaml").write_text(text)
+    (tmp_path / "wall.yaml").write_text(text.replace("[0, 0, -9.81]", "[9.81, 0.5, 0]"))
+    wall = generated.load(tmp_path / "wall.yaml", "B")
+    turned = generated.load(tmp_path / "two.yaml", "B", gravity=np.array([9.81, 0.5, 6e-16]))
+    plain = generated.load(tmp_path / "two.yaml", "B")
+    assert turned.parameters == wall.parameters
+    x = np.random.default_rng(0).normal(size=(3, 9, 2))
+    np.testing.assert_array_equal(turned.regressor(*x), wall.regressor(*x))
+    assert np.abs(turned.regressor(*x) - plain.regressor(*x)).max() > 0.1
+    assert pickle.loads(pickle.dumps(turned)) is turned and turned is not plain
+    assert generated.load(tmp_path / "two.yaml", "B", gravity=[9.81, 0.5, 0]) is turned
+    peer = PinocchioRobot(load_robot(tmp_path / "wall.yaml"))
+    standard = {"XX1": 1.0, "MX2": 0.4, "MY2": -0.7, "M2": 2.0, "ZZ2": 0.3}
+    by_link = {(int(p[-1]), p[:-1]): value for p, value in standard.items()}
+    expected = [peer.torque(*rows, by_link) for rows in zip(*x)]
+    np.testing.assert_allclose(turned.torque(*x, turned.regroup(standard)), expected, rtol=1e-11, atol=1e-11)
+
+
+@pytest.mark.parametrize("gravity", [(0, 0), "down", 9.81, (0, 0, np.nan), (0, 0, -9810), (0, 0, "x")])
+def test_a_gravity_that_is_none_is_refused(gravity):
+    with pytest.raises(GeneratedError, match=r"gravity is .* give three numbers in m/s\^2"):
+        generated.load("kuka_lwr4p", "D", gravity=gravity)
