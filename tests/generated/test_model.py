@@ -244,7 +244,7 @@ def test_gravity_can_be_replaced_and_survives_a_pickle(tmp_path):
     assert pickle.loads(pickle.dumps(turned)) is turned and turned is not plain
     assert generated.load(tmp_path / "two.yaml", "B", gravity=[9.81, 0.5, 0]) is turned
     peer = PinocchioRobot(load_robot(tmp_path / "wall.yaml"))
-    standard = {"XX1": 1.0, "MX2": 0.4, "MY2": -0.7, "M2": 2.0, "ZZ2": 0.3}
+    standard = {"XX1": 1.0, "M1": 1.0, "MX2": 0.4, "MY2": -0.7, "M2": 2.0, "ZZ2": 0.3}
     by_link = {(int(p[-1]), p[:-1]): value for p, value in standard.items()}
     expected = [peer.torque(*rows, by_link) for rows in zip(*x)]
     np.testing.assert_allclose(turned.torque(*x, turned.regroup(standard)), expected, rtol=1e-11, atol=1e-11)
