@@ -1,4 +1,4 @@
-"""Regrouping of the inertial parameters: which combinations no motion can tell apart, exactly.
+"""Regrouping of what acts like a body: which combinations no motion can tell apart, exactly.
 
 A body is a symmetric 4 x 4 matrix P (`pseudo_inertia`), and its energies are traces of functionals of its
 frame T and velocity V = T^-1 dT/dt:
@@ -6,22 +6,28 @@ frame T and velocity V = T^-1 dT/dt:
     kinetic 1/2 tr(V'V P)              potential -1/2 tr(G P),  G = T' (e4 (g, 0)' + (g, 0) e4') T
 
 Seen from its antecedent, T_j = T_a F J(q) with F the constant part of the MDH row and J the joint, a body P
-of link j is the body F J P J' F' of link a. What no torque shows is a set of bodies (and rotors) whose
-kinetic energies add up to zero and whose potential energies add up to a constant.
+of link j is the body F J P J' F' of link a. A drive adds a rotor, with the kinetic energy Iam dq^2 / 2, and a
+constant torque, whose potential is Off q: along a slide that gravity pulls, a weight is a constant force too.
+What no torque shows is a set of bodies, rotors and constant torques whose kinetic energies add up to zero and
+whose potentials add up to a constant.
 
-**Theorem.** Such sets are the sums of *transfers*: a body P of link j whose energies do not depend on q_j and
-dq_j, for any motion that link a(j) can do, against the same body held by link a(j).
+**Theorem.** Such sets are the sums of *transfers*: a body P of link j with its drive's Iam and Off, whose
+energies together do not depend on q_j and dq_j, for any motion that link a(j) can do, against the same body
+held by link a(j).
 
-Proof: in an unobservable set take a link n without descendants. No other link's energy depends on q_n and
-dq_n, so its own cannot either. Constant in q_n, they equal their average over q_n (prismatic: their value at
-q_n = 0), which is the energy of one body held by a(n). Put that body there and repeat on the smaller tree. A
-body held by the base has no kinetic and a constant potential energy, and is dropped.
+Proof: in an unobservable set take a link n without descendants. Nothing else depends on q_n and dq_n, so the
+energies of its body and drive together cannot either. On a revolute joint they are a trigonometric polynomial
+in q_n plus Off q_n: the constant torque is zero, and the rest, constant in q_n, equals its average over q_n,
+which is the energy of one body held by a(n). On a prismatic joint they equal their value at q_n = 0, where
+Off q_n is zero: the energy of one body held by a(n), again. Put that body there and repeat on the smaller
+tree. A body held by the base has no kinetic and a constant potential energy, and is dropped.
 
 So everything is decided link by link, from what a's motion can produce: a space of functionals V'V and G, and
 a space of velocities V. Both follow exactly from the antecedent's, because J'SJ is a trigonometric polynomial
 of degree 2 in q (five points of the circle span its coefficients) or a polynomial of degree 2 (three points),
-and four quarter turns average it exactly. (Energies for identifiability: Gautier and Khalil 1990; the spaces
-and the proof are our own.)
+and four quarter turns average it exactly. Off q_j goes with G at one state; differences of G between states
+are without it. So Iam, M and Off of a slide are tied where the gravity along it never changes, and only
+there. (Energies for identifiability: Gautier and Khalil 1990; the spaces and the proof are our own.)
 """
 
 from __future__ import annotations
@@ -36,6 +42,7 @@ from modelgen.dynamics.newton_euler import INERTIAL
 from modelgen.exact.linear_algebra import Span, product, transposed
 from modelgen.exact.numbers import Exact
 from modelgen.exact.pseudo_inertia import (
+    LINE,
     QUARTER_TURNS,
     Matrix,
     axis,
@@ -61,16 +68,17 @@ Coordinates = dict[str, Number]  # parameter name -> coefficient
 # By sigma: which parameters of a link keep their columns where a relation leaves the choice. The paper's
 # table keeps XX, ZZ, MX and MY of a revolute link and gives up YY, MZ and M, and Iam rather than ZZ.
 KEPT_FIRST = {
-    0: ("ZZ", "MX", "MY", "XX", "XY", "XZ", "YZ", "Iam", "YY", "MZ", "M"),
-    1: ("M", "MX", "MY", "MZ", "Iam", "ZZ", "YZ", "YY", "XZ", "XY", "XX"),
+    0: ("Offm", "ZZ", "MX", "MY", "XX", "XY", "XZ", "YZ", "Iam", "YY", "MZ", "M"),
+    1: ("Offm", "M", "MX", "MY", "MZ", "Iam", "ZZ", "YZ", "YY", "XZ", "XY", "XX"),
     2: INERTIAL,
 }
+DRIVE = ("Iam", "Offm")
 PAYLOAD_KEPT_FIRST = ("M", "MX", "MY", "MZ", "ZZ", "XX", "YY", "XY", "XZ", "YZ")
 
 
 @dataclass(frozen=True, slots=True)
 class InertialRegrouping:
-    """Every inertial parameter (and rotor inertia) as a combination of those kept.
+    """Every inertial parameter (and each drive's Iam and Offm) as a combination of those kept.
 
     columns["YY3"] == {"XX2": 1, "ZZ2": 1, "XX3": -1, ...} says that the regressor's column of YY3 equals this
     combination of kept columns; an empty one that it vanishes. The coefficients are exact.
@@ -99,10 +107,11 @@ class Reach:
     L: Span
 
 
-def regroup_inertial(robot: Robot, rotors: bool) -> InertialRegrouping:
-    """Exact relations among the inertial parameters of `robot`, with each joint's Iam if `rotors`.
+def regroup_inertial(robot: Robot, drives: bool) -> InertialRegrouping:
+    """Exact relations among the inertial parameters of `robot`, with each joint's Iam and Offm if `drives`.
 
-    A rotor's kinetic energy is Iam dq^2 / 2 (paper eq. 1: it acts in its own row only).
+    Both act in their own row only (paper eq. 1), as Iam ddq + Offm. Without rotors a constant torque is never
+    tied to anything: that takes a rotor that moves as the mass does, but weighs nothing.
     """
     geometry, exact = exact_geometry(robot)
     reach = [Reach(Span(10), upper(weight(geometry.gravity)), Span(6))]  # by row number; 0 is the base
@@ -112,8 +121,8 @@ def regroup_inertial(robot: Robot, rotors: bool) -> InertialRegrouping:
         a = row.antecedent + 1
         F = constant_frame(geometry, j - 1)
         held = _behind(F, reach[a])
-        rotor = label.get(j) if rotors else None
-        columns.update(_link_columns(j, a, row, F, held, rotor, columns))
+        drive = label.get(j) if drives else None
+        columns.update(_link_columns(j, a, row, F, held, drive, columns))
         reach.append(_moved(held, row.sigma))
     return InertialRegrouping(exact, columns, tuple(reach))
 
@@ -155,16 +164,16 @@ def _link_columns(
     row: Row,
     F: Matrix,
     held: Reach,
-    rotor: str | None,
+    drive: str | None,
     columns: dict[str, Coordinates],
 ) -> dict[str, Coordinates]:
     """Columns of link j: those kept, and the others in terms of them and of the columns of link a."""
-    kinds = KEPT_FIRST[row.sigma] if rotor else tuple(k for k in KEPT_FIRST[row.sigma] if k != "Iam")
-    names = {kind: f"{kind}{rotor if kind == 'Iam' else j}" for kind in kinds}
+    kinds = tuple(k for k in KEPT_FIRST[row.sigma] if drive or k not in DRIVE)
+    names = {kind: f"{kind}{drive if kind in DRIVE else j}" for kind in kinds}
     shown = Span(len(kinds), ([f[kind] for kind in kinds] for f in _observed(held, row.sigma)))
     result: dict[str, Coordinates] = {name: {name: 1} for name in names.values()}
     for given_up, relation in shown.annihilator().items():
-        body = dict.fromkeys(("Iam", *INERTIAL), 0) | dict(zip(kinds, relation, strict=True))
+        body = dict.fromkeys((*DRIVE, *INERTIAL), 0) | dict(zip(kinds, relation, strict=True))
         total: Coordinates = {}
         for kind, coefficient in body.items():
             if coefficient and kind != kinds[given_up]:
@@ -184,7 +193,7 @@ def _accumulate(total: Coordinates, column: Coordinates, factor: Number) -> None
 
 
 def _observed(held: Reach, sigma: int) -> Iterator[dict[str, Number]]:
-    """Functionals on a body of the link (and its rotor) that must vanish for it not to depend on q and dq."""
+    """Functionals on a body of the link and its drive that must vanish for them to show no q and dq."""
     if sigma == 2:
         return
     E = axis(sigma)
@@ -193,8 +202,14 @@ def _observed(held: Reach, sigma: int) -> Iterator[dict[str, Number]]:
         for V in held.L.rows.values():  # the part in dq
             W = product(inverse(J), product(twist(V), J))
             yield on_parameters(symmetric(product(transposed(E), W)))
-    for S in (*held.shown.rows.values(), held.weight):  # the part that changes with q
+    for S in held.shown.rows.values():  # the part that changes with q
         yield from map(on_parameters, _changes(full(S), sigma))
+    if sigma == 0:
+        yield on_parameters([[0] * 4] * 4, offset=1)
+        yield from map(on_parameters, _changes(full(held.weight), sigma))
+    else:  # -1/2 tr((J'GJ - G) P) + Off q, times -2
+        for q, S in zip(LINE[1:], _changes(full(held.weight), sigma), strict=True):
+            yield on_parameters(S, offset=-2 * q)
 
 
 def _changes(S: Matrix, sigma: int) -> Iterator[Matrix]:

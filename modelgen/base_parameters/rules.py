@@ -1,10 +1,10 @@
 """Regrouping rules of a model: its base parameters, each a combination of standard parameters.
 
-Inertial parameters and rotors are regrouped in `regrouping`; what is left is plain. Where both sides of a
-drive act in the same rows (model A), link-side friction joins the motor side's (Fvm1R = Fvm1 + Fvl1); where
-the sensor separates them (C), Iam stays apart from the links too. A payload moves with its link, but only in
-the loaded runs, so its ten parameters stand beside the robot's own; a robot of few joints shows fewer than
-ten of them, and then the payload's are regrouped among themselves.
+Inertial parameters, rotors and constant torques are regrouped in `regrouping`; what is left is plain. Where
+both sides of a drive act in the same rows (model A), link-side friction joins the motor side's (Fvm1R =
+Fvm1 + Fvl1); where the sensor separates them (C), Iam and Offm stay apart from the links too. A payload
+moves with its link, but only in the loaded runs, so its ten parameters stand beside the robot's own; a robot
+of few joints shows fewer than ten of them, and then the payload's are regrouped among themselves.
 """
 
 from __future__ import annotations
@@ -77,8 +77,8 @@ def derive_rules(robot: Robot, model_name: str, payload: str | None = None) -> R
     if payload is not None:
         check_payload_label(payload)
     standard = chosen.standard_parameters(robot, payload)
-    rotors_regroup = len(chosen.families) == 1 and "Iam" in chosen.kinds
-    inertial = regroup_inertial(robot, rotors_regroup) if "M" in chosen.kinds else None
+    drives_regroup = len(chosen.families) == 1 and "Iam" in chosen.kinds
+    inertial = regroup_inertial(robot, drives_regroup) if "M" in chosen.kinds else None
     columns: dict[str, Coordinates] = dict(inertial.columns) if inertial else {}
     for p in standard:
         if p.kind not in INERTIAL and p.name not in columns:

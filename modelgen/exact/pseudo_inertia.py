@@ -48,8 +48,8 @@ def parameters(P: Matrix) -> dict[str, Number]:
     }
 
 
-def on_parameters(S: Matrix, rotor: int = 0) -> dict[str, Number]:
-    """Coefficients of the functional tr(S P) on the standard parameters, and on the rotor's inertia."""
+def on_parameters(S: Matrix, rotor: int = 0, offset: int = 0) -> dict[str, Number]:
+    """Coefficients of the functional tr(S P) + rotor Iam + offset Offm on the standard parameters."""
     half = (S[0][0] + S[1][1] + S[2][2]) / QQ(2)
     return {
         "XX": half - S[0][0],
@@ -63,6 +63,7 @@ def on_parameters(S: Matrix, rotor: int = 0) -> dict[str, Number]:
         "MZ": 2 * S[2][3],
         "M": S[3][3],
         "Iam": rotor,
+        "Offm": offset,
     }
 
 

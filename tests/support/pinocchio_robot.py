@@ -9,6 +9,7 @@ from modelgen.geometry.robot import Robot
 
 # Pinocchio's order of a body's ten parameters; the inertia is about the joint frame's origin there too.
 ORDER = ("M", "MX", "MY", "MZ", "XX", "XY", "YY", "XZ", "YZ", "ZZ")
+FAMILIES = {"A": ("tau_m",), "B": ("tau_l",), "C": ("tau_m", "tau_l"), "D": ("tau_d",)}
 
 
 def _placement(robot: Robot, j: int) -> pin.SE3:
@@ -43,7 +44,7 @@ class PinocchioRobot:
 
     def regressor(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> dict[tuple[int, str], np.ndarray]:
         """Torques (n,) of each (row, parameter) being 1, at one state; Pinocchio's own body regressor."""
-        whole = pin.computeJointTorqueRegressor(self.model, self.data, q, dq, ddq)
+        whole = pin.computeJointTorqueRegressor(self.model, self.data, q, dq, ddq).reshape(self.robot.n, -1)
         columns = {}
         for j in range(1, len(self.robot.links) + 1):
             joint, place = self.frames[j]
@@ -96,18 +97,33 @@ def _moved(place: pin.SE3) -> np.ndarray:
     return result
 
 
-def numeric_base_count(robot: Robot, rotors: bool, seed: int = 0) -> tuple[int, float]:
-    """Rank of the stacked regressor at random states, and the gap between the singular values that decide it.
+def numeric_base_count(
+    robot: Robot, model: str, payload_row: int | None = None, seed: int = 0
+) -> tuple[int, float]:
+    """Rank of a model's stacked regressor at random states, and the gap between the singular values there.
 
-    Columns are scaled to unit length first; with rotors, Iam acts in its own row only (paper eq. 1).
+    All standard columns, both sides of the drives with their offsets (paper eqs. 1 to 5): where a sensor and
+    a motor are read, their rows stand apart. With `payload_row` half of the states are loaded runs, in which
+    that link's ten columns act a second time. Columns are scaled to unit length first.
     """
     rng = np.random.default_rng(seed)
-    independent = PinocchioRobot(robot)
+    independent, n = PinocchioRobot(robot), robot.n
     blocks = []
-    for _ in range(10 * len(robot.links) // robot.n + 30):
-        q, dq, ddq = rng.uniform(-2, 2, (3, robot.n))
-        W = np.column_stack(list(independent.regressor(q, dq, ddq).values()))
-        blocks.append(np.hstack([W, np.diag(ddq)]) if rotors else W)
+    for loaded in (False,) if payload_row is None else (False, True):
+        for _ in range(10 * len(robot.links) // n + 30):
+            q, dq, ddq = rng.uniform(-2, 2, (3, n))
+            bodies = independent.regressor(q, dq, ddq)
+            carried = [bodies[payload_row, kind] * loaded for kind in ORDER] if payload_row else []
+            links = np.column_stack([*bodies.values(), *carried])
+            friction = [np.diag(dq), np.diag(np.sign(dq)), np.eye(n)]
+            motor, none, nothing = np.hstack([np.diag(ddq), *friction]), np.zeros((n, 4 * n)), links * 0
+            joint, idle = np.hstack(friction), np.zeros((n, 3 * n))
+            rows = {
+                "tau_m": np.hstack([links, motor, joint]),
+                "tau_l": np.hstack([links, none, joint]),
+                "tau_d": np.hstack([nothing, motor, idle]),
+            }
+            blocks += [rows[family] for family in FAMILIES[model]]
     W = np.vstack(blocks)
     size = np.linalg.norm(W, axis=0)
     W = W[:, size > 1e-9 * size.max()]

@@ -52,6 +52,32 @@ def random_table(rng: random.Random, joints: int | None = None) -> dict:
     return {"name": "random", "convention": "mdh", "gravity": rng.choice(GRAVITY), "links": links}
 
 
+def sliding_table(rng: random.Random) -> dict:
+    """A robot file with slides among few turns: gantries, SCARAs, lifts; gravity along, across or oblique."""
+    twists = rng.choice((("0", "pi"), ("0", "0", "pi/2", "-pi/2"), ("0", "pi/2", "0.3", "pi/3")))
+    lengths = (0, 0, 0.4, -0.3)
+    links: list[dict] = []
+    for j in range(1, rng.randint(1, 5) + 1):
+        slides = rng.random() < 0.6
+        row = {"joint": "prismatic" if slides else "revolute", "antecedent": j - 1}
+        if j > 1 and rng.random() < 0.15:
+            row["antecedent"] = rng.randint(0, j - 1)
+        row |= {"alpha": rng.choice(twists), "d": rng.choice(lengths)}
+        angle, length = rng.choice(("0", "0", "pi/2", "0.7")), rng.choice(lengths)
+        row |= {
+            "theta": angle if slides else f"q{j} + {angle}",
+            "r": f"q{j} + {length}" if slides else length,
+        }
+        links.append(row)
+    gravity = rng.choice((*GRAVITY, [0, 0, -9.81], [0, 0, -9.81]))
+    return {"name": "sliding", "convention": "mdh", "gravity": gravity, "links": links}
+
+
+def sliding_robot(seed: int) -> Robot:
+    """The robot of a seed, read through the robot file parser."""
+    return parse_robot(json.dumps(sliding_table(random.Random(seed))), f"sliding {seed}")
+
+
 def random_robot(seed: int, joints: int | None = None) -> Robot:
     """The robot of a seed, read through the robot file parser."""
     return parse_robot(json.dumps(random_table(random.Random(seed), joints)), f"seed {seed}")
