@@ -16,12 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ident.equations.build import observe
 from ident.equations.columns import Columns
-from ident.equations.observation import ChannelFactor, RecordingSystem, observe, triangular
+from ident.equations.observation import ChannelFactor, RecordingSystem, triangular
+from ident.equations.prepared import prepare_study
 from ident.estimation.fit import estimate_all
 from ident.estimation.least_squares import Estimate
 from ident.estimation.noise import channel_noises, honest_covariance
-from ident.estimation.prepared import prepare_study
 from ident.estimation.reduction import reduce
 from ident.recordings.study import load_study
 from ident.signals.decimation import decimate

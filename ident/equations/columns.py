@@ -78,6 +78,11 @@ class Columns:
     sources: dict[str | None, tuple[np.ndarray, np.ndarray]]
     # payload label -> entries of model.nonzeros to use (E,), their columns (E,); -1 - k is known parameter k
 
+    @property
+    def joint_of(self) -> np.ndarray:
+        """(channels,) position of each channel's joint among the moving joints."""
+        return np.arange(len(self.channels)) % len(self.need.joints)
+
     def entries(self, payload: str | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Model entries used in a run with this payload: (index into nonzeros, channel, column)."""
         used, columns = self.sources[payload]

@@ -1,7 +1,6 @@
-"""From recordings to triangular factors: Y = W chi + rho, decimated, one R per channel (paper eq. 9 to 12).
+"""What is kept of Y = W chi + rho: decimated rows and one triangular factor per channel (paper eq. 9 to 12).
 
-A block of filtered samples is evaluated (the non-zero entries of W only), decimated, and its decimated rows
-are pushed into an upper triangular factor per channel,
+Decimated rows are pushed into an upper triangular factor per channel,
 
     R = qr([W_j Y_j]),   ||Y_j - W_j chi|| = ||R [chi; -1]||  for every chi,
 
@@ -9,26 +8,18 @@ over the columns that are structurally non-zero in that channel. Least squares, 
 F-statistics and the removal of columns need no more than these factors. They are kept per recording: factors
 of several recordings stack, so errors of one recording, and what one recording excites, come from the same
 values. The decimated rows themselves (2.5 x cut-off per second) are kept for what depends on their order:
-autocorrelation, Durbin-Watson, Huber weights.
+autocorrelation, Durbin-Watson, Huber weights. build.py makes them from recordings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ident.equations.columns import Columns
-from ident.errors import NotEnoughDataError
-from ident.recordings.recording import RecordingStream
-from ident.signals.decimation import Decimator, kept_every
-from ident.signals.filtering import FilterBank, LowPass, filter_stream
-
 STACK = 512  # decimated rows gathered before a factor takes them in
 LEAST = 0.1  # share of a row's samples that must count
-HELD = 2_000_000  # decimated entries of a recording that are held in double precision; longer ones in single
-Tick = Callable[[int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,11 +34,6 @@ class ChannelFactor:
         """||Y_j - W_j chi||^2."""
         return float(np.sum((self.R[:, :-1] @ chi[self.columns] - self.R[:, -1]) ** 2))
 
-    @property
-    def norm2(self) -> float:
-        """||Y_j||^2."""
-        return float(np.sum(self.R[:, -1] ** 2))
-
 
 @dataclass(frozen=True, slots=True)
 class DecimatedSegment:
@@ -61,6 +47,7 @@ class DecimatedSegment:
     values: np.ndarray
     Y: np.ndarray
     weight: np.ndarray
+    index: int = 0  # of the stretch in its recording
 
     @property
     def used(self) -> np.ndarray:
@@ -105,7 +92,7 @@ class RecordingSystem:
         return W
 
 
-class _Growing:
+class GrowingFactor:
     """An R factor that takes rows in: stacked under R and triangularised again every STACK rows."""
 
     def __init__(self, columns: np.ndarray) -> None:
@@ -121,6 +108,13 @@ class _Growing:
         if self.waiting >= STACK:
             self._take_in()
 
+    def add_entries(self, column: np.ndarray, values: np.ndarray, Y: np.ndarray, used: np.ndarray) -> None:
+        """Rows from entries: values (E, m) of these columns (E,), Y (m,); only those in use (m,)."""
+        rows = np.zeros((len(Y), len(self.columns) + 1))
+        np.add.at(rows.T, np.searchsorted(self.columns, column), values)
+        rows[:, -1] = Y
+        self.add(rows[used])
+
     def _take_in(self) -> None:
         if not self.pending:
             return
@@ -135,131 +129,6 @@ class _Growing:
 def triangular(rows: np.ndarray) -> np.ndarray:
     """R of a QR factorisation (at most as many rows as columns)."""
     return np.asarray(np.linalg.qr(rows, mode="r"))
-
-
-def observe(
-    stream: RecordingStream,
-    bank: FilterBank,
-    columns: Columns,
-    cutoff_hz: float,
-    order: int = 4,
-    tick: Tick | None = None,
-    excerpt_s: float = np.inf,
-) -> RecordingSystem:
-    """Evaluate, decimate and factor one recording, or its first `excerpt_s` seconds of motion.
-
-    Raises NotEnoughDataError when nothing remains of it.
-    """
-    model = columns.model
-    used, channel, column = columns.entries(stream.payload)
-    everything = len(used) == len(model.nonzeros)
-    entry_joint = channel % len(columns.need.joints)
-    channel = np.concatenate([channel, [extra.channel for extra in columns.extras]]).astype(int)
-    column = np.concatenate([column, [extra.column for extra in columns.extras]]).astype(int)
-    free = column >= 0
-    n_channels = len(columns.channels)
-    known = np.array(list(columns.known.values()))
-    filter = LowPass(cutoff_hz, stream.rate_hz, order)
-    every = kept_every(cutoff_hz, stream.rate_hz)
-    growing = [_Growing(np.unique(column[free & (channel == j)])) for j in range(n_channels)]
-    segments: list[DecimatedSegment] = []
-    samples = 0
-    few = stream.survey.rows / every * len(channel) < HELD  # R is double in any case
-
-    parts_t: list[np.ndarray] = []
-    parts_W: list[np.ndarray] = []
-    parts_Y: list[np.ndarray] = []
-    parts_weight: list[np.ndarray] = []
-    n_joints = len(columns.need.joints)
-    joint_of = np.arange(n_channels) % n_joints
-    kept = 0
-    t_first = 0.0
-
-    def take(W_part: np.ndarray | None, other: np.ndarray | None) -> None:
-        nonlocal kept
-        if W_part is None or other is None or not W_part.shape[1]:
-            return
-        n_extra = len(columns.extras)
-        W = np.vstack([W_part, other[:n_extra]])
-        Y = other[n_extra : n_extra + n_channels].copy()
-        weight = other[n_extra + n_channels :][joint_of]
-        weight[weight < LEAST] = 0.0
-        Y[weight == 0] = 0.0
-        W *= weight[channel] > 0
-        for e in np.flatnonzero(~free):  # parameters of known value go over to Y
-            Y[channel[e]] -= known[-1 - column[e]] * W[e]
-        W = W[free]
-        m = W.shape[1]
-        for j, factor in enumerate(growing):
-            mine = channel[free] == j
-            rows = np.zeros((m, len(factor.columns) + 1))
-            places = np.searchsorted(factor.columns, column[free][mine])
-            np.add.at(rows.T, places, W[mine])
-            rows[:, -1] = Y[j]
-            factor.add(rows[weight[j] > 0])
-        parts_t.append(t_first + (np.arange(kept, kept + m) + 1) * every / stream.rate_hz)
-        parts_W.append(W if few else W.astype(np.float32))
-        parts_Y.append(Y)
-        parts_weight.append(weight)
-        kept += m
-
-    def finish(fold_W: Decimator, fold_rest: Decimator) -> None:
-        take(fold_W.finish(), fold_rest.finish())
-        if parts_W:
-            segments.append(
-                DecimatedSegment(
-                    np.concatenate(parts_t), np.hstack(parts_W), np.hstack(parts_Y), np.hstack(parts_weight)
-                )
-            )
-        for parts in (parts_t, parts_W, parts_Y, parts_weight):
-            parts.clear()
-
-    folds: tuple[Decimator, Decimator] | None = None
-    current = -1
-    for index, block in filter_stream(stream, bank):
-        if index != current:
-            if folds:
-                finish(*folds)
-            folds = (
-                Decimator(filter, every, len(used)),
-                Decimator(filter, every, len(columns.extras) + n_channels + n_joints),
-            )
-            current, kept, t_first = index, 0, float(block.t[0]) - 1.0 / stream.rate_hz
-        assert folds is not None
-        certain = np.ascontiguousarray(block.certain.T)
-        rest = np.vstack(
-            [
-                *(extra.values(block) * certain[extra.channel % n_joints] for extra in columns.extras),
-                columns.torque(block).T * certain[joint_of],
-                certain,
-            ]
-        )
-        for rows, values in model.nonzero_blocks(block.q, block.dq, block.ddq, sign=block.sign_dq):
-            weighted = values if everything else values[used]
-            weighted = weighted * certain[:, rows][entry_joint]
-            take(folds[0].push(weighted), folds[1].push(rest[:, rows]))
-        samples += len(block.t)
-        if tick:
-            tick(len(block.t))
-        if samples >= excerpt_s * stream.rate_hz:
-            break
-    if folds:
-        finish(*folds)
-    if not segments:
-        raise NotEnoughDataError(
-            f"{stream.file}: nothing is left of {stream.label} after rest and filter transients "
-            "are cut; record longer or raise the filter's cut-off"
-        )
-    return RecordingSystem(
-        stream.label,
-        stream.role,
-        stream.payload,
-        channel[free],
-        column[free],
-        tuple(factor.factor() for factor in growing),
-        tuple(segments),
-        samples,
-    )
 
 
 def stack(systems: Sequence[RecordingSystem]) -> tuple[ChannelFactor, ...]:

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.equations.comparison import measured_torque, modelled_torque
+from ident.equations.prepared import Prepared
 from ident.estimation.noise import durbin_watson
-from ident.estimation.prepared import Prepared
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study

@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.special
 
+from ident.equations.build import build
 from ident.equations.columns import Columns
 from ident.equations.comparison import FullRate, compare_torques
-from ident.equations.observation import ChannelFactor, RecordingSystem, observe, stack
+from ident.equations.observation import ChannelFactor, RecordingSystem, stack
+from ident.equations.prepared import Prepared, prepare_study
 from ident.equations.suspicions import BAD_PERCENT, suspected_mix_ups
 from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
@@ -30,7 +32,6 @@ from ident.estimation.least_squares import (
     weighted_least_squares,
 )
 from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson, honest_covariance
-from ident.estimation.prepared import Prepared, prepare_study
 from ident.estimation.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
@@ -136,43 +137,13 @@ def _fit(study: Study, progress: Progress) -> FitResult:
         first = first_cutoff(prepared.streams, study, len(columns.parameters))
         seconds = excerpt_seconds(first, len(columns.channels), len(columns.parameters))
         progress("choosing the decimation cut-off")
-        excerpts = [
-            observe(stream, bank, columns, first, study.filter.order, excerpt_s=seconds)
-            for stream, bank in zip(prepared.streams, prepared.banks)
-            if stream.role == "identify"
-        ]
+        excerpts = build(prepared, first, roles=("identify",), excerpt_s=seconds)
         guess, _ = estimate_all(excerpts, prepared)
         cutoff, trials = choose_cutoff(prepared, guess.chi, seconds, progress)
-        systems = observe_all(prepared, cutoff, progress)
     else:
         cutoff = study.filter.decimation_cutoff_hz
-        systems = observe_all(prepared, cutoff, progress)
+    systems = build(prepared, cutoff, progress=progress)
     return fit_systems(prepared, systems, cutoff, trials, progress)
-
-
-def observe_all(
-    prepared: Prepared, cutoff_hz: float, progress: Progress = silent
-) -> tuple[RecordingSystem, ...]:
-    """Every recording folded into factors at one decimation cut-off."""
-    total = sum(stream.survey.rows for stream in prepared.streams)
-    done = 0
-
-    def tick(samples: int) -> None:
-        nonlocal done
-        done += samples
-        progress("evaluating the regressor", min(done / total, 1.0))
-
-    slowest = min(stream.rate_hz for stream in prepared.streams)
-    if cutoff_hz > 0.4 * slowest:
-        raise StudyError(
-            str(prepared.study.file),
-            "filter.decimation_cutoff_hz",
-            f"{cutoff_hz:g} Hz is too high for samples at {slowest:g} Hz; give at most {0.4 * slowest:.3g}",
-        )
-    return tuple(
-        observe(stream, bank, prepared.columns, cutoff_hz, prepared.study.filter.order, tick)
-        for stream, bank in zip(prepared.streams, prepared.banks)
-    )
 
 
 def estimate_all(

@@ -10,10 +10,11 @@ import scipy.io
 from recordings import motion, recording, true_chi, write_parquet, write_study
 
 import generated
+from ident.equations.build import build
 from ident.equations.observation import stack
+from ident.equations.prepared import prepare_study
 from ident.errors import StudyError
-from ident.estimation.fit import fit_models, fit_study, observe_all
-from ident.estimation.prepared import prepare_study
+from ident.estimation.fit import fit_models, fit_study
 from ident.recordings.study import load_study
 from ident.report.files import comparison_table, error_table, fit_document, parameter_table, write_results
 
@@ -175,15 +176,15 @@ def test_rest_at_the_ends_is_not_used(tmp_path, table):
 def test_streaming_is_the_same_as_all_at_once(tmp_path, table, monkeypatch):
     """Tables read in blocks of 500 rows against one block, and the factors against the dense decimated
     system."""
-    import ident.recordings.tables
+    import ident.recordings.tables.table
 
     write_parquet(tmp_path / "run.parquet", table[0])
     study = load_study(write_study(tmp_path, [{"file": "run.parquet"}]))
     whole = prepare_study(study)
-    one = observe_all(whole, 2.0)
-    monkeypatch.setattr(ident.recordings.tables, "ROWS", 500)
+    one = build(whole, 2.0)
+    monkeypatch.setattr(ident.recordings.tables.table, "ROWS", 500)
     blocks = prepare_study(study)
-    other = observe_all(blocks, 2.0)
+    other = build(blocks, 2.0)
     assert np.allclose(one[0].segments[0].Y, other[0].segments[0].Y, atol=1e-9)
     assert np.allclose(one[0].segments[0].values, other[0].segments[0].values, atol=1e-8)
     segment, b = one[0].segments[0], len(whole.columns.parameters)
@@ -401,9 +402,9 @@ def test_memory_does_not_grow_with_the_log(tmp_path, monkeypatch):
     """Peak of traced allocations, ten times the samples: only decimated rows may add to it."""
     import tracemalloc
 
-    import ident.recordings.tables
+    import ident.recordings.tables.table
 
-    monkeypatch.setattr(ident.recordings.tables, "HELD", 0)
+    monkeypatch.setattr(ident.recordings.tables.table, "HELD", 0)
     columns, _ = recording("B", seconds=100, rate=500)
     write_parquet(tmp_path / "short.parquet", columns)
     long = {name: np.concatenate([values] * 8) for name, values in columns.items()}
@@ -414,7 +415,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path, monkeypatch):
         study = load_study(write_study(tmp_path, [{"file": f"{name}.parquet"}], model="B"))
         prepared = prepare_study(study)
         tracemalloc.start()
-        observe_all(prepared, 0.5)
+        build(prepared, 0.5)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
     assert peaks[1] < 1.5 * peaks[0], peaks
