@@ -10,7 +10,7 @@ from modelgen.dynamics.newton_euler import INERTIAL
 from modelgen.dynamics.standard_parameters import StandardParameter
 from modelgen.geometry.robot import Robot
 from modelgen.programs.customized_newton_euler import Choices, regressor
-from modelgen.programs.customized_torque import torque
+from modelgen.programs.customized_torque import Moved, moved, torque
 from modelgen.programs.graph import Graph, Program, Scalar
 from modelgen.programs.signs import oriented
 
@@ -35,7 +35,7 @@ def columns_program(robot: Robot, columns: Columns) -> tuple[dict[Entry, int], P
 
     Equal entries are computed once; entries that no motion can make differ from zero are left out.
     """
-    best: tuple[dict[Entry, int], Program] | None = None
+    best: tuple[int, dict[Entry, Scalar], Graph] | None = None
     for choices in (
         Choices(True, 2),
         Choices(False, 2),
@@ -52,13 +52,15 @@ def columns_program(robot: Robot, columns: Columns) -> tuple[dict[Entry, int], P
                     total = total + entry if sign > 0 else total - entry
                 if not total.is_zero:
                     found[k, j, kind] = total
-        distinct = {value.key: value for value in found.values()}
-        program = graph.program(list(distinct.values()))
-        if best is None or program.operations.total < best[1].operations.total:
-            place = {key: k for k, key in enumerate(distinct)}
-            best = {entry: place[value.key] for entry, value in found.items()}, program
+        operations = graph.operations(found.values()).total
+        if best is None or operations < best[0]:
+            best = operations, found, graph
     assert best is not None
-    return best[0], oriented(best[1])
+    _, found, graph = best
+    distinct = {value.key: value for value in found.values()}
+    place = {key: k for k, key in enumerate(distinct)}
+    program = graph.program(list(distinct.values()))
+    return {entry: place[value.key] for entry, value in found.items()}, oriented(program)
 
 
 def torque_program(robot: Robot, model: Model, kept: Sequence[StandardParameter]) -> Program:
@@ -69,20 +71,31 @@ def torque_program(robot: Robot, model: Model, kept: Sequence[StandardParameter]
     shifts = [
         j for j, link in enumerate(robot.links, 1) if link.sigma != 1 and not robot.value(link.r).is_zero
     ]
-    best = min(
-        (_torque(robot, model, kept, Choices(lines=lines)) for lines in (False, True)),
-        key=lambda program: program.operations.total,
-    )
-    chosen: frozenset[int] = frozenset()
+    graph = Graph()  # shared by all trials: what they have in common is written once
+    motion = moved(robot, graph)
+
+    def cost(choices: Choices) -> int:
+        return graph.operations(_torque(robot, model, kept, choices, graph, motion)).total
+
+    chosen = min((Choices(lines=lines) for lines in (False, True)), key=cost)
+    least, shifted = cost(chosen), frozenset[int]()
     for j in shifts:
-        program = _torque(robot, model, kept, Choices(shifted=chosen | {j}))
-        if program.operations.total < best.operations.total:
-            best, chosen = program, chosen | {j}
-    return oriented(best)
-
-
-def _torque(robot: Robot, model: Model, kept: Sequence[StandardParameter], choices: Choices) -> Program:
+        trial = Choices(shifted=shifted | {j})
+        if (operations := cost(trial)) < least:
+            chosen, least, shifted = trial, operations, trial.shifted
     graph = Graph()
+    return oriented(graph.program(_torque(robot, model, kept, chosen, graph)))
+
+
+def _torque(
+    robot: Robot,
+    model: Model,
+    kept: Sequence[StandardParameter],
+    choices: Choices,
+    graph: Graph,
+    motion: Moved | None = None,
+) -> list[Scalar]:
+    """One torque per channel."""
     inertial: dict[tuple[int, str], Scalar] = {}
     for b, p in enumerate(kept):
         if p.kind in INERTIAL:
@@ -90,7 +103,7 @@ def _torque(robot: Robot, model: Model, kept: Sequence[StandardParameter], choic
             inertial[key] = (
                 inertial[key] + graph.input(f"chi{b}") if key in inertial else graph.input(f"chi{b}")
             )
-    links = torque(robot, graph, inertial, choices) if inertial else {}
+    links = torque(robot, graph, inertial, choices, motion) if inertial else {}
     rows: dict[str, dict[str, Scalar]] = {}
     done: dict[tuple[str, ...], dict[str, Scalar]] = {}
     for prefix, kinds in sorted(model.families, key=lambda family: len(family[1])):
@@ -102,7 +115,7 @@ def _torque(robot: Robot, model: Model, kept: Sequence[StandardParameter], choic
             if p.kind in kinds and p.kind not in inner and p.kind not in INERTIAL:
                 tau[p.label] = tau[p.label] + graph.input(f"chi{b}") * drive_signal(graph, p)
         done[kinds] = rows[prefix] = tau
-    return graph.program([rows[prefix][k] for prefix, _ in model.families for k in robot.joint_labels])
+    return [rows[prefix][k] for prefix, _ in model.families for k in robot.joint_labels]
 
 
 SIGNALS = {"Iam": "ddq", "Fvm": "dq", "Fvl": "dq", "Fcm": "sign", "Fcl": "sign"}

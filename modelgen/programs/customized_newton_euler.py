@@ -32,7 +32,6 @@ INERTIAL = (*TENSOR, "MX", "MY", "MZ", "M")
 
 def number(value: sp.Expr) -> Number:
     """A constant of the robot: exact when rational, else the nearest double."""
-    value = sp.nsimplify(value) if value.is_Rational else value
     return Fraction(int(value.p), int(value.q)) if value.is_Rational else float(value)
 
 

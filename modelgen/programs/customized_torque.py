@@ -29,14 +29,24 @@ from modelgen.programs.customized_newton_euler import (
 from modelgen.programs.graph import Graph, Scalar, dot
 
 Parameters = dict[tuple[int, str], Scalar]
+Moved = tuple[tuple[Joint, ...], list[Motion]]
+
+
+def moved(robot: Robot, graph: Graph) -> Moved:
+    """The joints and the motion of every link on `graph`, for several torques of one robot."""
+    rows = joints(robot, graph)
+    return rows, forward(robot, graph, rows)
 
 
 def torque(
-    robot: Robot, graph: Graph, parameters: Mapping[tuple[int, str], Scalar], choices: Choices = DEFAULT
+    robot: Robot,
+    graph: Graph,
+    parameters: Mapping[tuple[int, str], Scalar],
+    choices: Choices = DEFAULT,
+    motion: Moved | None = None,
 ) -> dict[str, Scalar]:
     """Torque of every moving joint (by its label) for given inertial parameters, {(link, name): scalar}."""
-    rows = joints(robot, graph)
-    motions = forward(robot, graph, rows)
+    rows, motions = motion or moved(robot, graph)
     zero = graph.zero
     given = dict(parameters)
     if choices.lines:

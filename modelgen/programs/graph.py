@@ -150,6 +150,27 @@ class Graph:
                 return -product if negative else product
         return Scalar(self, self._intern(Node("*", low, high)), negative)
 
+    def operations(self, outputs: Iterable[Scalar]) -> Operations:
+        """What :meth:`program` of these outputs would cost, without writing it."""
+        waiting = [output.index for output in outputs]
+        seen: set[int] = set()
+        add = mul = 0
+        while waiting:
+            index = waiting.pop()
+            if index in seen:
+                continue
+            seen.add(index)
+            kind, a, b = self.nodes[index]
+            if kind == "*":
+                mul += 1
+                waiting += (a, b)
+            elif kind == "+" or kind == "-":
+                add += 1
+                waiting += (a, b)
+            elif kind == "call":
+                waiting.append(b[0])
+        return Operations(add, mul)
+
     def program(self, outputs: Sequence[Scalar]) -> Program:
         """What `outputs` need and nothing else, in an order in which operands come first."""
         order: list[int] = []
