@@ -5,3 +5,5 @@ from __future__ import annotations
 
 class GeneratedError(ValueError):
     """A model was asked for, or evaluated with, something it cannot take; the message is one sentence."""
+
+    exit_status = 2

@@ -6,6 +6,8 @@ from __future__ import annotations
 class IdentError(Exception):
     """Bad input to the identification; the message is one sentence for the user (exit status 2)."""
 
+    exit_status = 2
+
 
 class StudyError(IdentError):
     """A study file that cannot be used: the key, the file and what to write instead."""
@@ -29,3 +31,5 @@ class NotEnoughDataError(IdentError):
 
 class FitFailedError(IdentError):
     """The input was understood and yet no parameters came out (exit status 1)."""
+
+    exit_status = 1

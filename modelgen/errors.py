@@ -6,6 +6,8 @@ from __future__ import annotations
 class ModelgenError(Exception):
     """Bad input to the model generator; the message is one sentence for the user (exit status 2)."""
 
+    exit_status = 2
+
 
 class ExpressionError(ModelgenError):
     """A value is not plain arithmetic over numbers, pi and the declared constants."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ident.command_line.terminal import print_table, progress_bar
-from ident.output import staged, writable
+from ident.output import staged
 
 
 def simulate(
@@ -17,14 +17,17 @@ def simulate(
     payload: float | None,
     seed: int,
     parameters: Path | None,
+    overwrite: bool,
     verbose: bool,
 ) -> None:
     """`ident simulate`: recordings and a study; the hidden truth is written beside them."""
-    from ident.simulate import simulate_command
+    from ident.simulate import simulate, write_simulation
 
-    writable(output)
-    with progress_bar(verbose) as progress:
-        made = simulate_command(robot, output, model, effects, payload, seed, parameters, progress)
+    inputs = [Path(robot), *([parameters] if parameters else [])]
+    staging = staged(output, "ident simulate", overwrite=overwrite, inputs=inputs)
+    with staging as stage, progress_bar(verbose) as progress:
+        made = simulate(robot, model, effects, payload, seed, parameters, progress=progress)
+        write_simulation(made, stage)
     rows = []
     for recording in made.recordings:
         t = recording.columns["t"]
@@ -41,7 +44,7 @@ def simulate(
     print(f"wrote {output / 'study.yaml'}; next: ident diagnose {output / 'study.yaml'} -o RESULTS")
 
 
-def fit(study_file: Path, output: Path, models: tuple[str, ...], verbose: bool) -> None:
+def fit(study_file: Path, output: Path, models: tuple[str, ...], overwrite: bool, verbose: bool) -> None:
     """`ident fit`: identify, write fit.json, tables, plots and the report, show the result."""
     from ident.recordings.study import load_study
 
@@ -57,7 +60,8 @@ def fit(study_file: Path, output: Path, models: tuple[str, ...], verbose: bool) 
     )
     from ident.report.fit_result import comparison_html, fit_html
 
-    with staged(output) as stage, progress_bar(verbose) as progress:
+    staging = staged(output, "ident fit", overwrite=overwrite, inputs=inputs_of(study))
+    with staging as stage, progress_bar(verbose) as progress:
         if models:
             results = fit_models(study, models, progress=progress)
             progress("writing tables, plots and reports")
@@ -78,6 +82,12 @@ def fit(study_file: Path, output: Path, models: tuple[str, ...], verbose: bool) 
         show("relative error", error_table(result))
         warnings = list(result.warnings)
     finish(warnings, output)
+
+
+def inputs_of(study: Any) -> list[Path]:
+    """The files that a study is made of; none is ever written to."""
+    files = [study.recording_path(entry) for entry in study.recordings]
+    return [study.file, Path(study.robot_source), *files]
 
 
 def checked_models(models: tuple[str, ...]) -> tuple[str, ...]:
@@ -105,7 +115,7 @@ def finish(warnings: list[str], output: Path) -> None:
     print(f"wrote {output / 'report.html'}")
 
 
-def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
+def diagnose(study_file: Path, output: Path, overwrite: bool, verbose: bool) -> None:
     """`ident diagnose`: find what the model lacks, write diagnosis.json, plots and the report, show it."""
     from ident.recordings.study import load_study
 
@@ -123,7 +133,8 @@ def diagnose(study_file: Path, output: Path, verbose: bool) -> None:
     from ident.report.diagnosis_result import diagnosis_html
     from ident.report.files import write_csv, write_document
 
-    with staged(output) as stage, progress_bar(verbose) as progress:
+    staging = staged(output, "ident diagnose", overwrite=overwrite, inputs=inputs_of(study))
+    with staging as stage, progress_bar(verbose) as progress:
         diagnosis = with_regenerated(diagnose_study(study, progress), progress)
         diagnosis = write_model(diagnosis, stage / "model")
         progress("writing plots and report")
@@ -159,12 +170,13 @@ def before_and_after(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list
     return header, rows
 
 
-def demo(output: Path, verbose: bool) -> None:
+def demo(output: Path, overwrite: bool, verbose: bool) -> None:
     """`ident demo`: a simulated robot hides an effect; find it, show the error before and after."""
     from ident.command_line.demo import OPENING, answer, record
 
     print(f"{OPENING}\n")
-    with progress_bar(verbose) as progress:
-        recorded = record(output, progress)
-    diagnose(recorded.study, output / "results", verbose)
+    staging = staged(output, "ident demo", overwrite=overwrite)
+    with staging as stage, progress_bar(verbose) as progress:
+        recorded = record(stage, progress)
+    diagnose(output / "study.yaml", output / "results", overwrite, verbose)
     print(f"What was hidden: {answer(recorded)}.")

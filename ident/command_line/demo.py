@@ -3,7 +3,6 @@
 Nothing of what is hidden reaches the study; the truth is written beside it and shown at the end.
 """
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from ident.progress import Progress, silent
@@ -23,23 +22,16 @@ OPENING = (
 )
 
 
-@dataclass(frozen=True)
-class Demo:
-    """What was recorded and where its study stands."""
-
-    simulated: SimulatedStudy
-    study: Path
-
-
-def record(folder: Path, progress: Progress = silent) -> Demo:
+def record(folder: Path, progress: Progress = silent) -> SimulatedStudy:
     """Simulate the runs and write them with their study into `folder`."""
     simulated = simulate(ROBOT, MODEL, (HIDDEN,), seed=SEED, runs=RUNS, progress=progress)
-    return Demo(simulated, write_simulation(simulated, folder))
+    write_simulation(simulated, folder)
+    return simulated
 
 
-def answer(demo: Demo) -> str:
+def answer(simulated: SimulatedStudy) -> str:
     """The hidden truth in words."""
-    hidden = demo.simulated.truth["effects"][0]
+    hidden = simulated.truth["effects"][0]
     values = ", ".join(f"{name} = {value:g}" for name, value in hidden["parameters"].items())
     joints = ", ".join(str(joint) for joint in hidden["joints"])
     return f"{hidden['effect'].replace('_', ' ')} on joint {joints}, {values}"

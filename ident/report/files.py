@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from ident.estimation.fit import FitResult, interval_factor
-from ident.output import staged
 
 Row = tuple[str, ...]
 
@@ -272,16 +271,9 @@ def write_into(result: FitResult, folder: Path, *, plots: bool = True) -> None:
         drawing.draw_all(result, folder / "plots")
 
 
-def write_results(result: FitResult, folder: Path, *, plots: bool = True) -> None:
-    """All files of a fit, moved into `folder` at the end so that it never holds half of them."""
-    with staged(folder) as stage:
-        write_into(result, stage, plots=plots)
-
-
 def write_comparison(results: Mapping[str, FitResult], folder: Path, *, plots: bool = True) -> None:
-    """One sub-folder per model and the parameter table across them (Table II)."""
-    with staged(folder) as stage:
-        for model, result in results.items():
-            (stage / model).mkdir()
-            write_into(result, stage / model, plots=plots)
-        write_csv(stage / "comparison.csv", comparison_table(results))
+    """Into an existing folder: one sub-folder per model and the parameter table across them (Table II)."""
+    for model, result in results.items():
+        (folder / model).mkdir()
+        write_into(result, folder / model, plots=plots)
+    write_csv(folder / "comparison.csv", comparison_table(results))

@@ -3,7 +3,7 @@
 from ident.simulate.requests import EffectRequestError, parse_effect
 from ident.simulate.sensors import Sensors
 from ident.simulate.study import PlannedRun, SimulatedRecording, SimulatedStudy, simulate
-from ident.simulate.writing import simulate_command, write_simulation
+from ident.simulate.writing import write_simulation
 
 __all__ = [
     "EffectRequestError",
@@ -13,6 +13,5 @@ __all__ = [
     "SimulatedStudy",
     "parse_effect",
     "simulate",
-    "simulate_command",
     "write_simulation",
 ]

@@ -9,18 +9,18 @@ import pyarrow.parquet as pq
 import yaml
 
 from ident.output import staged
-from ident.progress import Progress, silent
-from ident.simulate.study import SimulatedStudy, simulate
+from ident.simulate.study import SimulatedStudy
 
 TRUTH = "truth.json"  # not named in the study; for whoever wants to check an answer
 
 
-def write_simulation(simulated: SimulatedStudy, folder: Path) -> Path:
+def write_simulation(simulated: SimulatedStudy, folder: Path, overwrite: bool = False) -> Path:
     """Write run1.parquet .., study.yaml, truth.json (and the robot file, unless built in); returns the study.
 
-    All or nothing: the files are written aside and moved in. Raises OutputFolderError.
+    All or nothing, and over nothing that is not ours. Raises OutputError.
     """
-    with staged(folder) as stage:
+    inputs = [simulated.robot_file] if simulated.robot_file else []
+    with staged(folder, "ident simulate", overwrite=overwrite, inputs=inputs) as stage:
         for recording in simulated.recordings:
             pq.write_table(pa.table(dict(recording.columns)), stage / f"{recording.label}.parquet")
         if simulated.robot_file is not None:
@@ -29,19 +29,3 @@ def write_simulation(simulated: SimulatedStudy, folder: Path) -> Path:
         (stage / "study.yaml").write_text(text, encoding="utf-8")
         (stage / TRUTH).write_text(json.dumps(simulated.truth, indent=1) + "\n", encoding="utf-8")
     return folder / "study.yaml"
-
-
-def simulate_command(
-    robot: str | Path,
-    folder: Path,
-    model: str = "A",
-    effects: tuple[str, ...] = (),
-    payload_kg: float | None = None,
-    seed: int = 0,
-    parameters: Path | None = None,
-    progress: Progress = silent,
-) -> SimulatedStudy:
-    """What `ident simulate` does: simulate and write; what was simulated comes back for the summary."""
-    simulated = simulate(robot, model, effects, payload_kg, seed, parameters, progress=progress)
-    write_simulation(simulated, folder)
-    return simulated

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import json
 import os
-import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,9 +14,9 @@ from modelgen.base_parameters import rules_text
 from modelgen.base_parameters.rules import Rules, declared_payload, derive_rules
 from modelgen.dynamics.models import model
 from modelgen.emit.effect_columns import EffectNotSeenError, effect_columns
-from modelgen.errors import ModelgenError
 from modelgen.geometry.robot import Robot
 from modelgen.geometry.robot_file import load_robot
+from modelgen.output import staged
 from modelgen.paper import comparison as paper_comparison
 from modelgen.paper import rules as paper_rules
 from modelgen.terminal import Progress
@@ -196,27 +195,11 @@ def difference(files: Mapping[str, str], folder: Path, limit: int | None, comple
     return "".join(parts)
 
 
-def write(files: Mapping[str, str], folder: Path) -> None:
-    """Write all files, each under another name first. Raises ModelgenError."""
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        staged: list[tuple[str, Path]] = []
-        try:
-            for name, text in files.items():
-                handle, temporary = tempfile.mkstemp(prefix=f".{name}.", dir=folder)
-                staged.append((temporary, folder / name))
-                with os.fdopen(handle, "w") as stream:
-                    stream.write(text)
-                os.chmod(temporary, 0o644)
-            for temporary, target in staged:
-                os.replace(temporary, target)
-        finally:
-            for temporary, _ in staged:
-                if os.path.exists(temporary):
-                    os.unlink(temporary)
-    except OSError as error:
-        reason = "it is a file" if folder.is_file() else (error.strerror or "unknown").lower()
-        raise ModelgenError(f"cannot write into {folder}: {reason}; name another folder with -o") from None
+def write(files: Mapping[str, str], folder: Path, overwrite: bool = False) -> None:
+    """Write all files or none, over nothing that was not written by this command. Raises OutputError."""
+    with staged(folder, "regenerate-model", overwrite=overwrite, complete=False) as stage:
+        for name, text in files.items():
+            (stage / name).write_text(text, encoding="utf-8")
 
 
 def compile_all(files: Mapping[str, str], tell: Progress) -> str:

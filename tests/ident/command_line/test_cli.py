@@ -10,6 +10,7 @@ import pytest
 from ident.errors import FitFailedError, IdentError
 from ident.output import staged
 from modelgen.errors import ModelgenError
+from modelgen.output import MANIFEST
 
 
 def ident(*arguments, cwd=None, **options):
@@ -102,12 +103,12 @@ def test_a_stopped_run_leaves_the_folder_as_it_was(tmp_path):
         (stage / "plots").mkdir()
         (stage / "plots" / "a.png").write_text("a")
         (stage / "fit.json").write_text("{}")
-    assert sorted(path.name for path in folder.rglob("*")) == ["a.png", "fit.json", "plots"]
+    assert sorted(path.name for path in folder.rglob("*")) == ["a.png", "fit.json", "plots", MANIFEST]
     with pytest.raises(KeyboardInterrupt), staged(folder) as stage:
         (stage / "fit.json").write_text("[")
         raise KeyboardInterrupt
     assert (folder / "fit.json").read_text() == "{}"
-    assert sorted(path.name for path in folder.iterdir()) == ["fit.json", "plots"]
+    assert sorted(path.name for path in folder.iterdir()) == ["fit.json", "plots", MANIFEST]
 
 
 def test_a_folder_that_is_a_file_is_refused(tmp_path):
@@ -135,8 +136,8 @@ def test_control_c_is_status_130_and_leaves_nothing(tmp_path):
 
 
 def test_completion_offers_robots_and_effects():
-    from ident.command_line.cli import _effect_names, _model_names, _robot_names
+    from modelgen.command_line import effect_names, model_names, robot_names
 
-    assert "kuka_lwr4p" in _robot_names("kuka") and _robot_names("ur") == ["ur10e"]
-    assert "stribeck_friction" in _effect_names("str")
-    assert [name for name, _ in _model_names("")] == ["A", "B", "C", "D"]
+    assert "kuka_lwr4p" in robot_names("kuka") and robot_names("ur") == ["ur10e"]
+    assert "stribeck_friction" in effect_names("str")
+    assert [name for name, _ in model_names("")] == ["A", "B", "C", "D"]

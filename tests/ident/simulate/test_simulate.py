@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import generated
 from ident.errors import IdentError
-from ident.simulate import PlannedRun, Sensors, simulate, simulate_command, write_simulation
+from ident.simulate import PlannedRun, Sensors, simulate, write_simulation
 from ident.simulate.parameters import random_parameters
 from ident.simulate.requests import parse_effect
 from ident.simulate.sizing import activate
@@ -79,7 +79,7 @@ def test_seeds_repeat_bit_for_bit(tmp_path):
 
 def test_the_study_does_not_tell_what_is_hidden(tmp_path):
     hidden = ("stribeck_friction:4", "payload_change::m=1.2,recording=run2")
-    simulate_command("kuka_lwr4p", tmp_path / "twin", effects=hidden)
+    write_simulation(simulate("kuka_lwr4p", effects=hidden), tmp_path / "twin")
     text = (tmp_path / "twin" / "study.yaml").read_text()
     assert not any(word in text for word in ("stribeck", "payload", "truth", "effect"))
     study = yaml.safe_load(text)

@@ -8,6 +8,7 @@ import sys
 import pytest
 
 from modelgen import cli
+from modelgen.output import MANIFEST
 
 ROBOT = """
 name: two_links
@@ -50,7 +51,7 @@ def test_files_are_written_checked_and_found_stale(robot, tmp_path, capsys):
     folder = tmp_path / "out"
     assert cli.run([str(robot), "-o", str(folder)]) == 0
     names = {p.name for p in folder.iterdir()}
-    assert names == {f"{m}.{s}" for m in "ABCD" for s in ("c", "h", "json")} | {"rules.md"}
+    assert names == {f"{m}.{s}" for m in "ABCD" for s in ("c", "h", "json")} | {"rules.md", MANIFEST}
     assert cli.run([str(robot), "-o", str(folder), "--check"]) == 0
     (folder / "B.c").write_text((folder / "B.c").read_text().replace("+", "-"))
     (folder / "old.c").write_text("int x;\n")
@@ -60,7 +61,9 @@ def test_files_are_written_checked_and_found_stale(robot, tmp_path, capsys):
     assert "--- " in seen.out and "B.c" in seen.out and "old.c" in seen.out and "A.c" not in seen.out
     assert "is stale: run regenerate-model" in seen.err
     (folder / "old.c").unlink()
-    assert cli.run([str(robot), "-o", str(folder)]) == 0
+    assert cli.run([str(robot), "-o", str(folder)]) == 2
+    assert "B.c was changed since it was written" in capsys.readouterr().err
+    assert cli.run([str(robot), "-o", str(folder), "--overwrite"]) == 0
     assert cli.run([str(robot), "-o", str(folder), "--check"]) == 0
 
 
@@ -71,13 +74,14 @@ def test_a_robot_of_ones_own_goes_beside_by_default(robot, tmp_path):
         "D.h",
         "D.json",
         "rules.md",
+        MANIFEST,
     }
 
 
 def test_an_effect_is_emitted_with_the_models_that_see_it(robot, tmp_path):
     folder = tmp_path / "out"
     assert cli.run([str(robot), "--effect", "stribeck_friction:2", "-o", str(folder)]) == 0
-    stems = {p.stem for p in folder.iterdir()}
+    stems = {p.stem for p in folder.iterdir() if p.name != MANIFEST}
     assert stems == {f"{m}_stribeck_friction_2" for m in "ACD"}
     assert "exp(" in (folder / "A_stribeck_friction_2.c").read_text()
     assert "extra[0] vs2" in (folder / "A_stribeck_friction_2.h").read_text()

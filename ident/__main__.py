@@ -1,0 +1,5 @@
+"""`python -m ident` is the command `ident`."""
+
+from ident.command_line.cli import main
+
+main()

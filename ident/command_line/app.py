@@ -1,0 +1,158 @@
+"""What `ident` takes: fit, diagnose, simulate, demo. Heavy imports wait until a command needs them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from modelgen.command_line import effect_names, folder, model_names, robot_names, show_version
+
+app = typer.Typer(
+    name="ident",
+    help="Identify a robot's dynamics from recordings, and find what the model lacks.",
+    epilog="First steps: [bold]ident demo[/bold] shows the whole loop on built-in data in a minute.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+Study = Annotated[
+    Path,
+    typer.Argument(
+        metavar="STUDY", help="Study file (YAML): which robot, model and recordings.", show_default=False
+    ),
+]
+Output = Annotated[
+    Path,
+    typer.Option(
+        "-o",
+        "--output",
+        parser=folder,
+        metavar="FOLDER",
+        help="Folder for the results: new, empty, or written by this program before.",
+        show_default=False,
+    ),
+]
+Overwrite = Annotated[
+    bool, typer.Option("--overwrite", help="Replace files that were changed, or that are not ours.")
+]
+Verbose = Annotated[bool, typer.Option("-v", "--verbose", help="Say each step and its time on stderr.")]
+
+
+@app.callback()
+def _main(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=show_version, is_eager=True, help="Show the version and leave."),
+    ] = False,
+) -> None: ...
+
+
+@app.command(
+    epilog="Example: [bold]ident fit study.yaml -o out[/bold]   then open out/report.html\n\n"
+    "The paper's Table II in one call: [bold]ident fit study.yaml --models A,B,C,D -o out[/bold]"
+)
+def fit(
+    study: Study,
+    output: Output,
+    models: Annotated[
+        str | None,
+        typer.Option(
+            "--models", help="Fit several models and compare them, for example A,B,C,D.", show_default=False
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """Identify the base parameters: fit.json, tables, plots and report.html.
+
+    The study says which robot, which model (A motor torque, B joint torque sensor, C both, D their
+    difference) and which recordings are fitted (identify), decide what is kept (validate) or are only
+    reported (test).
+    """
+    from ident.command_line import commands
+
+    commands.fit(study, output, tuple(models.split(",")) if models else (), overwrite, verbose)
+
+
+@app.command(epilog="Example: [bold]ident diagnose study.yaml -o out[/bold]   then open out/report.html")
+def diagnose(study: Study, output: Output, overwrite: Overwrite = False, verbose: Verbose = False) -> None:
+    """Fit, find structure in the residual, trace it to effects the model lacks, add them, fit again.
+
+    Writes diagnosis.json, plots, report.html and, in model/, C and parameters of the extended model. An
+    effect is kept only if it lowers the error on recordings, or blocks of recordings, that it was not fitted
+    on; what no known effect explains is reported as unexplained.
+    """
+    from ident.command_line import commands
+
+    commands.diagnose(study, output, overwrite, verbose)
+
+
+@app.command(
+    epilog="Example: [bold]ident simulate kuka_lwr4p --effect stribeck_friction:4 -o twin[/bold]\n\n"
+    "Then: [bold]ident diagnose twin/study.yaml -o out[/bold]"
+)
+def simulate(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT",
+            help="Built-in name or robot file (YAML).",
+            autocompletion=robot_names,
+            show_default=False,
+        ),
+    ],
+    output: Output,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model", help="Model of the study that is written: A, B, C or D.", autocompletion=model_names
+        ),
+    ] = "A",
+    effect: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--effect",
+            help="NAME:JOINT[:param=value,...], may be repeated; the study does not declare it.",
+            autocompletion=effect_names,
+            show_default=False,
+        ),
+    ] = None,
+    payload: Annotated[
+        float | None,
+        typer.Option("--payload", help="Mass in kg carried in a further run.", show_default=False),
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option("--parameters", help="YAML of true parameters, as Iam1: 3.19.", show_default=False),
+    ] = None,
+    seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same files, bit for bit.")] = 0,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """Simulate a digital twin: recordings and a study, with effects that the study does not declare."""
+    from ident.command_line import commands
+
+    commands.simulate(
+        robot, output, model, tuple(effect or ()), payload, seed, parameters, overwrite, verbose
+    )
+
+
+@app.command(
+    epilog="Example: [bold]ident demo[/bold]   or, into a folder of your own, [bold]ident demo -o look[/bold]"
+)
+def demo(
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", parser=folder, metavar="FOLDER", help="Folder for recordings, results, report."
+        ),
+    ] = Path("out-demo"),
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """Show the main job on built-in data: a robot hides an effect, the loop finds it."""
+    from ident.command_line import commands
+
+    commands.demo(output, overwrite, verbose)
