@@ -45,7 +45,7 @@ def test_what_was_written_is_replaced_and_what_is_gone_goes(tmp_path):
 
 def test_a_folder_of_somebody_else_is_refused_by_name(tmp_path):
     (tmp_path / "run1.parquet").write_text("an hour of recording")
-    with pytest.raises(OutputError, match="run1[.]parquet, which was not written by this program"):
+    with pytest.raises(OutputError, match=r"run1[.]parquet, which was not written by this program"):
         put(tmp_path, {"run1.parquet": "twin"})
     assert content(tmp_path) == {"run1.parquet": "an hour of recording"}
     put(tmp_path, {"run1.parquet": "twin"}, overwrite=True)
@@ -60,7 +60,7 @@ def test_an_edit_and_a_file_of_ones_own_in_our_folder_stay(tmp_path):
     with pytest.raises(OutputError, match="run2 was not written"):
         put(out, {"study.yaml": "3", "run2": "3"})
     (out / "study.yaml").write_text("mine")
-    with pytest.raises(OutputError, match="study[.]yaml was changed since it was written"):
+    with pytest.raises(OutputError, match=r"study[.]yaml was changed since it was written"):
         put(out, {"study.yaml": "4"})
     found = content(out)
     assert (found["study.yaml"], found["run2"], "run1" in found) == ("mine", "mine", False)

@@ -16,7 +16,7 @@ from ident.equations.prepared import prepare_study
 from ident.errors import StudyError
 from ident.estimation.fit import fit_models, fit_study
 from ident.recordings.study import load_study
-from ident.report.files import comparison_table, error_table, fit_document, parameter_table, write_results
+from ident.report.files import comparison_table, error_table, fit_document, parameter_table, write_into
 
 
 def run(folder, entries, **keys):
@@ -334,7 +334,8 @@ def test_document_follows_the_contract(tmp_path, reference, table):
     assert list(document["relative_error_percent"]["identify"]) == ["total"] + [
         f"tau_m{j}" for j in range(1, 8)
     ]
-    write_results(reference, tmp_path / "out")
+    (tmp_path / "out").mkdir()
+    write_into(reference, tmp_path / "out")
     assert json.loads((tmp_path / "out" / "fit.json").read_text())["robot"] == "kuka_lwr4p"
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "fit.json",
