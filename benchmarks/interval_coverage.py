@@ -123,7 +123,7 @@ def main() -> None:
             share = 1.0
             if not chosen.paper:
                 share = min(1.0, sum(n.effective_rows for n in noises) / full.rows)
-            essential = reduce(full, study.alpha, share).estimate
+            essential = reduce(full, study.reduction_alpha, share).estimate
             score(full, noisy, truth, tallies, "full", {})
             score(essential, noisy, truth, tallies, "essential", each)
             wide = np.sqrt(np.diag(honest_covariance(noisy, full, noises)))

@@ -7,43 +7,18 @@ its own for unknown drive gains (-i_j, so that 0 = W chi - g_j i_j) and for driv
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ident.errors import StudyError
-from ident.recordings.recording import Need
+from ident.recordings.need import Need
 from ident.recordings.study import Study
 from ident.signals.filtering import FilteredBlock, smooth_sign
+from modelgen.geometry.names import INERTIAL, ParameterName, unit_of
 
-PAYLOAD = ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")
-UNITS = {
-    "XX": "kg m^2",
-    "XY": "kg m^2",
-    "XZ": "kg m^2",
-    "YY": "kg m^2",
-    "YZ": "kg m^2",
-    "ZZ": "kg m^2",
-    "MX": "kg m",
-    "MY": "kg m",
-    "MZ": "kg m",
-    "M": "kg",
-    "Iam": "kg m^2",
-    "Iac": "kg m^2",
-    "Ial": "kg m^2",
-    "Fvm": "N m s/rad",
-    "Fvl": "N m s/rad",
-    "Fvc": "N m s/rad",
-    "Fcm": "N m",
-    "Fcl": "N m",
-    "Fcc": "N m",
-    "Offm": "N m",
-    "Offl": "N m",
-    "g": "N m/unit",
-}
 TERMS = {
     "coulomb_friction": ("Fcm", "Fcl"),
     "viscous_friction": ("Fvm", "Fvl"),
@@ -69,6 +44,7 @@ class Columns:
     model: Any  # a model of `generated.load`
     need: Need
     channels: tuple[str, ...]
+    rows: np.ndarray  # (channels,) rows of the compiled model that they are
     parameters: tuple[str, ...]  # b names
     units: tuple[str, ...]
     known: dict[str, float]  # parameters with a given value: moved to the side of Y
@@ -81,12 +57,12 @@ class Columns:
     @property
     def joint_of(self) -> np.ndarray:
         """(channels,) position of each channel's joint among the moving joints."""
-        return np.arange(len(self.channels)) % len(self.need.joints)
+        return np.array([channel.joint for channel in self.need.channels], int)
 
     def entries(self, payload: str | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Model entries used in a run with this payload: (index into nonzeros, channel, column)."""
         used, columns = self.sources[payload]
-        return used, np.asarray(self.model.nonzeros)[used, 0], columns
+        return used, np.searchsorted(self.rows, np.asarray(self.model.nonzeros)[used, 0]), columns
 
     def torque(self, block: FilteredBlock) -> np.ndarray:
         """Y (N, channels) of a block; channels with an unknown gain carry what is known of them (C: 0, D:
@@ -111,20 +87,23 @@ class Columns:
 def study_columns(study: Study, model: Any, need: Need) -> Columns:
     """Lay out the parameters of a study on a compiled model. Raises StudyError."""
     first = study.payloads[0] if study.payloads else None
-    own = [k for k, name in enumerate(model.parameters) if not _payload_name(name, first)]
+    rows = np.array([model.channels.index(name) for name in need.names], int)
+    nonzeros = np.asarray(model.nonzeros)
+    reached = set(nonzeros[np.isin(nonzeros[:, 0], rows), 1].tolist())
+    load = {k: its for k, name in enumerate(model.parameters) if (its := _payload_kind(name, first))}
+    own = [k for k in range(len(model.parameters)) if k not in load]
+    _check_labels(study, tuple(model.parameters[k] for k in own))
     dropped = _left_out(study, model.parameters)
-    kept = [k for k in own if model.parameters[k] not in dropped]
+    kept = [k for k in own if k in reached and model.parameters[k] not in dropped]
     parameters = [model.parameters[k] for k in kept]
     place = {k: position for position, k in enumerate(kept)}
     known: dict[str, float] = {}
     gains_unknown = study.drive_gains == "identify"
     placed: dict[str | None, dict[int, int]] = {None: dict(place)}
-    regroups = dict(dict(model.rules).items())
     for label in study.payloads:
         placed[label] = dict(place)
-        for k, name in enumerate(model.parameters):
-            kind = _payload_name(name, first)
-            if kind is None:
+        for k, kind in load.items():
+            if k not in reached:
                 continue
             if kind == "M" and gains_unknown and study.model == "A" and label in study.payload_mass:
                 known[f"M{label}"] = study.payload_mass[label]
@@ -132,61 +111,59 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
             else:
                 placed[label][k] = len(parameters)
                 parameters.append(f"{kind}{label}")
-    gain_columns, extras = _gains(study, model, need, parameters) if gains_unknown else ({}, [])
+    gain_columns, extras = _gains(study, need, parameters) if gains_unknown else ({}, [])
     extras += _coupled_drives(study, need, parameters) + _link_inertia(study, need, parameters)
-    nonzeros = np.asarray(model.nonzeros)
     sources: dict[str | None, tuple[np.ndarray, np.ndarray]] = {}
     for carried, table in placed.items():
-        used = np.array([e for e, (_, k) in enumerate(nonzeros) if k in table], int)
+        used = np.array([e for e, (row, k) in enumerate(nonzeros) if k in table and row in rows], int)
         sources[carried] = (used, np.array([table[k] for k in nonzeros[used, 1]], int))
-    units = tuple(unit_of(name, model.prismatic) for name in parameters)
     return Columns(
         model,
         need,
-        tuple(model.channels),
+        need.names,
+        rows,
         tuple(parameters),
-        units,
+        tuple(unit_of(name, model.prismatic) for name in parameters),
         known,
-        regroups,
+        dict(model.rules),
         gain_columns,
         tuple(extras),
         sources,
     )
 
 
-def unit_of(name: str, prismatic: Collection[str] = ()) -> str:
-    """kg m^2 of ZZ2R, kg of ML, ...; empty for names that are not the paper's.
-
-    Joints listed in `prismatic` have N where others have N m, and m where others have rad.
-    """
-    kind = re.match(r"Iam|Iac|Ial|Fv[mlc]|Fc[mlc]|Off[ml]|[XYZ]{2}|M[XYZ]|M|g", name)
-    if kind is None:
-        return ""
-    unit, joint = UNITS.get(kind[0], ""), name[kind.end() :].removesuffix("R")
-    if joint in prismatic and kind[0][0] in "IFOg":
-        return {"kg m^2": "kg", "N m s/rad": "N s/m"}.get(unit, unit.replace("N m", "N"))
-    return unit
-
-
-def _payload_name(name: str, label: str | None) -> str | None:
+def _payload_kind(name: str, label: str | None) -> str | None:
     """XX of XXL when the payload is labelled L, None for the robot's own parameters."""
     if label is None:
         return None
-    for suffix in (label, f"{label}R"):
-        if name.endswith(suffix) and name[: -len(suffix)] in PAYLOAD:
-            return name[: -len(suffix)]
-    return None
+    parsed = ParameterName.of(name, (label,))
+    return parsed.kind if parsed and parsed.payload else None
+
+
+def _check_labels(study: Study, own: Sequence[str]) -> None:
+    """A payload's ten names must be nobody else's: X1 would make MX1, which is a first moment of link 1."""
+    taken = {name.removesuffix("R"): "the robot's own" for name in own}
+    for label in study.payloads:
+        names = {f"{kind}{label}".removesuffix("R") for kind in INERTIAL}
+        for name in sorted(names & set(taken)):
+            raise StudyError(
+                str(study.file),
+                "recordings",
+                f"payload label {label} makes a parameter {name}, which is {taken[name]}; "
+                "choose another label, such as L",
+            )
+        taken |= dict.fromkeys(names, f"that of the payload {label}")
 
 
 def _left_out(study: Study, parameters: tuple[str, ...]) -> set[str]:
     out: set[str] = set()
     for term in study.without:
         kind, _, joint = term.partition(":")
+        parsed = {name: ParameterName.of(name) for name in parameters}
         names = {
             name
-            for name in parameters
-            for prefix in TERMS[kind]
-            if re.fullmatch(rf"{prefix}{joint or '[0-9]+'}R?", name)
+            for name, its in parsed.items()
+            if its and its.kind in TERMS[kind] and (not joint or its.label == joint)
         }
         if not names and joint:
             raise StudyError(
@@ -198,7 +175,7 @@ def _left_out(study: Study, parameters: tuple[str, ...]) -> set[str]:
     return out
 
 
-def _gains(study: Study, model: Any, need: Need, parameters: list[str]) -> tuple[dict[int, int], list[Extra]]:
+def _gains(study: Study, need: Need, parameters: list[str]) -> tuple[dict[int, int], list[Extra]]:
     """One unknown gain per motor channel: column -i_j, so that Y = W chi - g_j i_j with Y free of the
     motor."""
     if study.model == "B":
@@ -209,10 +186,12 @@ def _gains(study: Study, model: Any, need: Need, parameters: list[str]) -> tuple
         )
     places: dict[int, int] = {}
     extras = []
-    for k, joint in enumerate(need.joints):
-        places[k] = len(parameters)
-        extras.append(Extra(k, len(parameters), _motor_signal(k)))
-        parameters.append(f"g{joint}")
+    for channel, its in enumerate(need.channels):
+        if its.side == "sensor":
+            continue
+        places[channel] = len(parameters)
+        extras.append(Extra(channel, len(parameters), _motor_signal(need.motor.index(its.joint))))
+        parameters.append(f"g{need.joints[its.joint]}")
     return places, extras
 
 
@@ -237,16 +216,18 @@ def _coupled_drives(study: Study, need: Need, parameters: list[str]) -> list[Ext
             "coupled_drives",
             "acts on motor torques, which model B does not have; choose model A, C or D",
         )
+    channel_of = {c.joint: k for k, c in enumerate(need.channels) if c.side != "sensor"}
     for first, second in study.coupled_drives:
         if first not in need.joints or second not in need.joints or first == second:
             raise StudyError(
                 str(study.file), "coupled_drives", f"[{first}, {second}] are not two joints of this robot"
             )
         a, b = need.joints.index(first), need.joints.index(second)
-        for kind in ("Iac", "Fvc", "Fcc"):
+        pairs = [(here, other) for here, other in ((a, b), (b, a)) if here in channel_of]
+        for kind in ("Iac", "Fvc", "Fcc") if pairs else ():
             column = len(parameters)
             parameters.append(f"{kind}{second}")
-            extras += [Extra(here, column, _coupled(kind, here, other)) for here, other in ((a, b), (b, a))]
+            extras += [Extra(channel_of[here], column, _coupled(kind, here, other)) for here, other in pairs]
     return extras
 
 
@@ -266,10 +247,11 @@ def _link_inertia(study: Study, need: Need, parameters: list[str]) -> list[Extra
             "link_inertia",
             f"model {study.model} has no sensor channel of its own; choose model B or C",
         )
-    extras, first = [], len(need.joints) if study.model == "C" else 0
-    for k, joint in enumerate(need.joints):
-        extras.append(Extra(first + k, len(parameters), _acceleration(k)))
-        parameters.append(f"Ial{joint}")
+    extras = []
+    for k, channel in enumerate(need.channels):
+        if channel.side == "sensor":
+            extras.append(Extra(k, len(parameters), _acceleration(channel.joint)))
+            parameters.append(f"Ial{need.joints[channel.joint]}")
     return extras
 
 

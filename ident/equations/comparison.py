@@ -99,7 +99,7 @@ def modelled_torque(
     model = columns.model
     torque = np.asarray(
         model.torque(block.q, block.dq, block.ddq, columns.model_chi(chi, payload), sign=block.sign_dq)
-    )
+    )[:, columns.rows]
     gains = set(columns.gain_columns.values())
     for extra in columns.extras:
         if extra.column not in gains and chi[extra.column] != 0:
@@ -111,7 +111,8 @@ def measured_torque(columns: Columns, chi: np.ndarray, block: FilteredBlock) -> 
     """Y of a block (N, channels), with identified drive gains where there are any."""
     motor = block.motor
     if columns.gain_columns and motor is not None:
-        motor = motor * chi[[columns.gain_columns[k] for k in range(motor.shape[1])]]
+        channel_of = {c.joint: k for k, c in enumerate(columns.need.channels) if c.side != "sensor"}
+        motor = motor * chi[[columns.gain_columns[channel_of[joint]] for joint in columns.need.motor]]
     return columns.need.torque(motor, block.sensor)
 
 

@@ -6,11 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 from ident.equations.columns import Columns, study_columns
+from ident.errors import StudyError
 from ident.progress import Progress, silent
-from ident.recordings.opening import need_of, open_recordings
+from ident.recordings.need import need_of
+from ident.recordings.opening import open_recordings
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study
 from ident.signals.filtering import FilterBank, prepare
+from modelgen.errors import ModelgenError
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,16 +27,32 @@ class Prepared:
     banks: tuple[FilterBank, ...]
 
 
-def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
-    """Load the model, open and survey the recordings. Raises IdentError, GeneratedError, ModelgenError."""
+def columns_of(study: Study) -> Columns:
+    """The compiled model of a study and its columns; no recording is opened. Raises IdentError,
+    GeneratedError, ModelgenError."""
     import generated
 
-    progress("loading the model")
     payload = study.payloads[0] if study.payloads else None
-    model = generated.load(study.robot_source, study.model, payload=payload)
-    need = need_of(study.model, tuple(model.channels), study.positions)
-    columns = study_columns(study, model, need)
+    model = generated.load(study.robot_source, study.model, payload=payload, gravity=study.gravity)
+    try:
+        need = need_of(study.model, tuple(model.channels), study.positions, study.channels)
+    except (ValueError, ModelgenError) as error:
+        raise StudyError(str(study.file), "channels", str(error)) from None
+    return study_columns(study, model, need)
+
+
+def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
+    """Load the model, open and survey the recordings. Raises IdentError, GeneratedError, ModelgenError."""
+    progress("loading the model")
+    columns = columns_of(study)
     progress("reading the recordings")
-    streams = tuple(open_recordings(study, need))
-    banks = tuple(prepare(stream, study.filter) for stream in streams)
-    return Prepared(study, model, columns, streams, banks)
+    if study.turn_over is not None and len(study.turn_over) != len(columns.need.joints):
+        raise StudyError(
+            str(study.file),
+            "turn_over",
+            f"has {len(study.turn_over)} values, the robot {study.robot} has {len(columns.need.joints)} "
+            "joints; give one per joint, 0 for one that keeps the plain sign",
+        )
+    streams = tuple(open_recordings(study, columns.need))
+    banks = tuple(prepare(stream, study.filter, study.turn_over) for stream in streams)
+    return Prepared(study, columns.model, columns, streams, banks)

@@ -66,7 +66,7 @@ def _sample(stream: RecordingStream, bank: FilterBank, columns: Columns) -> _Sam
 
 def _regressor(columns: Columns, s: _Sample) -> np.ndarray:
     """W (channels, N, b)."""
-    W = columns.model.regressor(s.q, s.dq, s.ddq, sign=s.sign)
+    W = columns.model.regressor(s.q, s.dq, s.ddq, sign=s.sign)[:, columns.rows]
     return np.ascontiguousarray(W.transpose(1, 0, 2))
 
 
@@ -85,24 +85,23 @@ def _error(W: np.ndarray, Y: np.ndarray) -> float:
 
 def _hypotheses(columns: Columns, s: _Sample, joints: tuple[int, ...]) -> Iterator[tuple[float, str]]:
     n, W = len(joints), _regressor(columns, s)
-    kinds = [("motor", 0)] if columns.need.model in "AD" else [("sensor", 0)]
-    if columns.need.model == "C":
-        kinds = [("motor", 0), ("sensor", n)]
-    for kind, first in kinds:
-        for a, b in combinations(range(n), 2):
-            order = np.arange(s.Y.shape[1])
-            order[[first + a, first + b]] = order[[first + b, first + a]]
-            yield (
-                _error(W, s.Y[:, order]),
-                f"the {kind} torques of joints {joints[a]} and {joints[b]} look swapped",
-            )
-        for a in range(n):
-            sign = np.ones(s.Y.shape[1])
-            sign[first + a] = -1.0
-            yield (
-                _error(W, s.Y * sign),
-                f"the {kind} torque of joint {joints[a]} looks recorded with the other sign",
-            )
+    channels = [("motor" if c.side == "drive" else c.side, joints[c.joint]) for c in columns.need.channels]
+    for a, b in combinations(range(len(channels)), 2):
+        if channels[a][0] != channels[b][0]:
+            continue
+        order = np.arange(len(channels))
+        order[[a, b]] = b, a
+        yield (
+            _error(W, s.Y[:, order]),
+            f"the {channels[a][0]} torques of joints {channels[a][1]} and {channels[b][1]} look swapped",
+        )
+    for a, (side, joint) in enumerate(channels):
+        sign = np.ones(len(channels))
+        sign[a] = -1.0
+        yield (
+            _error(W, s.Y * sign),
+            f"the {side} torque of joint {joint} looks recorded with the other sign",
+        )
     for a, b in combinations(range(n), 2):
         order = np.arange(n)
         order[[a, b]] = b, a

@@ -41,7 +41,7 @@ def candidates(streams: Sequence[RecordingStream], study: Study, b: int) -> list
     """Cut-offs that leave enough rows and stay below the position filter's half."""
     fitted = [stream for stream in streams if stream.role == "identify"]
     seconds = sum(s.move_end - s.move_start for stream in fitted for s in stream.survey.segments)
-    n_channels = len(fitted[0].need.joints) * (2 if study.model == "C" else 1)
+    n_channels = len(fitted[0].need.channels)
     least = ROWS_PER_PARAMETER * b / (n_channels * 2.5 * max(seconds, 1e-9))
     highest = min(0.5 * study.filter.position_cutoff_hz, 0.2 * min(stream.rate_hz for stream in streams))
     found = [cutoff for cutoff in CANDIDATES if least <= cutoff <= highest]
@@ -92,7 +92,7 @@ def choose_cutoff(
             rho = measured_torque(prepared.columns, chi, block) - modelled_torque(
                 prepared.columns, chi, stream.payload, block
             )
-            rho *= block.certain[:, np.arange(rho.shape[1]) % block.certain.shape[1]]
+            rho *= block.certain[:, prepared.columns.joint_of]
             for cutoff, fold in folds.items():
                 done = fold.push(np.ascontiguousarray(rho.T))
                 if done is not None:

@@ -249,9 +249,9 @@ def fit_systems(
 
 def _reduction(study: Study, columns: Columns, full: Estimate, share: float) -> Reduction:
     if not study.reduction:
-        return Reduction(full, full, (), study.alpha)
+        return Reduction(full, full, (), study.reduction_alpha)
     keep = frozenset(columns.parameters[k] for k in columns.gain_columns.values())
-    return reduce(full, study.alpha, share if study.effective_rows else 1.0, keep)
+    return reduce(full, study.reduction_alpha, share if study.effective_rows else 1.0, keep)
 
 
 def _normalised(systems: Sequence[RecordingSystem], estimate: Estimate) -> list[np.ndarray]:

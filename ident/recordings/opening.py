@@ -19,9 +19,10 @@ from dataclasses import replace
 import numpy as np
 
 from ident.errors import RecordingError, StudyError
+from ident.recordings.need import Need as Need
+from ident.recordings.need import need_of as need_of
 from ident.recordings.recording import (
     MIN_SAMPLES,
-    Need,
     RecordingStream,
     Segment,
     Survey,
@@ -33,13 +34,6 @@ from ident.recordings.study import ColumnMap, RecordingEntry, Study
 from ident.recordings.tables import Table, open_table
 
 COARSE_S = 0.05  # spacing of the positions by which rest is found
-
-
-def need_of(model: str, channels: tuple[str, ...], positions: str = "motor") -> Need:
-    """The signals that a model's channels need; joint numbers come from the channel names (tau_m3 -> 3)."""
-    numbers = [int(name.lstrip("tau_mlrd")) for name in channels]
-    joints = tuple(dict.fromkeys(numbers))
-    return Need(joints, motor=model in "ACD", sensor=model in "BCD" or positions == "joint", model=model)
 
 
 def open_recordings(study: Study, need: Need) -> list[RecordingStream]:
@@ -133,8 +127,9 @@ def _columns(
         add(f"q{j}")
     if need.motor:
         gains = study.drive_gains
-        currents = all(has(f"i{j}") for j in need.joints)
-        for k, j in enumerate(need.joints):
+        currents = all(has(f"i{need.joints[k]}") for k in need.motor)
+        for k in need.motor:
+            j = need.joints[k]
             if gains == "identify":
                 add(f"i{j}" if currents else f"tau_m{j}")
             elif isinstance(gains, tuple) and currents:
@@ -149,8 +144,8 @@ def _columns(
             else:
                 add(f"tau_m{j}")
     if need.sensor:
-        for j in need.joints:
-            add(f"tau_l{j}")
+        for k in need.sensor:
+            add(f"tau_l{need.joints[k]}")
     return tuple(names), np.array(factors), np.array(offsets), found
 
 

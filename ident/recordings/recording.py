@@ -13,36 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.errors import RecordingError
+from ident.recordings.need import Need
 from ident.recordings.resampling import resample
 from ident.recordings.study import Role
 from ident.recordings.tables import Table
 
 MIN_SAMPLES = 50
 Block = tuple[np.ndarray, np.ndarray]  # t (N,), values (N, m): q, then motor, then sensor signals
-
-
-@dataclass(frozen=True, slots=True)
-class Need:
-    """Which signals a model wants: motor torque, joint torque sensor; joints are numbered as in the robot
-    file."""
-
-    joints: tuple[int, ...]
-    motor: bool
-    sensor: bool
-    model: str = "A"
-
-    def torque(self, motor: np.ndarray | None, sensor: np.ndarray | None) -> np.ndarray:
-        """The channels of the model, (N, channels): A motor, B sensor, C both, D motor - sensor (paper eq.
-        7)."""
-        if self.model == "C":
-            assert motor is not None and sensor is not None
-            return np.hstack([motor, sensor])
-        if self.model == "D":
-            assert motor is not None and sensor is not None
-            return motor - sensor
-        chosen = sensor if self.model == "B" else motor
-        assert chosen is not None
-        return chosen
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,10 +108,11 @@ class RecordingStream:
             )
 
     def split(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """Columns of a block (N, m) -> q, motor signal, sensor signal, each (N, n) or None."""
-        n = len(self.need.joints)
-        motor = values[:, n : 2 * n] if self.need.motor else None
-        sensor = values[:, -n:] if self.need.sensor else None
+        """Columns of a block (N, m) -> q (N, n), motor and sensor signals of the joints that need names, or
+        None."""
+        n, m = len(self.need.joints), len(self.need.motor)
+        motor = values[:, n : n + m] if self.need.motor else None
+        sensor = values[:, n + m :] if self.need.sensor else None
         return values[:, :n], motor, sensor
 
     def load(self) -> list[Recording]:

@@ -36,6 +36,7 @@ from ident.errors import StudyError
 Role = Literal["identify", "validate", "test"]
 ROLES: tuple[Role, ...] = ("identify", "validate", "test")
 MODELS = ("A", "B", "C", "D")
+ESTIMATORS = ("wls", "irls", "iv", "didim", "tls")
 WITHOUT = ("coulomb_friction", "viscous_friction", "offset", "rotor_inertia")
 
 
@@ -117,13 +118,54 @@ class FilterSettings(_Strict):
     resample_hz: Annotated[Number, Field(gt=0)] | None = None
 
 
+class EffectEntry(BaseModel):
+    """One effect that is part of the model that is fitted: where it stands, starts and fixed values.
+
+    joint, source_joint: numbers as in the robot file; no joint: the whole robot. `from`, `to` [s since the
+    recording's first sample] and `recording` bound a load. Other keys are its parameters: a start for
+    what is searched, the value itself for what `fixed` lists. Also written NAME:JOINT[:key=value,...].
+    """
+
+    model_config = ConfigDict(extra="allow", frozen=True, populate_by_name=True)
+    effect: str
+    joint: int | None = None
+    source_joint: int | None = None
+    side: Literal["motor", "link", "sensor"] | None = None
+    recording: str | None = None
+    from_s: Number | None = Field(default=None, alias="from")
+    to_s: Number | None = Field(default=None, alias="to")
+    link: int | None = None
+    fixed: tuple[str, ...] = ()
+
+    @model_validator(mode="after")
+    def _values(self) -> EffectEntry:
+        for name, value in self.given.items():
+            if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+                raise ValueError(
+                    f"{self.effect}: {name} is {value!r}; give a number (its start, or its value where fixed "
+                    "lists it)"
+                )
+        for name in self.fixed:
+            if name not in self.given:
+                raise ValueError(f"{self.effect}: fixed lists {name}, which has no value; add {name}: NUMBER")
+        if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
+            raise ValueError(f"{self.effect}: to must come after from")
+        return self
+
+    @property
+    def given(self) -> dict[str, float]:
+        """Parameters with a start or a fixed value."""
+        return dict(self.model_extra or {})
+
+
 class Study(_Strict):
     """What is identified from which runs.
 
     Beside the keys of the contract: `without` leaves terms out of the model; `link_inertia` gives each
     joint torque sensor an inertia of its own, Ial ddq_j; `coupled_drives` pairs joints whose motors a
     gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads
-    [kg]; `bounds`, `robust`, `reduction`, `alpha`, `effective_rows` choose the estimator; `trim_rest:
+    [kg]; `bounds`, `robust`, `reduction`, `reduction_alpha` (of the F-test), `effective_rows` choose the
+    estimator; `turn_over` [rad/s] per joint makes the sign of its dry friction tanh(dq / w); `trim_rest:
     false` keeps rest at the ends; `folder` is where the recordings are.
     """
 
@@ -142,9 +184,16 @@ class Study(_Strict):
     bounds: Literal["physical"] | None = None
     robust: Literal["huber"] | None = None
     reduction: bool = True
-    alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.05
+    reduction_alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.05
     effective_rows: bool = True
     trim_rest: bool = True
+    effects: tuple[EffectEntry, ...] = ()
+    effects_folder: str | None = None
+    gravity: tuple[Number, Number, Number] | None = None
+    channels: tuple[str, ...] | None = None
+    estimator: Literal["wls", "irls", "iv", "didim", "tls"] = "wls"
+    alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.01  # of the diagnosis
+    turn_over: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
     folder: str | None = None
     file: Path = Field(default=Path("study.yaml"), exclude=True)  # where it was read; not a key of the file
 
@@ -152,6 +201,27 @@ class Study(_Strict):
     @classmethod
     def _short_columns(cls, columns: Any) -> Any:
         return _expand_columns(columns)
+
+    @field_validator("effects", mode="before")
+    @classmethod
+    def _short_effects(cls, effects: Any) -> Any:
+        if not isinstance(effects, (list, tuple)):
+            return effects
+        return tuple(_expand_effect(item) if isinstance(item, str) else item for item in effects)
+
+    @field_validator("estimator")
+    @classmethod
+    def _built(cls, name: str) -> str:
+        if name != "wls":
+            raise ValueError(f"{name} is not built yet; leave the key out, or write wls")
+        return name
+
+    @field_validator("channels")
+    @classmethod
+    def _some(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        if names is not None and len(set(names)) < max(len(names), 1):
+            raise ValueError("the list is empty or names a torque twice; list each torque once, as [tau_m1]")
+        return names
 
     @field_validator("without")
     @classmethod
@@ -182,6 +252,12 @@ class Study(_Strict):
         for label in self.payload_mass:
             if label not in {entry.payload for entry in self.recordings}:
                 raise ValueError(f"payload_mass: no recording carries the payload {label}")
+        for number, entry in enumerate(self.effects, 1):
+            if entry.recording is not None and entry.recording not in labels:
+                raise ValueError(
+                    f"effects[{number}]: no recording is called {entry.recording}; "
+                    f"they are {', '.join(labels)}"
+                )
         return self
 
     @property
@@ -198,11 +274,6 @@ class Study(_Strict):
         """What `generated.load` takes: the path of a robot file beside the study, or a built-in name."""
         beside = self.path / expand(self.robot)
         return str(beside) if beside.is_file() else self.robot
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Effects that a study adds to its model: none; the diagnosis finds them."""
-        return ()
 
     @property
     def payloads(self) -> tuple[str, ...]:
@@ -272,6 +343,31 @@ def _expand_columns(columns: Any) -> Any:
     return columns
 
 
+def _expand_effect(text: str) -> dict[str, Any]:
+    """ "torque_ripple:4:wavenumber=200,fixed=wavenumber" -> its mapping. `fixed` joins several with +."""
+    name, _, rest = text.partition(":")
+    joint, _, options = rest.partition(":")
+    if "=" in joint and not options:  # base_tilt:roll=0.02
+        joint, options = "", joint
+    out: dict[str, Any] = {"effect": name}
+    if joint:
+        out["joint"] = int(joint) if joint.isdigit() else joint
+    for option in filter(None, options.split(",")):
+        key, equals, value = option.partition("=")
+        if not equals or key in out:
+            raise ValueError(f"{text!r}: {option!r} is not KEY=VALUE, or the key is there twice")
+        if key == "fixed":
+            out[key] = tuple(value.split("+"))
+        elif key in ("side", "recording"):
+            out[key] = value
+        else:
+            try:
+                out[key] = int(value) if key in ("source_joint", "link") else float(value)
+            except ValueError:
+                raise ValueError(f"{text!r}: {value!r} is no number; write {key}=NUMBER") from None
+    return out
+
+
 def _did_you_mean(name: str, known: tuple[str, ...] | list[str]) -> str:
     close = difflib.get_close_matches(name, known, n=1, cutoff=0.6)
     return f", did you mean {close[0]}?" if close else ""
@@ -326,5 +422,9 @@ _EXPECTED = {
     "without": "a list such as [coulomb_friction]",
     "filter": "{position_cutoff_hz: 10, decimation_cutoff_hz: 0.8}",
     "payload_mass": "{L: 4.6}",
+    "effects": "a list such as [stribeck_friction:2, {effect: torque_ripple, joint: 4}]",
+    "gravity": "three values in m/s^2 in the base frame, such as [0, 0, -9.81]",
+    "channels": "a list such as [tau_m1, tau_m2]",
+    "turn_over": "a list of rad/s, one per joint",
 }
 _TAGS = {"float", "int", "str", "tuple", "list", "function-before"}

@@ -29,13 +29,13 @@ Rest at the ends is not used, nor the first and last moments of a segment, which
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
 
-from ident.recordings.recording import MIN_SAMPLES, Recording, RecordingStream, Segment
+from ident.recordings.recording import MIN_SAMPLES, RecordingStream, Segment
 from ident.recordings.study import FilterSettings
 
 TAIL = 1e-10  # where the impulse response is cut off, relative to its peak
@@ -142,33 +142,13 @@ class FilteredBlock:
 
 
 @dataclass(frozen=True, slots=True)
-class FilteredRecording:
-    """A whole segment, filtered. torque (N, channels) as recorded; vs (n,) [rad/s], certain (N, n) of
-    sign_dq."""
-
-    label: str
-    role: str
-    payload: str | None
-    t: np.ndarray
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    sign_dq: np.ndarray
-    torque: np.ndarray
-    rate_hz: float
-    index: int = 0
-    vs: np.ndarray | None = None
-    notes: tuple[str, ...] = ()
-    certain: np.ndarray | None = None
-
-
-@dataclass(frozen=True, slots=True)
 class FilterBank:
     """The filters of one recording and the noise they leave on its velocity."""
 
     position: LowPass
     sign: LowPass
     vs: np.ndarray | None  # (n,) rad/s; None until estimated
+    turn_over: np.ndarray | None = None  # (n,) rad/s: the model's sign is tanh(dq / w) where w > 0
 
     @property
     def halo(self) -> int:
@@ -210,8 +190,10 @@ def velocity_noise(q: np.ndarray, bank: FilterBank) -> np.ndarray:
     return high_band * np.sqrt(np.mean((derivative * response) ** 2) / above)
 
 
-def smooth_sign(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
-    """tanh(2.5 dq / vs), the plain sign where vs is zero."""
+def smooth_sign(dq: np.ndarray, vs: np.ndarray, turn_over: np.ndarray | None = None) -> np.ndarray:
+    """tanh(2.5 dq / vs), the plain sign where vs is zero; tanh(dq / turn_over) where that is given."""
+    if turn_over is not None:
+        vs = np.where(turn_over > 0, STEEPNESS * turn_over, vs)
     return np.where(vs > 0, np.tanh(STEEPNESS * dq / np.where(vs > 0, vs, 1.0)), np.sign(dq))
 
 
@@ -260,7 +242,7 @@ def filter_blocks(
             q[2:-2][span],
             first_difference(q, rate)[span],
             second_difference(q, rate)[span],
-            smooth_sign(speed[span], vs),
+            smooth_sign(speed[span], vs, bank.turn_over),
             None if motor is None else motor[span],
             None if sensor is None else sensor[span],
             vs,
@@ -305,11 +287,15 @@ def _odd_end(rows: np.ndarray, halo: int) -> np.ndarray:
     return _odd(rows, 0, halo)
 
 
-def prepare(stream: RecordingStream, settings: FilterSettings) -> FilterBank:
+def prepare(
+    stream: RecordingStream, settings: FilterSettings, turn_over: Sequence[float] | None = None
+) -> FilterBank:
     """The filters of a recording with the velocity noise estimated on the first samples that move."""
+    bent = None if turn_over is None else np.array(turn_over, float)
     bank = filter_bank(settings, stream.rate_hz)
     if settings.sign_velocity is not None:
-        return FilterBank(bank.position, bank.sign, np.full(len(stream.need.joints), settings.sign_velocity))
+        vs = np.full(len(stream.need.joints), settings.sign_velocity)
+        return FilterBank(bank.position, bank.sign, vs, bent)
     q: list[np.ndarray] = []
     rows = 0
     for segment, blocks in stream.segments():
@@ -324,7 +310,7 @@ def prepare(stream: RecordingStream, settings: FilterSettings) -> FilterBank:
         if rows > MIN_SAMPLES:
             break
     noise = velocity_noise(np.concatenate(q), bank)
-    return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise)
+    return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise, bent)
 
 
 def filter_stream(
@@ -336,49 +322,10 @@ def filter_stream(
             yield index, block
 
 
-def filter_recording(
-    stream: RecordingStream, settings: FilterSettings, *, torque_too: bool = False
-) -> list[FilteredRecording]:
-    """The segments of a recording, filtered and whole in memory; torque has the channels of the model."""
-    bank = prepare(stream, settings)
-    found: dict[int, list[FilteredBlock]] = {}
-    for index, block in filter_stream(stream, bank, torque_too=torque_too):
-        found.setdefault(index, []).append(block)
-
-    def joined(blocks: list[FilteredBlock], name: str) -> np.ndarray:
-        return np.concatenate([getattr(block, name) for block in blocks])
-
-    out = []
-    for index, blocks in found.items():
-        torque = np.concatenate([stream.need.torque(block.motor, block.sensor) for block in blocks])
-        out.append(
-            FilteredRecording(
-                stream.label,
-                stream.role,
-                stream.payload,
-                joined(blocks, "t"),
-                joined(blocks, "q"),
-                joined(blocks, "dq"),
-                joined(blocks, "ddq"),
-                joined(blocks, "sign_dq"),
-                torque,
-                stream.rate_hz,
-                index,
-                bank.vs,
-                stream.notes,
-                joined(blocks, "certain"),
-            )
-        )
-    return out
-
-
 __all__ = [
     "FilterBank",
     "FilteredBlock",
-    "FilteredRecording",
     "LowPass",
-    "Recording",
-    "filter_recording",
     "filter_stream",
     "prepare",
     "smooth_sign",

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from ident.equations.columns import unit_of
 from ident.errors import StudyError
 from ident.recordings.study import expand, load_study, study_from
+from modelgen.geometry.names import unit_of
 
 RUN = {"file": "run1.parquet"}
 
@@ -59,6 +59,7 @@ def test_environment_in_paths(monkeypatch):
         ({"positions": "joint", "stiffness": [0.0]}, ("positive",)),
         ({"payload_mass": {"L": 4.6}}, ("payload_mass", "L")),
         ({"alpha": 2}, ("alpha", "less than 1")),
+        ({"reduction_alpha": 0}, ("reduction_alpha", "greater than 0")),
         ({"robot": None}, ("robot",)),
         ({"file": "x"}, ("did you mean recordings",)),
     ],
