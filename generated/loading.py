@@ -27,6 +27,7 @@ from generated.model import Model
 HERE = Path(__file__).parent
 MODELS = ("A", "B", "C", "D")
 LARGEST_GRAVITY = 1e3  # m/s^2
+LARGEST_FILE = 1 << 24  # bytes of a robot file that are read; the reader of each kind bounds it further
 _lock = threading.RLock()
 _loaded: dict[Question, Model] = {}
 
@@ -99,13 +100,16 @@ def _robot_file(robot: str | os.PathLike[str]) -> tuple[str, bytes]:
     if not text:
         raise GeneratedError(f"{robot!r} is no robot; give a built-in name or the path of a robot file.")
     path = Path(text)
-    built_in = _modelgen() / "robots" / f"{text}.yaml"
-    if re.fullmatch(r"[A-Za-z0-9_.-]+", text) and built_in.is_file() and not path.is_file():
-        return text, built_in.read_bytes()
+    built_in = {p.stem: p for p in (_modelgen() / "robots").iterdir() if p.suffix in (".yaml", ".urdf")}
+    if text in built_in and not path.is_file():
+        return text, built_in[text].read_bytes()
     try:
-        return text, path.read_bytes()
-    except OSError:
-        names = ", ".join(sorted(p.stem for p in (_modelgen() / "robots").glob("*.yaml")))
+        if not path.is_file():
+            raise OSError
+        with path.open("rb") as stream:
+            return text, stream.read(LARGEST_FILE)
+    except (OSError, ValueError):  # ValueError: a null character in the path
+        names = ", ".join(sorted(built_in))
         raise GeneratedError(
             f"{text} is neither a readable robot file nor a built-in robot; built in are {names}."
         ) from None
@@ -166,7 +170,8 @@ def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
 
         derived, robot = _derive(question)
         made_of = c_code.provenance(robot.source_sha256)
-        (place / "model.json").write_text(json.dumps(c_code.described(derived, made_of)))
+        outside = {"joint_names": robot.joint_names, "standard_values": dict(robot.standard_values)}
+        (place / "model.json").write_text(json.dumps({**c_code.described(derived, made_of), **outside}))
         (place / "model.c").write_text(c_code.source(derived, made_of))
 
     q = question

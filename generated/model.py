@@ -26,8 +26,9 @@ class Evaluator(Protocol):
 class Model:
     """One model of one robot, compiled. Rows are channels, columns base parameters; SI units, joint side.
 
-    `nonzeros` (nnz, 2) holds the (channel, parameter) of the entries of W that are not zero for all motions,
-    in the order of `nonzero_blocks`.
+    `joint_names` are the robot file's (q1, ... where it names none), `standard_values` the inertial
+    parameters that it gives. `nonzeros` (nnz, 2) holds the (channel, parameter) of the entries of W that are
+    not zero for all motions, in the order of `nonzero_blocks`.
     """
 
     def __init__(
@@ -54,6 +55,9 @@ class Model:
         self.unidentifiable: tuple[str, ...] = tuple(description["unidentifiable"])
         self.operations: dict[str, Any] = dict(description["operations"])
         self.extra_inputs: tuple[str, ...] = tuple(description["extra_inputs"])
+        labels = [f"q{joint['label']}" for joint in description["joints"]]
+        self.joint_names: tuple[str, ...] = tuple(description.get("joint_names", labels))
+        self.standard_values: dict[str, float] = dict(description.get("standard_values", {}))
         self.n = len(description["joints"])
         nonzeros = description["nonzeros"]
         self.nonzeros = np.array([entry[:2] for entry in nonzeros], dtype=np.intp).reshape(-1, 2)

@@ -64,6 +64,8 @@ class Robot:
     constants: Mapping[str, sp.Expr] = field(default_factory=dict)
     payloads: Mapping[str, int] = field(default_factory=dict)
     source_sha256: str = ""
+    standard_values: Mapping[str, float] = field(default_factory=dict)  # {"XX1": ...}, if the file has them
+    notes: tuple[str, ...] = ()  # what reading the file changed
 
     @cached_property
     def moving(self) -> tuple[int, ...]:
@@ -85,6 +87,12 @@ class Robot:
         """The k of q_k, tau_k, Iam_k ... for each moving joint."""
         return tuple(variable[1:] for variable in self.variables)
 
+    @cached_property
+    def joint_names(self) -> tuple[str, ...]:
+        """The moving joints' own names where the file gives them, else their variables."""
+        rows = ((j, self.links[j - 1]) for j in self.moving)
+        return tuple(str(link.variable) if link.name == f"link{j}" else link.name for j, link in rows)
+
     def link(self, j: int) -> Link:
         """Row j, counted from 1."""
         return self.links[j - 1]
@@ -100,7 +108,7 @@ class Robot:
     @cached_property
     def remarks(self) -> tuple[str, ...]:
         """What is legal but seldom meant: an angle beside a right angle, written as a decimal."""
-        found = []
+        found = list(self.notes)
         for j, link in enumerate(self.links, 1):
             for key in ("gamma", "alpha", "theta"):
                 angle = self.value(getattr(link, key))

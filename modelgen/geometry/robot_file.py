@@ -13,7 +13,7 @@ from typing import Any
 import sympy as sp
 
 from modelgen.errors import ExpressionError, ModelgenError, RobotFileError
-from modelgen.geometry import strict_yaml
+from modelgen.geometry import strict_yaml, urdf
 from modelgen.geometry.expressions import parse
 from modelgen.geometry.robot import SIGMA, Limits, Link, Robot
 
@@ -28,13 +28,8 @@ PARAMETER = re.compile(r"(XX|XY|XZ|YY|YZ|ZZ|MX|MY|MZ|M|Iam|Fvm|Fcm|Offm|Fvl|Fcl|
 
 def built_in_names() -> tuple[str, ...]:
     """Names of the robots that come with the package."""
-    return tuple(
-        sorted(
-            f.name.removesuffix(".yaml")
-            for f in files("modelgen").joinpath("robots").iterdir()
-            if f.name.endswith(".yaml")
-        )
-    )
+    robots = (Path(f.name) for f in files("modelgen").joinpath("robots").iterdir())
+    return tuple(sorted(path.stem for path in robots if path.suffix in (".yaml", ".urdf")))
 
 
 def load_robot(name_or_path: str | Path) -> Robot:
@@ -45,12 +40,14 @@ def load_robot(name_or_path: str | Path) -> Robot:
     text = str(name_or_path)
     path = Path(text)
     if text in built_in_names() and not path.is_file():
-        source, data = text, files("modelgen").joinpath("robots", f"{text}.yaml").read_bytes()
+        folder = files("modelgen").joinpath("robots")
+        source = f"{text}.urdf" if folder.joinpath(f"{text}.urdf").is_file() else f"{text}.yaml"
+        data = folder.joinpath(source).read_bytes()
     else:
         source = path.name or text
         try:
             with path.open("rb") as stream:
-                data = stream.read(LARGEST_FILE + 1)
+                data = stream.read(urdf.LARGEST_TEXT + 1)
         except FileNotFoundError:
             raise RobotFileError(source, _not_found(text)) from None
         except OSError as error:
@@ -69,6 +66,8 @@ def _not_found(text: str) -> str:
 def parse_robot(data: bytes | str, source: str = "robot") -> Robot:
     """Check the text of a robot file and return the robot; `source` names it in errors."""
     data = data.encode() if isinstance(data, str) else data
+    if urdf.is_urdf(data, source):
+        return urdf.convert(data, source).robot
     if len(data) > LARGEST_FILE:
         size = f"is larger than {LARGEST_FILE // 1024} KiB"
         raise RobotFileError(source, f"{size}; a robot file is a table of at most {MOST_LINKS} links")
