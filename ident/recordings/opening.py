@@ -45,7 +45,7 @@ def open_recording(study: Study, entry: RecordingEntry, need: Need) -> Recording
     """Find the columns, survey the rows. Raises RecordingError or StudyError."""
     _check_sizes(study, need)
     path = study.recording_path(entry)
-    table = open_table(path, entry.decimal)
+    table = open_table(path if entry.table is None else entry.table, entry.decimal, entry.label)
     names, factors, offsets, notes = _columns(study, entry, need, table)
     window = (-np.inf if entry.from_s is None else entry.from_s, np.inf if entry.to_s is None else entry.to_s)
     stiffness = np.array(study.stiffness) if study.positions == "joint" and study.stiffness else None

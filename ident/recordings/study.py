@@ -26,6 +26,7 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
+    PrivateAttr,
     ValidationError,
     field_validator,
     model_validator,
@@ -75,6 +76,7 @@ class RecordingEntry(_Strict):
     rate_hz: Annotated[Number, Field(gt=0)] | None = None  # only for tables without a time column
     decimal: Literal[".", ","] = "."  # only for CSV
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
+    _table: Any = PrivateAttr(default=None)  # in memory instead of `file` (ident.Recording); no key of a file
 
     @field_validator("payload")
     @classmethod
@@ -93,6 +95,11 @@ class RecordingEntry(_Strict):
         if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
             raise ValueError("to must come after from")
         return self
+
+    @property
+    def table(self) -> Any:
+        """What `open_table` takes instead of a path, or None."""
+        return self._table
 
     @property
     def label(self) -> str:
