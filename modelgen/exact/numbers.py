@@ -91,6 +91,8 @@ class Exact:
         self._values = [self._value(g) for g in self.generators]
         self._field: Any = FracField(self.generators, QQ, sp.lex) if self.generators else None
         self._relations = self._known_relations() if self.generators else []
+        # their leading terms are squares of these generators; without one, a form is as short as it gets
+        self._squared = tuple(next(g for g, e in enumerate(r.LM) if e) for r in self._relations)
 
     def _known_relations(self) -> list[Any]:
         """Polynomials that vanish, to keep forms short: sin^2 + cos^2 - 1, and g^2 - a for g = sqrt(a)."""
@@ -128,7 +130,7 @@ class Exact:
     def shortened(self, value: Any, form: FracElement | None) -> Number:
         """A Real whose form obeys the known relations and is short, or none; a rational if it is one."""
         if form is not None:
-            if self._relations:
+            if any(m[g] > 1 for part in (form.numer, form.denom) for m in part for g in self._squared):
                 form = self._field.new(form.numer.rem(self._relations), form.denom.rem(self._relations))
             if form.numer.is_ground and form.denom.is_ground:
                 return form.numer.coeff(1) / form.denom.coeff(1)
@@ -151,8 +153,9 @@ class Exact:
         """A polynomial as an expression, its factors 1 - cos^2 written as sin^2."""
         gens = dict(zip(self.generators, self._field.ring.gens, strict=True))
         squares = sp.Integer(1)
-        for g, x in gens.items():
-            if isinstance(g, sp.cos) and sp.sin(g.args[0]) in gens:
+        for k, (g, x) in enumerate(gens.items()):
+            squared = isinstance(g, sp.cos) and any(monomial[k] > 1 for monomial in polynomial)
+            if squared and sp.sin(g.args[0]) in gens:
                 (quotient,), rest = polynomial.div([1 - x**2])
                 while polynomial and not rest:
                     polynomial, squares = quotient, squares * sp.sin(g.args[0]) ** 2
