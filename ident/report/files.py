@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ident.estimation.fit import FitResult, interval_factor
+from ident.export.saved import keep
 
 Row = tuple[str, ...]
 
@@ -249,7 +250,7 @@ def _finite(value: Any) -> Any:
 
 
 def write_into(result: FitResult, folder: Path, *, plots: bool = True) -> None:
-    """Files of one fit into an existing folder: fit.json, parameters.csv, errors.csv, reduction.csv,
+    """Files of one fit into an existing folder: fit.json, fit.npz, parameters.csv, errors.csv, reduction.csv,
     plots/."""
     write_document(folder / "fit.json", fit_document(result))
     write_csv(folder / "parameters.csv", parameter_table(result))
@@ -265,6 +266,7 @@ def write_into(result: FitResult, folder: Path, *, plots: bool = True) -> None:
         for s in result.reduction.steps
     ]
     write_csv(folder / "reduction.csv", (("parameter", "F", "F_d", "p", "verdict"), steps))
+    keep(result, folder)
     if plots:
         from ident.report import fit_plots as drawing
 
