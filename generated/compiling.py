@@ -14,12 +14,14 @@ from pathlib import Path
 from typing import Any
 
 from generated import cache as entries
+from generated import self_check
 
 HERE = Path(__file__).parent
 FLAGS = ("-std=gnu11", "-O3", "-fno-math-errno", "-ffp-contract=fast", "-fPIC", "-shared", "-w")
 NATIVE = "-march=native"
 LIBRARY = "kernel.so"
 SECONDS = 600
+CHECKED = "2"  # of a cache entry: compiled and checked by this version of the check
 
 
 class NoCompilerError(Exception):
@@ -62,14 +64,25 @@ def shim(description: Mapping[str, Any], model_c: str, prefix: str) -> str:
     return f"{vector}\n{defines}\n{model_c}\n{batch}"
 
 
-def library(text: str) -> Path:
-    """The library compiled from `text`, from the cache if it is there. Raises NoCompilerError."""
+def library(description: Mapping[str, Any], model_c: str) -> Path:
+    """The library of a model's C, from the cache if it is there; a new one must agree with NumPy first.
+
+    Raises NoCompilerError when no compiler makes one.
+    """
+    text = shim(description, model_c, description["prefix"])
     reasons = []
+
+    def build(place: Path, command: tuple[str, ...], flags: tuple[str, ...]) -> None:
+        _compile(command, flags, text, place)
+        wrong = self_check.problem(place / LIBRARY, description, model_c)
+        if wrong:
+            raise NoCompilerError(f"what {' '.join(command)} compiled {wrong}")
+
     for command in compilers():
         for flags in ((*FLAGS, NATIVE), FLAGS):
-            name = "kernel-" + entries.key(text, *command, _identity(command), *flags, cpu())[:40]
+            name = "kernel-" + entries.key(CHECKED, text, *command, _identity(command), *flags, cpu())[:40]
             try:
-                return entries.entry(name, lambda place: _compile(command, flags, text, place)) / LIBRARY  # noqa: B023
+                return entries.entry(name, lambda place: build(place, command, flags)) / LIBRARY  # noqa: B023
             except NoCompilerError as error:
                 reasons.append(str(error))
     raise NoCompilerError(reasons[0] if reasons else "no C compiler was found")

@@ -131,9 +131,7 @@ def _load(question: Question) -> Model:
         description, code = files
         progress("compiled")
         try:
-            prefix = description["prefix"]
-            library = compiling.library(compiling.shim(description, code, prefix))
-            kernel: Any = Kernel(library, description["columns"])
+            kernel: Any = Kernel(compiling.library(description, code), description["columns"])
         except (compiling.NoCompilerError, OSError) as error:
             warnings.warn(
                 f"No C compiler works here ({error}); {description['robot']} is evaluated by NumPy, some ten "

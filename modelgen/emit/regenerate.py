@@ -208,14 +208,10 @@ def compile_all(files: Mapping[str, str], tell: Progress) -> str:
 
     from generated import compiling
 
-    texts = {}
-    for name in files:
-        if name.endswith(".json"):
-            stem = name.removesuffix(".json")
-            description = json.loads(files[name])
-            texts[stem] = compiling.shim(description, files[f"{stem}.c"], description["prefix"])
+    stems = [name.removesuffix(".json") for name in files if name.endswith(".json")]
+    models = {stem: (json.loads(files[f"{stem}.json"]), files[f"{stem}.c"]) for stem in stems}
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
-        waiting = {pool.submit(compiling.library, text): stem for stem, text in texts.items()}
+        waiting = {pool.submit(compiling.library, *model): stem for stem, model in models.items()}
         for k, done in enumerate(as_completed(waiting), 1):
             tell(f"compiled {waiting[done]}", 0.7 + 0.3 * k / len(waiting))
             try:

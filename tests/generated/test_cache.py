@@ -238,3 +238,27 @@ def test_import_is_light_and_the_lwr_needs_no_sympy():
         "assert not {'sympy', 'casadi'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+
+
+@posix
+@pytest.mark.parametrize(
+    ("broken", "says"),
+    [
+        ("cc -ffast-math", "gives wrong numbers: .* differs from NumPy"),
+        ("cc -include stop.h", "stopped the process"),
+    ],
+)
+def test_a_kernel_that_the_compiler_broke_is_not_used(robot, tmp_path, monkeypatch, broken, says):
+    """Each is one compiler with flags, as CC may hold; the numbers come from NumPy then, with a warning."""
+    right = evaluate(robot)
+    monkeypatch.setattr(loading, "_loaded", {})
+    monkeypatch.setenv("DYNIDENT_CACHE", str(tmp_path / "other"))
+    (tmp_path / "stop.h").write_text(
+        "#include <stdlib.h>\nstatic void __attribute__((constructor)) stop(void) { abort(); }\n"
+    )
+    monkeypatch.setattr(compiling, "FLAGS", tuple(f.replace("-O0", "-O2") for f in compiling.FLAGS))
+    command = tuple(broken.replace("stop.h", str(tmp_path / "stop.h")).split())
+    monkeypatch.setattr(compiling, "compilers", lambda: (command,))
+    with pytest.warns(UserWarning, match=f"No C compiler works here .*{says}"):
+        np.testing.assert_allclose(evaluate(robot), right, rtol=1e-12, atol=1e-12)
+    assert [name.split("-")[0] for name in entries(tmp_path / "other")] == ["model"]

@@ -157,7 +157,7 @@ def test_every_vector_width_gives_the_same_numbers(flags, tmp_path, monkeypatch)
     from generated import loading
 
     robot = loading._robot_file("kuka_lwr4p")
-    narrow = loading._load(*robot, "B", None, ())
+    narrow = loading._load(loading.Question(*robot, "B"))
     m = generated.load("kuka_lwr4p", "B")
     rng = np.random.default_rng(3)
     q, dq, ddq = (rng.uniform(-3, 3, (21, 7)) for _ in range(3))
