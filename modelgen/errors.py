@@ -3,10 +3,24 @@
 from __future__ import annotations
 
 
+def shortened(text: str, longest: int = 60) -> str:
+    """A text that somebody else wrote, on one line and of a length that fits into a sentence."""
+    text = " ".join(text.split())
+    text = "".join(c if c.isprintable() else "?" for c in text)
+    return text if len(text) <= longest else text[: longest - 3] + "..."
+
+
 class ModelgenError(Exception):
     """Bad input to the model generator; the message is one sentence for the user (exit status 2)."""
 
     exit_status = 2
+
+
+def _plain(value: object) -> str:
+    try:
+        return shortened(str(value))
+    except (ValueError, RecursionError):  # an integer of thousands of digits
+        return f"a value of type {type(value).__name__}"
 
 
 class ExpressionError(ModelgenError):
@@ -14,8 +28,7 @@ class ExpressionError(ModelgenError):
 
     def __init__(self, text: object, reason: str) -> None:
         self.text, self.reason = text, reason
-        shown = str(text)
-        super().__init__(f"{shown if len(shown) <= 60 else shown[:57] + '...'!r} {reason}")
+        super().__init__(f"{_plain(text)!r} {reason}")
 
 
 class RobotFileError(ModelgenError):
@@ -23,7 +36,7 @@ class RobotFileError(ModelgenError):
 
     def __init__(self, source: str, problem: str) -> None:
         self.source, self.problem = source, problem
-        super().__init__(f"{source}: {problem}")
+        super().__init__(f"{shortened(source)}: {' '.join(problem.split())}")
 
 
 class RegroupingError(ModelgenError):

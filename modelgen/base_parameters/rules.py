@@ -19,8 +19,8 @@ from modelgen.dynamics.models import Model, model
 from modelgen.dynamics.newton_euler import INERTIAL
 from modelgen.dynamics.standard_parameters import StandardParameter
 from modelgen.exact.numbers import Exact
+from modelgen.geometry.labels import check_payload_label
 from modelgen.geometry.robot import Robot
-from modelgen.geometry.robot_file import check_payload_label
 
 SAME_SIGNAL = {"Fvl": "Fvm", "Fcl": "Fcm", "Offl": "Offm"}
 

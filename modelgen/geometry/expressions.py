@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import sympy as sp
 
-from modelgen.errors import ExpressionError
+from modelgen.errors import ExpressionError, shortened
 
 LONGEST_TEXT = 200
 LARGEST_EXPONENT = 8
@@ -56,9 +56,11 @@ def _convert(node: ast.AST, text: str, symbols: Mapping[str, sp.Expr]) -> sp.Exp
             return sp.pi
         case ast.Name(id=name):
             if name not in symbols:
-                known = ", ".join(["pi", *symbols])
+                known = shortened(", ".join(["pi", *symbols]))
                 raise ExpressionError(
-                    text, f"uses the unknown symbol {name}; declare it under constants (known here: {known})"
+                    text,
+                    f"uses the unknown symbol {shortened(name)}; declare it under constants "
+                    f"(known here: {known})",
                 )
             return symbols[name]
         case ast.UnaryOp(op=ast.USub(), operand=operand):
@@ -73,10 +75,15 @@ def _convert(node: ast.AST, text: str, symbols: Mapping[str, sp.Expr]) -> sp.Exp
                     f"has a power that is not an integer up to {LARGEST_EXPONENT}; write the product out",
                 )
             base = _convert(left, text, symbols)
-            return base**exponent if exponent >= 0 else _divided(sp.Integer(1), base**-exponent, text)
+            if abs(exponent) > 1 and base.has(sp.Pow):
+                raise ExpressionError(text, "has a power of a power; write the product out")
+            power = _bounded(base ** abs(exponent), text)
+            return power if exponent >= 0 else _divided(sp.Integer(1), power, text)
         case ast.BinOp(left=left, op=op, right=right) if type(op) in _BINARY:
             a, b = _convert(left, text, symbols), _convert(right, text, symbols)
-            return _divided(a, b, text) if isinstance(op, ast.Div) else _BINARY[type(op)](a, b)
+            return (
+                _divided(a, b, text) if isinstance(op, ast.Div) else _bounded(_BINARY[type(op)](a, b), text)
+            )
         case _:
             raise ExpressionError(
                 text, "is not plain arithmetic; use only numbers, pi, declared names and + - * / **"
@@ -86,14 +93,25 @@ def _convert(node: ast.AST, text: str, symbols: Mapping[str, sp.Expr]) -> sp.Exp
 def _divided(a: sp.Expr, b: sp.Expr, text: str) -> sp.Expr:
     if b.is_zero:
         raise ExpressionError(text, "divides by zero; correct the divisor")
-    return a / b
+    return _bounded(a / b, text)
+
+
+def _bounded(value: sp.Expr, text: str) -> sp.Expr:
+    """An intermediate result that is a number must be one that a robot can have."""
+    if value.is_Rational:
+        _check_size(value, text)
+    return value
+
+
+def _check_size(number: int | float | sp.Rational, text: object) -> None:
+    if number and not SMALLEST_NUMBER <= abs(number) <= LARGEST_NUMBER:
+        raise ExpressionError(
+            text, f"holds a number outside {SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g}; check its unit"
+        )
 
 
 def _number(number: int | float, text: object) -> sp.Expr:
     if isinstance(number, float) and not math.isfinite(number):
         raise ExpressionError(text, "is not a finite number; write the length in m or the angle in rad")
-    if number and not SMALLEST_NUMBER <= abs(number) <= LARGEST_NUMBER:
-        raise ExpressionError(
-            text, f"holds a number outside {SMALLEST_NUMBER:g} to {LARGEST_NUMBER:g}; check its unit"
-        )
+    _check_size(number, text)
     return sp.Rational(repr(number))

@@ -17,6 +17,8 @@ from functools import cached_property
 
 import sympy as sp
 
+from modelgen.geometry import plausible
+
 ZERO: sp.Expr = sp.Integer(0)
 BESIDE = 1e-3  # rad
 SIGMA = {"revolute": 0, "prismatic": 1, "fixed": 2}
@@ -107,8 +109,10 @@ class Robot:
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """What is legal but seldom meant: an angle beside a right angle, written as a decimal."""
+        """Legal but seldom meant: gravity that is not Earth's, an angle beside a right angle, written as a decimal."""
         found = list(self.notes)
+        if odd := plausible.odd_gravity([float(self.value(g)) for g in self.gravity]):
+            found.append(odd)
         for j, link in enumerate(self.links, 1):
             for key in ("gamma", "alpha", "theta"):
                 angle = self.value(getattr(link, key))

@@ -12,9 +12,10 @@ from typing import Any
 
 import sympy as sp
 
-from modelgen.errors import ExpressionError, ModelgenError, RobotFileError
-from modelgen.geometry import strict_yaml, urdf
+from modelgen.errors import ExpressionError, ModelgenError, RobotFileError, shortened
+from modelgen.geometry import plausible, strict_yaml, urdf
 from modelgen.geometry.expressions import parse
+from modelgen.geometry.labels import check_payload_label
 from modelgen.geometry.robot import SIGMA, Limits, Link, Robot
 
 MOST_LINKS = 64
@@ -46,14 +47,11 @@ def load_robot(name_or_path: str | Path) -> Robot:
     else:
         source = path.name or text
         try:
-            with path.open("rb") as stream:
-                data = stream.read(urdf.LARGEST_TEXT + 1)
+            data = strict_yaml.read(path, urdf.LARGEST_TEXT)
         except FileNotFoundError:
             raise RobotFileError(source, _not_found(text)) from None
-        except OSError as error:
-            raise RobotFileError(
-                source, f"cannot be read ({error.strerror}); name a robot file or a built-in robot"
-            ) from None
+        except ModelgenError as error:
+            raise RobotFileError(source, f"{error}, or a built-in robot") from None
     return parse_robot(data, source)
 
 
@@ -84,10 +82,11 @@ def _robot(table: Any, sha256: str) -> Robot:
     _check_keys(table, {"name", "convention", "gravity", "links"}, ROBOT_KEYS, "the robot file")
     name = table["name"]
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z0-9_.-]{1,80}", name) or name.startswith("."):
-        raise ModelgenError(f"name is {name!r}; use letters, digits, '_', '-' and '.'")
+        raise ModelgenError(f"name is {_shown(name)}; use letters, digits, '_', '-' and '.'")
     if table["convention"] != "mdh":
         raise ModelgenError(
-            f"convention is {table['convention']!r}; only mdh (Khalil's modified Denavit-Hartenberg) is read"
+            f"convention is {_shown(table['convention'])}; only mdh (Khalil's modified Denavit-Hartenberg) "
+            "is read"
         )
     constants = _constants(table.get("constants") or {})
     symbols: dict[str, sp.Expr] = {c: sp.Symbol(c, real=True) for c in constants}
@@ -103,12 +102,16 @@ def _robot(table: Any, sha256: str) -> Robot:
     return Robot(name, gravity, links, constants, _payloads(table.get("payloads") or {}, len(links)), sha256)
 
 
+def _shown(value: object) -> str:
+    return shortened(repr(value))
+
+
 def _check_keys(table: dict, required: set[str], known: set[str], where: str) -> None:
     for key in table:
         if key not in known:
             close = difflib.get_close_matches(str(key), known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known keys are {', '.join(sorted(known))}."
-            raise ModelgenError(f"{where} has the unknown key {key}; {hint}")
+            raise ModelgenError(f"{where} has the unknown key {shortened(str(key))}; {hint}")
     for key in sorted(required - table.keys()):
         raise ModelgenError(f"{where} has no {key}; add the key {key}")
 
@@ -119,7 +122,9 @@ def _constants(table: Any) -> dict[str, sp.Expr]:
     constants = {}
     for name, value in table.items():
         if not isinstance(name, str) or not NAME.match(name) or keyword.iskeyword(name):
-            raise ModelgenError(f"the constant {name!r} is not an identifier; use letters, digits and '_'")
+            raise ModelgenError(
+                f"the constant {_shown(name)} is not an identifier; use letters, digits and '_'"
+            )
         if name == "pi" or VARIABLE.match(name) or PARAMETER.match(name):
             raise ModelgenError(
                 f"the constant {name} bears the name of pi, a joint variable or a parameter; rename it"
@@ -140,15 +145,17 @@ def _gravity(
         x, y, z = (parse(value, symbols) for value in row)
     except ExpressionError as error:
         raise ModelgenError(f"gravity: {error}") from None
-    for value in (x, y, z):
-        _check_finite(value, constants, "gravity")
+    problem = plausible.gravity([_finite(value, constants, "gravity") for value in (x, y, z)])
+    if problem:
+        raise ModelgenError(f"gravity {problem}")
     return x, y, z
 
 
-def _check_finite(value: sp.Expr, constants: dict[str, sp.Expr], where: str) -> None:
+def _finite(value: sp.Expr, constants: dict[str, sp.Expr], where: str) -> float:
     number = value.xreplace({sp.Symbol(name, real=True): c for name, c in constants.items()})
     if not (number.is_finite and number.is_real):
         raise ModelgenError(f"{where} is not a finite number with the constants as they are; correct it")
+    return float(number)
 
 
 def _link(row: Any, j: int, count: int, symbols: dict[str, sp.Expr], constants: dict[str, sp.Expr]) -> Link:
@@ -160,14 +167,14 @@ def _link(row: Any, j: int, count: int, symbols: dict[str, sp.Expr], constants: 
     _check_keys(row, {"joint", "antecedent", "alpha", "d", "theta", "r"}, LINK_KEYS, where)
     joint, antecedent = row["joint"], row["antecedent"]
     if not isinstance(joint, str) or joint not in SIGMA:
-        raise ModelgenError(f"{where} has joint {joint!r}; use revolute, prismatic or fixed")
+        raise ModelgenError(f"{where} has joint {_shown(joint)}; use revolute, prismatic or fixed")
     if isinstance(antecedent, bool) or not isinstance(antecedent, int) or not 0 <= antecedent <= count:
         raise ModelgenError(
-            f"{where} has antecedent {antecedent!r}; use 0 for the base or the number of another link"
+            f"{where} has antecedent {_shown(antecedent)}; use 0 for the base or the number of another link"
         )
     name = row.get("name", f"link{j}")
-    if not isinstance(name, str) or not name.strip() or len(name) > 80:
-        raise ModelgenError(f"{where} has the name {name!r}; use a short text")
+    if not isinstance(name, str) or not name.strip() or len(name) > 80 or not name.isprintable():
+        raise ModelgenError(f"{where} has the name {_shown(name)}; use a short text on one line")
     known = {**symbols, **{v: sp.Symbol(v, real=True) for v in _variables_in(row)}}
     values = {}
     for key in ("gamma", "b", "alpha", "d", "theta", "r"):
@@ -177,10 +184,14 @@ def _link(row: Any, j: int, count: int, symbols: dict[str, sp.Expr], constants: 
             raise ModelgenError(f"{where}, {key}: {error}") from None
     variable = _take_variable(values, joint, j)
     for key, value in values.items():
-        _check_finite(value, constants, f"{where}, {key}")
-    return Link(
-        name, joint, antecedent, variable=variable, limits=_limits(row.get("limits"), where), **values
-    )
+        number = _finite(value, constants, f"{where}, {key}")
+        problem = plausible.length(number) if key in ("b", "d", "r") else plausible.angle(number)
+        if problem:
+            raise ModelgenError(f"{where}, {key} {problem}")
+    limits = _limits(row.get("limits"), where)
+    if limits and (problem := plausible.limits(SIGMA[joint], limits.q, limits.dq)):
+        raise ModelgenError(f"{where}, limits {problem}")
+    return Link(name, joint, antecedent, variable=variable, limits=limits, **values)
 
 
 def _variables_in(row: dict) -> set[str]:
@@ -225,17 +236,17 @@ def _limits(table: Any, where: str) -> Limits | None:
         table = {"q": table}
     remedy = "write limits: {q: [lo, hi], dq: speed, ddq: acceleration, tau: torque} in SI units"
     if not isinstance(table, dict) or table.keys() - {"q", "dq", "ddq", "tau"}:
-        raise ModelgenError(f"{where}, limits is {table!r}; {remedy}")
+        raise ModelgenError(f"{where}, limits is {_shown(table)}; {remedy}")
     try:
         scalars = {k: float(parse(table[k], {})) for k in ("dq", "ddq", "tau") if k in table}
         interval = None
         if "q" in table:
             lo, hi = (float(parse(x, {})) for x in table["q"])
             interval = (lo, hi)
-    except (ExpressionError, TypeError, ValueError):
-        raise ModelgenError(f"{where}, limits is {table!r}; {remedy}") from None
+    except (ExpressionError, TypeError, ValueError):  # ValueError: not two of them
+        raise ModelgenError(f"{where}, limits is {_shown(table)}; {remedy}") from None
     if (interval and interval[0] >= interval[1]) or any(v <= 0 for v in scalars.values()):
-        raise ModelgenError(f"{where}, limits is {table!r}; lo must be below hi and the rest positive")
+        raise ModelgenError(f"{where}, limits is {_shown(table)}; lo must be below hi and the rest positive")
     return Limits(q=interval, **scalars)
 
 
@@ -287,18 +298,7 @@ def _payloads(table: Any, count: int) -> dict[str, int]:
     for label, link in table.items():
         check_payload_label(label)
         if isinstance(link, bool) or not isinstance(link, int) or not 1 <= link <= count:
-            raise ModelgenError(f"payload {label} is fixed to link {link!r}; name a link from 1 to {count}")
+            raise ModelgenError(
+                f"payload {label} is fixed to link {_shown(link)}; name a link from 1 to {count}"
+            )
     return dict(table)
-
-
-def check_payload_label(label: object) -> None:
-    """A label continues a parameter's name (ML): letters first, and no final R, which marks regrouping."""
-    if (
-        not isinstance(label, str)
-        or not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]{0,20}", label)
-        or label.endswith("R")
-    ):
-        raise ModelgenError(
-            f"the payload label {label!r} is not a letter followed by letters, digits or _ without a final R"
-            "; rename it"
-        )

@@ -3,6 +3,7 @@
 import contextlib
 import copy
 import json
+import os
 
 import pytest
 import sympy as sp
@@ -178,7 +179,7 @@ def test_a_missing_file_suggests_the_robot_that_was_meant(tmp_path):
         load_robot("kuka_lwr4")
     with pytest.raises(RobotFileError, match="built-in robots are"):
         load_robot(tmp_path / "zzz.yaml")
-    with pytest.raises(RobotFileError, match="cannot be read"):
+    with pytest.raises(RobotFileError, match="is a folder"):
         load_robot(tmp_path)
     large = tmp_path / "large.yaml"
     large.write_bytes(b"# " + b"x" * 300_000)
@@ -221,3 +222,59 @@ def test_no_content_raises_anything_but_a_refusal(place, value):
 def test_no_bytes_raise_anything_but_a_refusal(data):
     with contextlib.suppress(RobotFileError):
         parse_robot(data)
+
+
+IMPLAUSIBLE = {
+    "twist in degrees": (changed("links.1.alpha", 90), "link 2, alpha is 90 rad, 14.3 turns; pi/2?"),
+    "negative twist in degrees": (changed("links.1.alpha", -90), "-pi/2?"),
+    "theta in degrees": (changed("links.1.theta", "q2 - 90"), "link 2, theta is -90 rad"),
+    "twist of a named constant": (
+        changed("links.1.alpha", "rl3").replace("0.4", "180"),
+        "alpha is 180 rad, 28.6 turns; pi?",
+    ),
+    "lengths in mm": (changed("constants.rl3", 400), "link 3, r is 400 m, longer"),
+    "d in mm": (changed("links.1.d", 612.7), "0.6127? Lengths are in m"),
+    "limits in degrees": (changed("links.0.limits", [-170, 170]), "27.1 turns; write rad"),
+    "speed in degrees": (changed("links.0.limits", {"dq": 410}), "speed 410"),
+    "slide's limits in mm": (changed("links.2.limits", [0, 400]), "write m, not mm"),
+    "gravity in mm/s^2": (changed("gravity", [0, 0, -9810]), "has the size 9810 m/s^2"),
+    "gravity with a shifted point": (changed("gravity", [0, 0, -98.1]), "98.1 m/s^2, Earth's is 9.81"),
+    "gravity in g": (changed("gravity", [0, 0, -1]), "write for example [0, 0, -9.81]"),
+    "nested powers": (changed("links.0.d", "((2**8)**8)**8"), "number outside"),
+    "nested powers of a name": (changed("links.0.d", "((rl3**8)**8)**8"), "power of a power"),
+    "products that grow": (changed("links.0.d", "*".join(["999999999999"] * 14)), "number outside"),
+    "payload that reads as a first moment": (changed("payloads", {"X1": 4}), "first moment"),
+    "name of 5,000 characters": (changed("name", "a" * 5000), "..."),
+    "link's name of two lines": (changed("links.0.name", "a\nb"), "on one line"),
+    "timestamp that is none": ("name: !!timestamp x\n", "YAML"),
+    "a tag before a mapping": ("!!bool {a: 1}\n", "YAML"),
+}
+
+
+@pytest.mark.parametrize("case", IMPLAUSIBLE)
+def test_a_number_in_another_unit_is_refused_with_the_right_one(case):
+    text, hint = IMPLAUSIBLE[case]
+    with pytest.raises(RobotFileError) as error:
+        parse_robot(text, "arm.yaml")
+    message = str(error.value)
+    assert hint in message and "\n" not in message and len(message) < 300
+
+
+def test_gravity_that_is_not_earth_s_is_remarked():
+    """Zero is a robot in orbit, and the moon has robots: allowed, and said."""
+    for gravity, hint in (([0, 0, 0], "in orbit"), ([0, 0, -1.62], "not Earth's")):
+        assert hint in parse_robot(changed("gravity", gravity)).remarks[0]
+
+
+def test_what_is_no_regular_file_is_refused_at_once(tmp_path):
+    pipe = tmp_path / "pipe.yaml"
+    os.mkfifo(pipe)
+    for path, hint in (
+        (pipe, "pipe or a device"),
+        ("/dev/zero", "pipe or a device"),
+        ("a" * 5000, "too long"),
+        ("a\0b", "no path"),
+    ):
+        with pytest.raises(RobotFileError, match=hint) as error:
+            load_robot(path)
+        assert len(str(error.value)) < 250 and "\n" not in str(error.value)
