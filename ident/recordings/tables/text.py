@@ -1,97 +1,179 @@
-"""Tables as text: comma, semicolon, tab or blank separated, with or without one header line."""
+"""Tables as text, in the dialects of `dialect.py`, read in blocks whatever their length.
+
+A last line that was cut off while it was written is left out and said. ISO dates become seconds since the
+first row; cells such as `[0.1, 0.2]` are spread over name1..namen.
+"""
 
 from __future__ import annotations
 
-import csv
-import itertools
+import codecs
+import io
+import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from ident.errors import RecordingError
-from ident.recordings.tables import table as of
 from ident.recordings.tables.arrow import numbers
-from ident.recordings.tables.table import Blocks, Table
+from ident.recordings.tables.dialect import DATE, LIST, NULLS, Dialect, dialect_of, is_number, split
+from ident.recordings.tables.table import Blocks, Table, damaged, not_numeric
+
+HEAD = 1 << 18  # bytes that tell the dialect
+BLOCK = 1 << 21
+REFUSED = re.compile(
+    r"In CSV column #(\d+): (?:Row #(\d+): )?CSV conversion error to [^:]*: invalid value (.*)"
+)
 
 
-def text(path: Path, decimal: str) -> Table:
-    """CSV, comma, semicolon, tab or blank separated, with or without one header line."""
+def text(path: Path, decimal: str = ".") -> Table:
+    """A table whose rows are lines. Raises RecordingError for what is none."""
+    size = path.stat().st_size
+    with path.open("rb") as opened:
+        head = opened.read(HEAD)
+    dialect = dialect_of(str(path), head, len(head) == size, decimal)
+    end, cut = _end(path, size, dialect)
+    if end <= dialect.offset:
+        raise RecordingError(str(path), "holds no whole row of numbers below its header; record it again")
+    places: dict[str, tuple[int, int | None]] = {}  # column -> column of the file, index in its list
+    for k, name in enumerate(dialect.names):
+        cells = [row[k] for row in dialect.rows if k < len(row) and row[k] not in NULLS]
+        if cells and all(LIST.fullmatch(cell) for cell in cells):
+            places |= {f"{name}{j + 1}": (k, j) for j in range(len(_list(cells[0])))}
+        else:
+            places[name] = (k, None)
+
+    def read(columns: Sequence[str]) -> Blocks:
+        return _read(path, dialect, end, [places[name] for name in columns])
+
+    remarks = (*dialect.remarks, *([cut] if cut else []))
+    return Table(str(path), tuple(places), dialect.has_names, read, dialect.units, remarks)
+
+
+def _end(path: Path, size: int, dialect: Dialect) -> tuple[int, str]:
+    """Where the last whole line ends, and a sentence if what follows was cut off."""
+    with path.open("rb") as opened:
+        opened.seek(max(dialect.offset, size - HEAD))
+        tail = opened.read()
+    newline = "\n".encode(dialect.encoding)
+    if not tail.strip() or tail.endswith((newline, b"\r")):
+        last = tail.rstrip(b"\r\n\0 \t") if dialect.separator != "\t" else tail.rstrip(b"\r\n\0 ")
+    else:
+        last = tail
+    start = last.rfind(newline) + len(newline) if newline in last else 0
+    *above, cells = (
+        split(line.decode(dialect.encoding, "replace"), dialect.separator)
+        for line in (*last[:start].split(newline)[-20:], last[start:])
+    )
+    before = size - len(tail) + start
+    width = dialect.width
+    broken = len(cells) < width or (not _whole(cells, above) and not tail.endswith((newline, b"\r")))
+    if last[start:].strip() and broken and len(cells) <= width:
+        return before, f"the last line is cut off ({len(cells)} of {width} cells) and left out"
+    return size, ""
+
+
+def _whole(cells: Sequence[str], above: Sequence[Sequence[str]]) -> bool:
+    """Whether a last line that is not ended has a last cell as long as those above it."""
+    lengths = [len(row[-1]) for row in above if len(row) == len(cells)]
+    return len(cells[-1]) >= min(lengths, default=0)
+
+
+class _Rows(io.RawIOBase):
+    """The bytes of the rows alone, as UTF-8 where they are UTF-16, runs of blanks made tabs where those
+    separate."""
+
+    def __init__(self, opened: Any, left: int, dialect: Dialect) -> None:
+        self.opened, self.left = opened, left
+        self.blanks = dialect.separator == " "
+        wide = dialect.encoding.startswith("utf-16")
+        self.decoder = codecs.getincrementaldecoder(dialect.encoding)("replace") if wide else None
+        self.ready = self.unfinished = b""
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        while not self.ready and self.left:
+            chunk = self.opened.read(min(self.left, BLOCK))
+            self.left = self.left - len(chunk) if chunk else 0
+            if self.decoder is not None:
+                chunk = self.decoder.decode(chunk).encode()
+            self.ready = self._tabs(chunk) if self.blanks else chunk
+        count = min(len(buffer), len(self.ready))
+        buffer[:count], self.ready = self.ready[:count], self.ready[count:]
+        return count
+
+    def _tabs(self, chunk: bytes) -> bytes:
+        chunk = self.unfinished + chunk
+        end = max(chunk.rfind(b"\n"), chunk.rfind(b"\r")) + 1 if self.left else len(chunk)
+        self.unfinished = chunk[end:]
+        lines = (b"\t".join(line.split()) for line in chunk[:end].splitlines())
+        return b"".join(line + b"\n" for line in lines if line)
+
+
+def _read(path: Path, dialect: Dialect, end: int, places: Sequence[tuple[int, int | None]]) -> Blocks:
     import pyarrow as pa
     import pyarrow.csv as pc
 
-    with path.open(encoding="utf-8-sig", errors="replace", newline="") as lines:
-        head = [line for line in itertools.islice(lines, 20) if line.strip()]
-    if not head:
-        raise RecordingError(str(path), "is empty; record or copy it again")
-    separator = next((mark for mark in "\t;" if mark in head[0]), None)
-    if separator is None:
-        separator = "," if "," in head[0] else " "
-    split = [next(csv.reader([line.strip()], delimiter=separator, skipinitialspace=True)) for line in head]
-    named = not all(_is_number(cell, decimal) for cell in split[0])
-    rows = split[1:] if named else split
-    _refuse_decimal_comma(str(path), separator, decimal, split[0] if named else None, rows)
-    width = len(split[0])
-    names = (
-        tuple(cell.strip().strip('"') for cell in split[0]) if named else tuple(str(k) for k in range(width))
+    used = sorted({k for k, _ in places})
+    types, names = {}, [str(k) for k in range(dialect.width)]
+    for k in used:
+        cells = [row[k] for row in dialect.rows if k < len(row) and row[k] not in NULLS]
+        types[str(k)] = pa.string() if any(j is not None for i, j in places if i == k) else _type(cells)
+    convert = pc.ConvertOptions(
+        column_types=types,
+        decimal_point=dialect.decimal,
+        include_columns=[str(k) for k in used],
+        null_values=list(NULLS),
+        strings_can_be_null=True,
     )
-    if len(set(names)) < len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise RecordingError(str(path), f"two columns are called {twice}; rename one")
-    skip = 1 if named else 0
+    parse = pc.ParseOptions(delimiter="\t" if dialect.separator == " " else dialect.separator)
+    options = pc.ReadOptions(column_names=names, block_size=BLOCK)
+    origins: dict[str, Any] = {}
+    with path.open("rb") as opened:
+        opened.seek(dialect.offset)
+        rows = io.BufferedReader(_Rows(opened, end - dialect.offset, dialect), BLOCK)
+        try:
+            for batch in pc.open_csv(pa.PythonFile(rows, mode="r"), options, parse, convert):
+                values = {k: _column(path, dialect.names[k], batch.column(str(k)), origins) for k in used}
+                yield np.column_stack([values[k] if j is None else values[k][:, j] for k, j in places])
+        except pa.ArrowInvalid as error:
+            raise _refused(path, dialect, error) from None
 
-    def read(columns: Sequence[str]) -> Blocks:
-        if separator == " ":  # runs of blanks: not what a CSV parser splits
-            yield from _blank_separated(path, skip, [names.index(name) for name in columns])
-            return
-        options = pc.ReadOptions(column_names=list(names), skip_rows=skip, block_size=1 << 21)
-        convert = pc.ConvertOptions(
-            column_types={name: pa.float64() for name in columns},
-            decimal_point=decimal,
-            include_columns=list(dict.fromkeys(columns)),
-            null_values=["", "nan", "NaN", "NAN", "NA", "null"],
+
+def _type(cells: Sequence[str]) -> Any:
+    import pyarrow as pa
+
+    if cells and all(DATE.fullmatch(cell) for cell in cells) and not any(is_number(cell) for cell in cells):
+        zone = re.search(r"(Z|[+-]\d\d:?\d\d)$", cells[0][10:]) is not None
+        return pa.timestamp("ns", tz="UTC" if zone else None)
+    return pa.float64()
+
+
+def _column(path: Path, name: str, column: Any, origins: dict[str, Any]) -> np.ndarray:
+    import pyarrow.types as types
+
+    if not types.is_string(column.type):
+        return numbers(str(path), name, column, origins)
+    cells = [_list(cell) if cell else None for cell in column.to_pylist()]
+    width = max((len(cell) for cell in cells if cell is not None), default=0)
+    if any(cell is not None and len(cell) != width for cell in cells):
+        raise RecordingError(
+            str(path),
+            f"column {name} holds lists of different lengths; export one number a joint",
         )
-        with pc.open_csv(path, options, pc.ParseOptions(delimiter=separator), convert) as reader:
-            for batch in reader:
-                yield np.column_stack([numbers(str(path), name, batch.column(name), {}) for name in columns])
-
-    return Table(str(path), names, named, read)
+    return np.array([[np.nan] * width if cell is None else cell for cell in cells], float)
 
 
-def _blank_separated(path: Path, skip: int, indices: list[int]) -> Blocks:
-    with path.open(encoding="utf-8-sig") as lines:
-        rows = itertools.islice(lines, skip, None)
-        while block := list(itertools.islice(rows, of.ROWS)):
-            yield np.loadtxt(block, ndmin=2)[:, indices]
+def _list(cell: str) -> list[float]:
+    return [float(part) for part in cell.strip("[] ").replace(",", " ").split()]
 
 
-def _is_number(cell: str, decimal: str = ".") -> bool:
-    try:
-        float(cell.strip().strip('"').replace(decimal, ".") or "nan")
-    except ValueError:
-        return False
-    return True
-
-
-def _refuse_decimal_comma(
-    file: str, separator: str, decimal: str, header: list[str] | None, rows: list[list[str]]
-) -> None:
-    """A comma that stands for the decimal point must not be taken for a separator, nor for text."""
-    remedy = (
-        "write decimal points, or separate by semicolons and say decimal: ',' beside the file in the study"
-    )
-    if header is not None and separator == "," and any(len(row) > len(header) for row in rows):
-        ratio = max(len(row) for row in rows) / len(header)
-        if ratio > 1.4:
-            raise RecordingError(
-                file,
-                f"the rows have more cells than the header, as when numbers are written with "
-                f"a decimal comma; {remedy}",
-            )
-    if decimal == "." and separator != ",":
-        for row in rows:
-            for cell in row:
-                if "," in cell and not _is_number(cell) and _is_number(cell, ","):
-                    raise RecordingError(
-                        file, f"numbers are written with a decimal comma ({cell.strip()}); {remedy}"
-                    )
+def _refused(path: Path, dialect: Dialect, error: Exception) -> RecordingError:
+    found = REFUSED.match(" ".join(str(error).split()))
+    if not found:
+        return damaged(str(path), error)
+    where = f", row {found[2]}" if found[2] else ""
+    return not_numeric(str(path), dialect.names[int(found[1])], f"{found[3][:40]}{where}")
