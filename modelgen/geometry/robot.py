@@ -109,7 +109,7 @@ class Robot:
 
     @cached_property
     def remarks(self) -> tuple[str, ...]:
-        """Legal but seldom meant: gravity that is not Earth's, an angle beside a right angle, written as a decimal."""
+        """Legal but seldom meant: not Earth's gravity, an angle beside a right angle (a decimal)."""
         found = list(self.notes)
         if odd := plausible.odd_gravity([float(self.value(g)) for g in self.gravity]):
             found.append(odd)
