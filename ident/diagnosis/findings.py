@@ -204,7 +204,7 @@ def parameters(found: Found, spread: np.ndarray | None, state: State) -> dict[st
     for name in effect.linear_names:
         values.setdefault(name, 0.0)
     out: dict[str, dict[str, Any]] = {}
-    for name, item in effect.report(values, theta, full, context).items():
+    for name, item in effect.report({**theta, **values}, full, context).items():
         if np.isfinite(item["value"]) and np.isfinite(item["std"]):  # type: ignore[arg-type]
             out[name] = dict(item)
     if effect.name == "joint_coupling":

@@ -55,6 +55,8 @@ class Term:
             return ()
         if self.effect.name == "external_force" and not self.theta:
             return ()
+        if self.effect.name == "base_tilt":  # here its angles are coefficients
+            return ()
         if self.effect.name == "power_law_friction" and self.theta.get("p", 0.0) > GENTLEST:
             return ()
         return self.effect.nonlinear

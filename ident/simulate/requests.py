@@ -4,6 +4,7 @@ stribeck_friction:4                     joint 4, size chosen so that it is clear
 torque_ripple:3:A=1.5,wavenumber=20     reported parameters of contract 7; the others keep usual values
 joint_coupling:6:source_joint=5         pairs name the other joint (the neighbour if left out)
 payload_change::m=2,recording=run2,from=20
+payload_change::m=2,link=3              on the body of row 3 of the robot file
 base_tilt                               acts on the whole robot, so no joint
 """
 
@@ -31,6 +32,7 @@ class EffectRequest:
     recording: str | None = None
     start: float | None = None  # s
     stop: float | None = None
+    link: int | None = None  # row of the robot file
 
 
 def parse_effect(text: str, robot: Robot) -> EffectRequest:
@@ -49,10 +51,12 @@ def parse_effect(text: str, robot: Robot) -> EffectRequest:
     source_text = given.pop("source_joint", None)
     recording = given.pop("recording", None) if effect.windowed else None
     window = {key: given.pop(key) for key in ("from", "to") if effect.windowed and key in given}
+    link = given.pop("link", None) if effect.on_link else None
     allowed = [quantity.name for quantity in effect.quantities]
     for key in given:
         if key not in allowed:
             extra = ["recording", "from", "to"] if effect.windowed else []
+            extra += ["link"] if effect.on_link else []
             extra += ["source_joint"] if effect.joints == "pair" else []
             raise EffectRequestError(
                 f"--effect {text}: {name} has no parameter {key!r}; it has {', '.join(allowed + extra)}."
@@ -65,7 +69,16 @@ def parse_effect(text: str, robot: Robot) -> EffectRequest:
         recording=recording,
         start=_number(text, "from", window["from"]) if "from" in window else None,
         stop=_number(text, "to", window["to"]) if "to" in window else None,
+        link=_link(text, link, robot) if link is not None else None,
     )
+
+
+def _link(text: str, link: str, robot: Robot) -> int:
+    if not link.isdigit() or not 1 <= int(link) <= len(robot.links):
+        raise EffectRequestError(
+            f"--effect {text}: link={link} is no row of {robot.name}; write 1 to {len(robot.links)}."
+        )
+    return int(link)
 
 
 def _values(text: str, values: str) -> dict[str, str]:

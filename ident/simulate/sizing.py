@@ -10,10 +10,11 @@ from dataclasses import replace
 import numpy as np
 
 from ident.simulate.requests import EffectRequest
-from ident.simulate.trajectories import Motion
-from ident.simulate.twin import ActiveEffect, SimulationError, Twin, channels_of
+from ident.simulate.trajectories import Motion, reach
+from ident.simulate.twin import ActiveEffect, SimulationError, Twin, placed
 from ident.simulate.yardstick import Yardstick
-from modelgen.effects import Effect
+from modelgen.effects.effect import metres_per_radian, radian_power
+from modelgen.effects.place import Layout, Place
 
 
 def activate(
@@ -24,19 +25,23 @@ def activate(
     `motions`: the runs that the study fits, by label.
     """
     effect = request.effect
-    share = share or usual_share(effect)
-    values, context = _usual(request, twin, model)
-    channels_of(request, model)  # refuses what the study could not show
-    active = _active(request, values, context)
+    share = share or effect.share
+    place = placed(request, twin.robot, model)  # refuses what the study could not show
+    values, context = _usual(request, place, twin, model)
+    active = _active(request, place, values, context)
     yardstick = Yardstick(twin, model, motions)
     _refuse_impossible(active)
     active = replace(active, visible=yardstick(active))
-    if set(request.values) & {*effect.size_names, "force"}:
+    if set(request.values) & {*effect.size_names, *effect.size_aliases} or not effect.size_names:
         return active
-    if effect.state is not None:  # not proportional to any parameter: search
-        size = effect.size_names[0]
+    if effect.state is not None or not effect.linear:  # not proportional to any parameter: search
         trials = [
-            _active(request, {**values, size: _rounded(values[size] * factor)}, context)
+            _active(
+                request,
+                place,
+                {**values, **{size: _rounded(values[size] * factor) for size in effect.size_names}},
+                context,
+            )
             for factor in np.geomspace(1 / 30, 30, 15)
         ]
         trials = [trial for trial in trials if _plausible(trial)] or [active]
@@ -51,13 +56,6 @@ def activate(
     return active
 
 
-def usual_share(effect: Effect) -> float:
-    """Rise of the joint's error, of its torque: what a realistic spring, gap or bristle gives, else 5 %."""
-    if effect.kind == "motion":
-        return 0.03
-    return 0.1 if effect.state is not None else 0.05
-
-
 def _scaled(
     active: ActiveEffect, factor: float, values: dict[str, float], context: Mapping[str, float]
 ) -> ActiveEffect:
@@ -70,39 +68,33 @@ def _scaled(
     linear = {name: value * factor for name, value in active.linear.items()}
     sizes = _with_linear(active, linear, context).reported
     rounded = {name: _rounded(sizes[name]) for name in effect.size_names}
-    return _active(active.request, {**values, **rounded}, context)
+    return _active(active.request, active.place, {**values, **rounded}, context)
 
 
-def _usual(request: EffectRequest, twin: Twin, model: str) -> tuple[dict[str, float], dict[str, float]]:
+def _usual(
+    request: EffectRequest, place: Place, twin: Twin, model: str
+) -> tuple[dict[str, float], dict[str, float]]:
     """Reported values (the user's, else the joint's own, else usual ones) and what they are relative to."""
     effect = request.effect
-    values = dict(effect.typical)
-    context = {}
+    space = reach(twin.robot)
+    layout = Layout(twin.robot, (), travel=tuple((2 * space.half).tolist()))
+    scale, own = metres_per_radian(place, layout), {}
     if request.joint is not None:
         label = twin.robot.joint_labels[request.joint]
         here, there = ("l", "m") if model == "B" else ("m", "l")  # side of the gear that is recorded
         own = {
-            name: twin.standard.get(f"{name}{here}{label}") or twin.standard.get(f"{name}{there}{label}")
+            name: twin.standard.get(f"{name}{here}{label}") or twin.standard.get(f"{name}{there}{label}", 0.0)
             for name in ("Fc", "Fv")
         }
         if model == "A":  # which shows the sum of both sides' viscous friction
             own["Fv"] = sum(twin.standard.get(f"Fv{side}{label}", 0.0) for side in "ml")
-        context = {name: own[name] or 1.0 for name in effect.context}
-        if effect.name == "hysteresis" and own["Fc"]:  # it replaces the joint's own dry friction
-            values["sigma"] *= own["Fc"] / values["Fc"]
-            values["Fc"] = own["Fc"]
-    given = dict(request.values)
-    if set(given) & set(effect.size_names):  # components that he left out are not there
-        values |= dict.fromkeys(effect.size_names, 0.0)
-    if "m" in given:  # the usual place, for the given mass
-        values |= {
-            name: effect.typical[name] * given["m"] / effect.typical["m"] for name in ("mx", "my", "mz")
-        }
-    if "force" in given:  # the usual direction
-        usual = np.array([effect.typical[name] for name in ("fx", "fy", "fz")])
-        usual *= given.pop("force") / np.linalg.norm(usual)
-        values |= dict(zip(("fx", "fy", "fz"), usual.tolist()))
-    return {**values, **given}, context
+    gravity = dict(zip(("g0x", "g0y", "g0z"), (float(twin.robot.value(x)) for x in twin.robot.gravity)))
+    context = {name: gravity.get(name, own.get(name) or 1.0) for name in effect.context}
+    values = effect.usual(request.values, own)
+    for quantity in effect.quantities:
+        if quantity.name in values and quantity.name not in request.values and not quantity.angle:
+            values[quantity.name] *= scale ** radian_power(quantity.unit)
+    return values, context
 
 
 def _rounded(value: float) -> float:
@@ -117,27 +109,24 @@ def _plausible(active: ActiveEffect) -> bool:
 
 
 def _active(
-    request: EffectRequest, values: Mapping[str, float], context: Mapping[str, float]
+    request: EffectRequest, place: Place, values: Mapping[str, float], context: Mapping[str, float]
 ) -> ActiveEffect:
     linear, nonlinear = request.effect.values_from_reported(values, context)
-    return _with_linear(ActiveEffect(request, linear, nonlinear, {}), linear, context)
+    return _with_linear(ActiveEffect(request, place, linear, nonlinear, {}), linear, context)
 
 
 def _refuse_impossible(active: ActiveEffect) -> None:
     """Raise SimulationError for what physics does not allow: negative friction, a wavelength of zero."""
     effect = active.request.effect
-    bad = [p.name for p in effect.linear if p.sign == "positive" and active.linear[p.name] < 0]
-    bad += [p.name for p in effect.nonlinear if p.low > 0 and active.nonlinear[p.name] <= 0]
-    if bad:
+    reason = effect.physical({**active.linear, **active.nonlinear})
+    if reason:
         given = ", ".join(f"{key}={value:g}" for key, value in active.request.values.items())
-        raise SimulationError(
-            f"{effect.name} with {given} cannot be: {bad[0]} would be negative; change the sign."
-        )
+        raise SimulationError(f"{effect.name} with {given} cannot be: {reason}; change it.")
 
 
 def _with_linear(
     active: ActiveEffect, linear: Mapping[str, float], context: Mapping[str, float]
 ) -> ActiveEffect:
-    report = active.request.effect.report(linear, active.nonlinear, None, context)
+    report = active.request.effect.report({**linear, **active.nonlinear}, None, context)
     reported = {name: float(f"{entry['value']:.12g}") for name, entry in report.items()}
     return replace(active, linear=linear, reported=reported)

@@ -14,6 +14,7 @@ from ident.simulate.sensors import Sensors, coloured_noise, encoder, measured, n
 from ident.simulate.sizing import activate
 from ident.simulate.trajectories import Motion, Reach, fourier, point_to_point, reach
 from ident.simulate.twin import ActiveEffect, SimulationError, Twin, make_twin, run_twin
+from modelgen.dynamics.models import MODELS
 from modelgen.geometry.robot import Robot
 from modelgen.geometry.robot_file import load_robot
 
@@ -21,13 +22,6 @@ Array = np.ndarray
 
 
 GOOD = Sensors()
-# Effects that are terms of the paper's model: kind of standard parameter, sides of the gear that have it.
-OWN_TERMS = {
-    "coulomb_friction": ("Fc", "ml"),
-    "viscous_friction": ("Fv", "ml"),
-    "offset": ("Off", "ml"),
-    "rotor_inertia": ("Ia", "m"),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,11 +148,12 @@ def _windowed(request: EffectRequest, runs: tuple[PlannedRun, ...]) -> EffectReq
         recording = [run for run in runs if run.use == "identify" and not run.loaded][-1].label
     duration = next(run.duration for run in runs if run.label == recording)
     start, stop = request.start, request.stop
-    if request.effect.name == "external_force":
-        start = 0.4 * duration if start is None else start
-        stop = start + 0.2 * duration if stop is None else stop
+    first, last = request.effect.window or (0.0, None)
+    if last is not None:  # it comes and goes
+        start = first * duration if start is None else start
+        stop = start + (last - first) * duration if stop is None else stop
     elif start is None and stop is None and request.recording is None:
-        start = 0.4 * duration
+        start = first * duration
     if not (start is None or 0 <= start < duration) or not (stop is None or (start or 0) < stop):
         window = ", ".join(f"{k}={v:g}" for k, v in (("from", start), ("to", stop)) if v is not None)
         raise EffectRequestError(
@@ -180,7 +175,7 @@ def _record(
     """One recording: the true motion at the recorder's rate, then its sensors."""
     rng = np.random.default_rng([seed, 2, *run.label.encode()])
     t = np.arange(round(run.duration * sensors.rate_hz) + 1) / sensors.rate_hz
-    true = run_twin(twin, t, motion.at(t), effects, payload, model, run.label)
+    true = run_twin(twin, t, motion.at(t), effects, payload, run.label)
     stamps = sampling_times(run.duration, sensors, rng)
     labels = twin.robot.joint_labels
     columns: dict[str, Array] = {"t": stamps}
@@ -206,18 +201,17 @@ def _at(stamps: Array, t: Array, signal: Array) -> Array:
 
 def _own_terms(requests: list[EffectRequest]) -> tuple[list[EffectRequest], list[EffectRequest]]:
     """Terms of the paper's own model, which the twin has and the study leaves out; and effects beyond it."""
-    own = [request for request in requests if request.effect.name in OWN_TERMS]
-    return own, [request for request in requests if request.effect.name not in OWN_TERMS]
+    own = [request for request in requests if request.effect.replaces]
+    return own, [request for request in requests if not request.effect.replaces]
 
 
 def _own_names(request: EffectRequest, robot: Robot, model: str) -> list[str]:
     """Standard parameters that the term stands for in the channels of `model`."""
     assert request.joint is not None
-    kind, sides = OWN_TERMS[request.effect.name]
-    used = [side for side in sides if side in {"A": "ml", "B": "l", "C": "ml", "D": "m"}[model]]
-    if not used:
+    kinds = [kind for kind in request.effect.replaces if kind in MODELS[model].kinds]
+    if not kinds:
         raise SimulationError(f"model {model} does not see {request.effect.name}; use A, C or D.")
-    return [f"{kind}{side}{robot.joint_labels[request.joint]}" for side in used]
+    return [f"{kind}{robot.joint_labels[request.joint]}" for kind in kinds]
 
 
 def _given_terms(own: list[EffectRequest], robot: Robot, model: str) -> dict[str, float]:
@@ -271,7 +265,7 @@ def _truth(
         if e.request.source_joint is not None:
             parameters["source_joint"] = int(labels[e.request.source_joint])
         window: dict[str, Any] = {"from": e.request.start, "to": e.request.stop}
-        window["recording"] = e.request.recording
+        window |= {"recording": e.request.recording, "link": e.request.link}
         parameters |= {key: value for key, value in window.items() if value is not None}
         joints = [] if e.request.joint is None else [int(labels[e.request.joint])]
         visible = float(f"{100 * e.visible:.3g}")

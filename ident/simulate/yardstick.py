@@ -54,7 +54,7 @@ class Yardstick:
         self, label: str, t: Array, state: State, effects: tuple[ActiveEffect, ...]
     ) -> tuple[Array, Array]:
         """Filtered torque of the study's channels, and the positions that are recorded with it."""
-        run = run_twin(self.twin, t, state, effects, None, self.model, label)
+        run = run_twin(self.twin, t, state, effects, None, label)
         if self.model == "D":
             tau = run.tau_m - run.tau_l
         else:

@@ -8,7 +8,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from modelgen.dynamics.newton_euler import regressor
 from modelgen.effects.frames import Frames, frames
+from modelgen.geometry.kinematics import geometry, state
 from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
@@ -79,11 +81,34 @@ def _gravity_torque(arm: Frames, standard: Mapping[str, float], g: Array) -> Arr
 
 
 def tilted(gravity: Array, roll: float, pitch: float) -> Array:
-    """(3,) (Ry(pitch) Rx(roll))^T g: gravity in the axes of a base that is rolled and pitched."""
+    """(3,) (Ry(pitch) Rx(roll))^T g: gravity in the axes of a base that is rolled and pitched.
+
+    Where the file's gravity lies mainly along x (y), the axes are the two that follow: y and z (z and x), so
+    that small angles always turn it and every direction can be reached.
+    """
+    g = np.asarray(gravity, dtype=float)
+    turn = (int(np.argmax(np.abs(g))) + 1) % 3  # first axis of the two; 0 for gravity along z
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     Rx = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
     Ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    return (Ry @ Rx).T @ np.asarray(gravity, dtype=float)
+    return np.roll((Ry @ Rx).T @ np.roll(g, -turn), turn)
+
+
+def tilt_of(gravity: Array, found: Array) -> tuple[float, float]:
+    """(roll, pitch) with tilted(gravity, roll, pitch) along `found`; the inverse of `tilted`.
+
+    With g = (0, 0, -G) in the turned axes: g' = G (sin p, -sin r cos p, -cos r cos p). A gravity of the file
+    that is not along an axis is met by Gauss-Newton from there.
+    """
+    from scipy.optimize import least_squares
+
+    g, found = np.asarray(gravity, dtype=float), np.asarray(found, dtype=float)
+    g, found = g / np.linalg.norm(g), found / np.linalg.norm(found)
+    turn = (int(np.argmax(np.abs(g))) + 1) % 3
+    x, y, z = np.roll(found, -turn) * -np.sign(np.roll(g, -turn)[2])
+    start = [np.arctan2(-y, -z), np.arcsin(np.clip(x, -1.0, 1.0))]
+    roll, pitch = least_squares(lambda a: tilted(g, *a) - found, start, xtol=1e-15, gtol=1e-15).x
+    return float(roll), float(pitch)
 
 
 def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: float, pitch: float) -> Array:
@@ -95,11 +120,50 @@ def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: flo
 def tilt_columns(robot: Robot, q: Array, standard: Mapping[str, float], arm: Frames | None = None) -> Array:
     """(N, n, 2) derivatives of the torques with respect to roll and pitch at a level base.
 
-    d/d(roll) of the gravity is -e_x x g, d/d(pitch) is -e_y x g. `arm`: frames(robot, q) if known.
+    d/d(roll) of the gravity is -e x g with the axis of `tilted`. `arm`: frames(robot, q) if known.
     """
     g = np.array([float(robot.value(x)) for x in robot.gravity])
     arm = frames(robot, q) if arm is None else arm
-    return np.stack([_gravity_torque(arm, standard, -np.cross(axis, g)) for axis in np.eye(3)[:2]], axis=-1)
+    turn = (int(np.argmax(np.abs(g))) + 1) % 3
+    axes = np.roll(np.eye(3), -turn, axis=0)[:2]
+    return np.stack([_gravity_torque(arm, standard, -np.cross(axis, g)) for axis in axes], axis=-1)
+
+
+def body_columns(robot: Robot, q: Array, dq: Array, ddq: Array, row: int, kinds: tuple[str, ...]) -> Array:
+    """(N, n, len(kinds)) torques of unit inertial parameters ("M", "MX", "XX", ...) of a body on `row`, from
+    1.
+
+    The standard regressor's columns of that row, gravity as the robot has it.
+    """
+    columns = regressor(geometry(robot), state(robot, q, dq, ddq), [(row, kind) for kind in kinds])
+    out = np.zeros((len(q), robot.n, len(kinds)))
+    for k, kind in enumerate(kinds):
+        for joint, torque in enumerate(columns[row, kind]):
+            out[:, joint, k] = torque
+    return out
+
+
+def independent(columns: Array, tolerance: float = 1e-7) -> list[int]:
+    """Numbers of the columns of (r, p) that are not a combination of those before them."""
+    kept: list[int] = []
+    basis = np.zeros((columns.shape[0], 0))
+    scale = np.linalg.norm(columns, axis=0).max(initial=0.0)
+    for k in range(columns.shape[1]):
+        rest = columns[:, k]
+        size = np.linalg.norm(rest)
+        for _ in range(2):
+            rest = rest - basis @ (basis.T @ rest)
+        left = np.linalg.norm(rest)
+        if size > tolerance * scale and left > tolerance * size:
+            basis = np.column_stack([basis, rest / left])
+            kept.append(k)
+    return kept
+
+
+def some_motion(robot: Robot, samples: int = 80) -> tuple[Array, Array, Array]:
+    """Random states that move every joint: what a structural question is asked at."""
+    rng = np.random.default_rng(0)
+    return rng.uniform(-1.5, 1.5, (samples, robot.n)), *rng.normal(size=(2, samples, robot.n))  # type: ignore[return-value]
 
 
 def gravity_columns(robot: Robot, q: Array, gravity: Array, names: tuple[str, ...]) -> Array:

@@ -8,6 +8,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from modelgen.effects.place import Model, Motion
+
 Array = np.ndarray
 TorqueModel = Callable[[Array, Array, Array], Array]  # (q, dq, ddq) each (N, n) -> (N, channels)
 
@@ -47,3 +49,92 @@ def motion_column(
     up = moved_torque(link_torque, q, dq, ddq, joint, size * unit, dt)
     down = moved_torque(link_torque, q, dq, ddq, joint, -size * unit, dt)
     return (up - down) / (2.0 * size)
+
+
+def displaced_torque(
+    model: Model,
+    motion: Motion,
+    j: int,
+    shift: tuple[Array, Array, Array],
+    drive_follows: bool = False,
+    rigid: Array | None = None,
+) -> Array:
+    """(N, C) change of the model's torques when joint j moves by `shift` (x, dx, ddx), (N,) each.
+
+    Exact for the given shift. The motor stays where its encoder says, so the rotor's inertia and the viscous
+    friction before the gear do not follow, unless `drive_follows`; nor do the signs of dry friction.
+    `rigid`: model.torque(motion), if known.
+    """
+    q, dq, ddq = motion.q.copy(), motion.dq.copy(), motion.ddq.copy()
+    for part, by in zip((q, dq, ddq), shift):
+        part[:, j] += by
+    rigid = model.torque(motion) if rigid is None else rigid
+    change = model.torque(motion, q, dq, ddq) - rigid
+    if not drive_follows:
+        friction = model.number("Fvm", j) or 0.0
+        for c, channel in enumerate(model.channels):
+            if channel.joint == j and channel.side != "sensor":
+                change[:, c] -= friction * shift[1] + model.drive_inertia(j) * shift[2]
+    return change
+
+
+def position_slope(model: Model, motion: Motion, j: int) -> Array:
+    """(N, C) d torque / d q_j, by a central difference of 1e-5 rad: 1e-10 of the torque."""
+    h = 1e-5 * np.ones(len(motion.t))
+    nothing = np.zeros(len(motion.t))
+    up = displaced_torque(model, motion, j, (h, nothing, nothing))
+    down = displaced_torque(model, motion, j, (-h, nothing, nothing))
+    return (up - down) / 2e-5
+
+
+def low_passed(x: Array, rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
+    """x (N,) through a zero-phase third-order Butterworth, with its first and second time derivative."""
+    from scipy.signal import butter, sosfiltfilt
+
+    if cutoff_hz < 0.45 * rate_hz and len(x) > 12:
+        sos = butter(3, cutoff_hz, fs=rate_hz, output="sos")
+        x = sosfiltfilt(sos, x, padlen=min(len(x) - 1, int(2 * rate_hz / cutoff_hz)))
+    dx = np.gradient(x, 1.0 / rate_hz) if len(x) > 1 else np.zeros_like(x)
+    return x, dx, np.gradient(dx, 1.0 / rate_hz) if len(x) > 1 else np.zeros_like(x)
+
+
+def gear_columns(
+    model: Model, motion: Motion, j: int, deflect: Callable[[Array], Array], size: float, cutoff_hz: float
+) -> Array:
+    """(N, C) torque per unit of a gear's deflection x = size * deflect(tau), tau the torque passed on.
+
+    Tangent at size 0, else the secant [tau(q + x) - tau(q)]/size. The torque that bends the gear is the one
+    behind the deflection: x and tau are found by three turns of the fixed point, which converges while the
+    shift is low-passed below the joint's own resonance.
+    """
+    passed = model.link_torque(motion)[:, j]
+    rigid = model.torque(motion)
+    first = deflect(passed)
+    if abs(size) < 1e-12:
+        largest = float(np.abs(first).max()) or 1.0
+        scale = 1e-5 / largest  # rad: small against any curvature of gravity
+        shift = low_passed(scale * first, motion.rate_hz, cutoff_hz)
+        return displaced_torque(model, motion, j, shift, rigid=rigid) / scale
+    own = next((c for c, k in enumerate(model.channels) if k.joint == j), None)
+    change = np.zeros_like(rigid)
+    for turn in range(3):
+        bent = passed if turn == 0 or own is None else passed + change[:, own]
+        shift = low_passed(size * deflect(bent), motion.rate_hz, cutoff_hz)
+        change = displaced_torque(model, motion, j, shift, rigid=rigid)
+    return change / size
+
+
+def below_resonance(model: Model, motion: Motion, j: int, compliance: float, cutoff_hz: float) -> float:
+    """A cut-off [Hz] at which the fixed point of `gear_columns` converges: 0.8 of the joint's resonance.
+
+    The resonance is 1/sqrt(compliance x link inertia), the inertia d tau_j / d ddq_j at its median.
+    """
+    if compliance <= 0:
+        return cutoff_hz
+    one, nothing = np.ones(len(motion.t)), np.zeros(len(motion.t))
+    change = displaced_torque(model, motion, j, (nothing, nothing, one))
+    own = [c for c, k in enumerate(model.channels) if k.joint == j]
+    inertia = abs(float(np.median(change[:, own[0]]))) if own else 0.0
+    if inertia <= 0:
+        return cutoff_hz
+    return min(cutoff_hz, 0.8 / (2 * np.pi * np.sqrt(compliance * inertia)))

@@ -4,12 +4,17 @@ import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
 
-EFFECT = Effect(
-    name="asymmetric_friction",
-    summary="viscous friction differs between the two directions",
-    signature="a V against the rate; an offset does not show it because it vanishes at rest",
-    source="Armstrong, Friction: experimental determination, modeling and compensation, ICRA 1988",
-    terms={"Fva": sp.Abs(SIGNALS.dq)},
-    linear=(LinearParameter("Fva", "N m s/rad", -100.0, 100.0),),
-    typical={"Fva": 2.0},
-)
+
+class AsymmetricFriction(Effect):
+    """Viscous friction that differs between the two directions of motion."""
+
+    name = "asymmetric_friction"
+    summary = "viscous friction differs between the two directions"
+    signature = "a V against the rate; an offset does not show it because it vanishes at rest"
+    source = "Armstrong, Friction: experimental determination, modeling and compensation, ICRA 1988"
+    terms = {"Fva": sp.Abs(SIGNALS.dq)}
+    linear = (LinearParameter("Fva", "N m s/rad", -100.0, 100.0),)
+    typical = {"Fva": 2.0}
+
+
+EFFECT = AsymmetricFriction()

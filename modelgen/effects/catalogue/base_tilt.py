@@ -1,19 +1,120 @@
-"""A base that is not level: gravity is not where the robot file says."""
+"""A base that is not level, or hangs, or stands at a wall: gravity is not where the robot file says."""
 
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
 import sympy as sp
 
-from modelgen.effects.effect import Effect, LinearParameter
+from modelgen.effects.effect import Array, NonlinearParameter, Quantity
+from modelgen.effects.gravity_search import directions, newly_visible
+from modelgen.effects.kinds import LoadEffect
+from modelgen.effects.loads import gravity_columns, tilt_of, tilt_torque, tilted
+from modelgen.effects.place import Layout, Model, Motion, Place
+from modelgen.effects.truth import Truth
+from modelgen.geometry.names import GRAVITY, ParameterName
+from modelgen.geometry.robot import Robot
 
-EFFECT = Effect(
-    name="base_tilt",
-    summary="the base is rolled and pitched, so gravity is not where the robot file puts it",
-    signature="gravity torques of the first joints: joint 1 of an upright arm carries sin and cos of q1",
-    source="gravity is an acceleration of the base: Luh, Walker, Paul, J. Dyn. Sys. Meas. Control 102, 1980",
-    # the base stands at Ry(pitch) Rx(roll) from where the file has it: g = (Ry Rx)^T g_file in base axes
-    terms={"roll": sp.Integer(1), "pitch": sp.Integer(1)},
-    linear=(LinearParameter("roll", "rad", -0.6, 0.6), LinearParameter("pitch", "rad", -0.6, 0.6)),
-    kind="load",
-    channel="link",
-    joints="robot",
-    typical={"roll": 0.03, "pitch": -0.04},
-)
+roll, pitch, g0x, g0y, g0z = sp.symbols("roll pitch g0x g0y g0z", real=True)
+QUARTERS = (-np.pi / 2, 0.0, np.pi / 2, np.pi)
+
+
+def _turned() -> tuple[sp.Expr, ...]:
+    """Gravity in base axes, for a file whose gravity is along z: (Ry(pitch) Rx(roll))^T g."""
+    Rx = sp.Matrix([[1, 0, 0], [0, sp.cos(roll), -sp.sin(roll)], [0, sp.sin(roll), sp.cos(roll)]])
+    Ry = sp.Matrix([[sp.cos(pitch), 0, sp.sin(pitch)], [0, 1, 0], [-sp.sin(pitch), 0, sp.cos(pitch)]])
+    return tuple((Ry * Rx).T * sp.Matrix([g0x, g0y, g0z]))
+
+
+class BaseTilt(LoadEffect):
+    """Gravity has another direction in the base's axes, by any angle.
+
+    A gravity torque is linear in gravity and in the bodies, so a turned one changes the model's own columns:
+    `regressor_change`, exact for any angle and linear in chi. Only `columns` of first moments that the file's
+    gravity did not show (of link 1 of an upright arm) are new. `starts` finds the direction in the measured
+    torque itself: small angles from a wrong gravity do not reach a quarter turn. The base stands at
+    Ry(pitch) Rx(roll) from where the file has it (about the two axes after the one that its gravity lies
+    along).
+    """
+
+    name = "base_tilt"
+    summary = "the base is rolled and pitched, so gravity is not where the robot file puts it"
+    signature = "gravity torques of the first joints: joint 1 of an upright arm carries sin and cos of q1"
+    source = "gravity is an acceleration of the base: Luh, Walker, Paul, J. Dyn. Sys. Meas. Control 102, 1980"
+    remedy = "give the study the gravity that was found, `gravity: [gx, gy, gz]`, or level the base"
+    nonlinear = (
+        NonlinearParameter("roll", "rad", -np.pi, np.pi, QUARTERS, angle=True),
+        NonlinearParameter("pitch", "rad", -np.pi, np.pi, QUARTERS, angle=True),
+    )
+    context = ("g0x", "g0y", "g0z")
+    reported = (
+        Quantity("roll", "rad", roll, angle=True),
+        Quantity("pitch", "rad", pitch, angle=True),
+        *(Quantity(f"g{axis}", "m/s^2", turned) for axis, turned in zip("xyz", _turned())),
+    )
+    sizes = ("roll", "pitch")
+    typical = {"roll": 0.03, "pitch": -0.04}
+    changes_model = True
+
+    def places(self, layout: Layout) -> Iterable[Place]:
+        if layout.sides & {"motor", "sensor"}:
+            yield layout.place(side="link", parts=newly_visible(layout.robot))
+
+    def parameters_of(self, place: Place) -> tuple[str, ...]:
+        return place.parts
+
+    def starts(
+        self,
+        place: Place,
+        motions: Sequence[Motion],
+        residuals: Sequence[Array],
+        model: Model | None = None,
+    ) -> Sequence[dict[str, float]]:
+        """The directions of gravity that explain the measured torque best; quarter turns where none is
+        known."""
+        if model is None or any(m.measured is None for m in motions):
+            return super().starts(place, motions, residuals)
+        file = file_gravity(model.robot)
+        found = directions(model.robot, model.channels, motions, float(np.linalg.norm(file)))
+        return [dict(zip(("roll", "pitch"), tilt_of(file, g))) for g in found]
+
+    def joint_columns(self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model) -> Array:
+        """First moments that the turned gravity shows and the file's did not."""
+        g = tilted(file_gravity(model.robot), theta["roll"], theta["pitch"])
+        if not place.parts:
+            return np.zeros((len(motion.t), model.robot.n, 0))
+        return gravity_columns(model.robot, motion.q, g, place.parts)
+
+    def regressor_change(
+        self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model
+    ) -> dict[int, Array]:
+        """Gravity's part of each first moment and mass, under the change of gravity."""
+        file = file_gravity(model.robot)
+        change = tilted(file, theta["roll"], theta["pitch"]) - file
+        numbers, names = [], []
+        for number, name in enumerate(model.parameters):
+            read = ParameterName.of(name)
+            if read is None or read.kind not in GRAVITY or (read.payload and read.label != motion.payload):
+                continue
+            row = str(model.robot.payload_link(read.label)) if read.payload else read.label
+            numbers.append(number)
+            names.append(read.kind + row)
+        columns = gravity_columns(model.robot, motion.q, change, tuple(names))
+        seen = np.array([c.side != "drive" for c in model.channels], dtype=float)
+        joint = [c.joint for c in model.channels]
+        return {number: columns[:, joint, k] * seen for k, number in enumerate(numbers)}
+
+    def context_of(self, place: Place, model: Model) -> dict[str, float]:
+        """The file's gravity."""
+        return dict(zip(self.context, file_gravity(model.robot).tolist()))
+
+    def simulate(self, truth: Truth, place: Place, values: Mapping[str, float]) -> Truth:
+        held = tilt_torque(truth.robot, truth.link[0], truth.standard, values["roll"], values["pitch"])
+        return truth.with_torque(place, held)
+
+
+def file_gravity(robot: Robot) -> Array:
+    """(3,) m/s^2, base axes."""
+    return np.array([float(robot.value(x)) for x in robot.gravity])
+
+
+EFFECT = BaseTilt()

@@ -7,21 +7,30 @@ from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, NonlinearP
 q0, rho = sp.symbols("q0 rho", real=True)
 x = SIGNALS.q - q0
 
+
 # Ends at a and b from the axis: length^2 = a^2 + b^2 - 2 a b cos x ~ 1 - rho cos x.
 # A spring of rate K and free length l0 gives K a b sin x (1 - l0/length); a gas spring the second part.
-EFFECT = Effect(
-    name="counterbalance",
-    summary="a balancing spring or gas cylinder between two links",
-    signature="smooth in the position and repeatable, with harmonics of the joint angle that gravity has not",
-    source="Weigand, Goetz, Ulmen, Ruskowski, Dataset and baseline for an industrial robot identification "
-    "benchmark, 2023 (hydraulic counterbalance of a KR300); Khalil and Dombre 2002",
-    terms={"Kab": sp.sin(x), "Kl": sp.sin(x) / sp.sqrt(1 - rho * sp.cos(x))},
-    linear=(LinearParameter("Kab", "N m", -1e4, 1e4), LinearParameter("Kl", "N m", -1e4, 1e4)),
-    nonlinear=(
+class Counterbalance(Effect):
+    """A gas or coil spring between two points of neighbouring links: torque with a geometry in it."""
+
+    name = "counterbalance"
+    summary = "a balancing spring or gas cylinder between two links"
+    signature = (
+        "smooth in the position and repeatable, with harmonics of the joint angle that gravity has not"
+    )
+    source = (
+        "Weigand, Goetz, Ulmen, Ruskowski, Dataset and baseline for an industrial robot identification "
+        "benchmark, 2023 (hydraulic counterbalance of a KR300); Khalil and Dombre 2002"
+    )
+    terms = {"Kab": sp.sin(x), "Kl": sp.sin(x) / sp.sqrt(1 - rho * sp.cos(x))}
+    linear = (LinearParameter("Kab", "N m", -1e4, 1e4), LinearParameter("Kl", "N m", -1e4, 1e4))
+    nonlinear = (
         NonlinearParameter("q0", "rad", -3.2, 3.2, tuple(-3.0 + 0.5 * i for i in range(13))),
         NonlinearParameter("rho", "-", 0.2, 0.98, (0.4, 0.65, 0.85, 0.95)),
-    ),
-    channel="link",
-    typical={"Kab": 5.0, "Kl": -10.0, "q0": 0.3, "rho": 0.85},
-    common=False,
-)
+    )
+    channel = "link"
+    typical = {"Kab": 5.0, "Kl": -10.0, "q0": 0.3, "rho": 0.85}
+    common = False
+
+
+EFFECT = Counterbalance()

@@ -1,23 +1,56 @@
 """A drive gain or sensor scale that is not what the data sheet says."""
 
+from collections.abc import Mapping
+
 import sympy as sp
 
-from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, Quantity
+from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, Quantity
+from modelgen.effects.kinds import RecordingEffect
+from modelgen.effects.memory import Memory
+from modelgen.effects.place import Model, Motion, Place
+from modelgen.effects.truth import Truth
 
 gain, excess = sp.symbols("gain excess", real=True)
 
-EFFECT = Effect(
-    name="drive_gain_error",
-    summary="the measured torque of one joint is a constant factor times the true one",
-    signature="the residual is a scaled copy of the torque itself; inertial parameters shared with other "
-    "joints move some of it there",
-    source="Gautier and Briot, Global identification of joint drive gains and dynamic parameters of robots, "
-    "J. Dyn. Sys. Meas. Control 136(5), 2014",
-    terms={"excess": SIGNALS.tau},
-    linear=(LinearParameter("excess", "-", -0.5, 0.5),),
-    reported=(Quantity("gain", "-", 1 + excess),),
-    inverse={"excess": gain - 1},
-    kind="measurement",
-    channel="any",
-    typical={"gain": 1.08},
-)
+
+class DriveGainError(RecordingEffect):
+    """Measured torque is gain times the true one.
+
+    A gain near -1 is a flipped sign, `torque_sign`: the secant of this one converges for |excess| < 1 only.
+    """
+
+    name = "drive_gain_error"
+    summary = "the measured torque of one joint is a constant factor times the true one"
+    signature = (
+        "the residual is a scaled copy of the torque itself; inertial parameters shared with other "
+        "joints move some of it there"
+    )
+    source = (
+        "Gautier and Briot, Global identification of joint drive gains and dynamic parameters of robots, "
+        "J. Dyn. Sys. Meas. Control 136(5), 2014"
+    )
+    remedy = "divide the channel by the gain: `columns` with a scale, or the drive's gain in the study"
+    terms = {"excess": SIGNALS.tau}
+    linear = (LinearParameter("excess", "-", -0.5, 0.5),)
+    reported = (Quantity("gain", "-", 1 + excess),)
+    inverse = {"excess": gain - 1}
+    typical = {"gain": 1.08}
+
+    def columns(
+        self,
+        place: Place,
+        theta: Mapping[str, float],
+        size: Array | None,
+        motion: Motion,
+        model: Model,
+        memory: Memory | None = None,
+    ) -> Columns:
+        """The torque that acts."""
+        total = model.total(motion)
+        return {c: total[:, [c]] for c in place.rows(model.channels)}
+
+    def recorded(self, tau: Array, truth: Truth, place: Place, values: Mapping[str, float]) -> Array:
+        return tau * (1.0 + values["excess"])
+
+
+EFFECT = DriveGainError()

@@ -4,13 +4,18 @@ import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
 
-EFFECT = Effect(
-    name="load_dependent_viscous_friction",
-    summary="the slope of friction against the rate grows with the torque that the gear passes on",
-    signature="proportional to the rate with a slope that follows |tau_link|",
-    source="Hamon, Gautier, Garrec, IROS 2010 (friction depending on load and velocity)",
-    terms={"muv": sp.Abs(SIGNALS.tau_link) * SIGNALS.dq},
-    linear=(LinearParameter("muv", "s/rad", 0.0, 0.5, "positive"),),
-    typical={"muv": 0.08},
-    common=False,
-)
+
+class LoadDependentViscousFriction(Effect):
+    """Viscous friction that grows with the torque the gear carries."""
+
+    name = "load_dependent_viscous_friction"
+    summary = "the slope of friction against the rate grows with the torque that the gear passes on"
+    signature = "proportional to the rate with a slope that follows |tau_link|"
+    source = "Hamon, Gautier, Garrec, IROS 2010 (friction depending on load and velocity)"
+    terms = {"muv": sp.Abs(SIGNALS.tau_link) * SIGNALS.dq}
+    linear = (LinearParameter("muv", "s/rad", 0.0, 0.5, "positive"),)
+    typical = {"muv": 0.08}
+    common = False
+
+
+EFFECT = LoadDependentViscousFriction()

@@ -1,35 +1,58 @@
-"""A mass in the gripper that the study does not declare: in one run, or from a moment on."""
+"""A mass that the study does not declare: in one run, or from a moment on, in the gripper or on any link."""
 
+from collections.abc import Iterable, Mapping
+
+import numpy as np
 import sympy as sp
 
-from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, Quantity
+from modelgen.effects.effect import SIGNALS, Array, LinearParameter, Quantity
+from modelgen.effects.kinds import LoadEffect
+from modelgen.effects.loads import body_columns, independent, some_motion
+from modelgen.effects.place import Layout, Model, Motion, Place
+from modelgen.effects.truth import Truth
+from modelgen.geometry.robot import Robot
 
 M, MX, MY, MZ = sp.symbols("M MX MY MZ", real=True)
 m, mx, my, mz = sp.symbols("m mx my mz", real=True)
 RADIUS = sp.Rational(6, 100)  # m, of the solid ball that a simulated payload is
 ball = sp.Rational(2, 5) * m * RADIUS**2
 
-_INERTIA = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
+WEIGHT = ("M", "MX", "MY", "MZ")
+INERTIA = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
 
-EFFECT = Effect(
-    name="payload_change",
-    summary="a body fixed to the last link is carried that the study does not declare",
-    signature="all joints at once, with the columns of a payload, inside one recording or from one moment on",
-    source="Khalil, Gautier, Lemoine, Identification of the payload inertial parameters of industrial "
-    "manipulators, ICRA 2007",
-    terms=dict.fromkeys(("M", "MX", "MY", "MZ", *_INERTIA), SIGNALS.gate),
-    linear=(
+
+class PayloadChange(LoadEffect):
+    """A body fixed to a link, with the columns of the link's own inertial parameters.
+
+    On a link whose motion is poor (the first ones of an arm) some of the ten columns are combinations of
+    others: `places` then asks only for independent ones, and a parameter is told only where its column is no
+    combination of the other nine. A mass that the motion cannot show gets no number.
+    """
+
+    name = "payload_change"
+    summary = "a body fixed to a link is carried that the study does not declare"
+    signature = "all joints at once, as a payload's columns, inside one recording or from one moment on"
+    source = (
+        "Khalil, Gautier, Lemoine, Identification of the payload inertial parameters of industrial "
+        "manipulators, ICRA 2007"
+    )
+    remedy = "declare the load: `payload: LABEL` in the recordings that carry it"
+    terms = dict.fromkeys((*WEIGHT, *INERTIA), SIGNALS.gate)
+    linear = (
         LinearParameter("M", "kg", 0.0, 500.0, "positive"),
         *(LinearParameter(name, "kg m", -200.0, 200.0) for name in ("MX", "MY", "MZ")),
-        *(LinearParameter(name, "kg m^2", -100.0, 100.0, optional=True) for name in _INERTIA),
-    ),
-    reported=(
+        *(
+            LinearParameter(name, "kg m^2", -100.0, 100.0, optional=True)
+            for name in ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
+        ),
+    )
+    reported = (
         Quantity("m", "kg", M),
         Quantity("mx", "kg m", MX),
         Quantity("my", "kg m", MY),
         Quantity("mz", "kg m", MZ),
-    ),
-    inverse={
+    )
+    inverse = {
         "M": m,
         "MX": mx,
         "MY": my,
@@ -40,11 +63,71 @@ EFFECT = Effect(
         "XY": -mx * my / m,
         "XZ": -mx * mz / m,
         "YZ": -my * mz / m,
-    },
-    kind="load",
-    channel="link",
-    joints="robot",
-    windowed=True,
-    sizes=("m", "mx", "my", "mz"),
-    typical={"m": 1.5, "mx": 0.03, "my": -0.02, "mz": 0.12},
-)
+    }
+    windowed = True
+    on_link = True
+    sizes = ("m", "mx", "my", "mz")
+    typical = {"m": 1.5, "mx": 0.03, "my": -0.02, "mz": 0.12}
+    window = (0.4, None)  # of the recording, where a simulator puts it
+
+    def places(self, layout: Layout) -> Iterable[Place]:
+        """Each recording and each body that moves, the outermost first; of bodies fixed together, one."""
+        if not layout.sides & {"motor", "sensor"}:
+            return
+        robot = layout.robot
+        rows, outer = [], robot.payload_link("L")
+        taken = set()
+        for row in [outer, *(j for j in reversed(range(1, len(robot.links) + 1)) if j != outer)]:
+            body = _moving(robot, row)
+            if body and body not in taken:
+                taken.add(body)
+                rows.append(row)
+        for row in rows:
+            shown, full = visible(robot, row)
+            variants = [WEIGHT, full] if set(WEIGHT) <= set(shown) else [full]
+            for parts in variants:
+                for recording in layout.recordings if full else ():
+                    yield layout.place(side="link", recording=recording, link=row, parts=parts)
+
+    def joint_columns(self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model) -> Array:
+        row = place.link or model.robot.payload_link("L")
+        return body_columns(model.robot, motion.q, motion.dq, motion.ddq, row, self.parameters_of(place))
+
+    def simulate(self, truth: Truth, place: Place, values: Mapping[str, float]) -> Truth:
+        row = place.link or truth.robot.payload_link("L")
+        kinds = (*WEIGHT, *INERTIA)
+        columns = body_columns(truth.robot, *truth.link, row, kinds)
+        gate = place.gate(truth.recording, truth.t - truth.t[0])[:, None]
+        return truth.with_torque(place, gate * (columns @ np.array([values.get(k, 0.0) for k in kinds])))
+
+    def usual(self, given: Mapping[str, float], own: Mapping[str, float]) -> dict[str, float]:
+        """`m` alone lies at the usual place."""
+        values = super().usual(given, own)
+        if "m" in given:
+            scale = given["m"] / self.typical["m"]
+            values |= {k: self.typical[k] * scale for k in ("mx", "my", "mz") if k not in given}
+        return values
+
+
+def _moving(robot: Robot, row: int) -> int:
+    """The moving row that a body on `row` is fixed to; 0: the base."""
+    while row and robot.link(row).sigma == 2:
+        row = robot.link(row).antecedent
+    return row
+
+
+def visible(robot: Robot, row: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(parameters of a body on `row` whose columns are no combination of the other nine, an independent set
+    that spans all ten: these first, then inertias)."""
+    kinds = (*WEIGHT, *INERTIA)
+    columns = body_columns(robot, *some_motion(robot), row, kinds)
+    W = columns.reshape(-1, len(kinds))
+    shown = [
+        k for k in range(len(kinds)) if 9 in independent(W[:, [*(i for i in range(len(kinds)) if i != k), k]])
+    ]
+    order = [*shown, *(k for k in (4, 5, 6, 7, 8, 9, 1, 2, 3, 0) if k not in shown)]
+    kept = [order[i] for i in independent(W[:, order])]
+    return tuple(kinds[k] for k in shown), tuple(kinds[k] for k in sorted(kept))
+
+
+EFFECT = PayloadChange()

@@ -1,16 +1,52 @@
 """A torque sensor that also feels the torque of another joint."""
 
-from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
+from collections.abc import Iterable, Mapping
 
-EFFECT = Effect(
-    name="sensor_crosstalk",
-    summary="a torque sensor also sees a part of another joint's torque",
-    signature="the residual of one sensor is a scaled copy of another sensor's torque",
-    source="Aghili, Buehler, Hollerbach, Design of a hollow hexaform torque sensor, IJRR 20(12), 2001",
-    terms={"gain": SIGNALS.tau_source},
-    linear=(LinearParameter("gain", "-", -0.5, 0.5),),
-    kind="measurement",
-    channel="sensor",
-    joints="pair",
-    typical={"gain": 0.05},
-)
+from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter
+from modelgen.effects.kinds import RecordingEffect
+from modelgen.effects.memory import Memory
+from modelgen.effects.place import Layout, Model, Motion, Place
+from modelgen.effects.truth import Stage, Truth
+
+
+class SensorCrosstalk(RecordingEffect):
+    """A torque sensor also sees another joint's torque."""
+
+    name = "sensor_crosstalk"
+    summary = "a torque sensor also sees a part of another joint's torque"
+    signature = "the residual of one sensor is a scaled copy of another sensor's torque"
+    source = "Aghili, Buehler, Hollerbach, Design of a hollow hexaform torque sensor, IJRR 20(12), 2001"
+    remedy = "calibrate the sensors together, and take the share of the other joint off this channel"
+    terms = {"gain": SIGNALS.tau_source}
+    linear = (LinearParameter("gain", "-", -0.5, 0.5),)
+    channel = "sensor"
+    joints = "pair"
+    stage: Stage = "crosstalk"
+    typical = {"gain": 0.05}
+
+    def places(self, layout: Layout) -> Iterable[Place]:
+        """Sensors whose source is measured by a sensor, too."""
+        seen = {c.joint for c in layout.channels if c.side == "sensor"}
+        return [place for place in super().places(layout) if place.source in seen]
+
+    def columns(
+        self,
+        place: Place,
+        theta: Mapping[str, float],
+        size: Array | None,
+        motion: Motion,
+        model: Model,
+        memory: Memory | None = None,
+    ) -> Columns:
+        """The torque behind the other joint's gear."""
+        sources = {c.joint: k for k, c in enumerate(model.channels) if c.side == "sensor"}
+        assert place.source is not None
+        other = model.total(motion)[:, [sources[place.source]]]
+        return dict.fromkeys(place.rows(model.channels), other)
+
+    def recorded(self, tau: Array, truth: Truth, place: Place, values: Mapping[str, float]) -> Array:
+        assert place.source is not None
+        return tau + values["gain"] * truth.tau_link[:, place.source]
+
+
+EFFECT = SensorCrosstalk()

@@ -1,0 +1,79 @@
+"""SymPy terms of an effect as NumPy functions: its columns, their derivatives, what it reports and how sure.
+
+Compiled once per effect. Nothing here knows of joints, places or models.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import sympy as sp
+
+if TYPE_CHECKING:  # an effect evaluates itself through here
+    from modelgen.effects.effect import Effect
+
+Array = np.ndarray
+
+
+def columns(effect: Effect, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
+    """(N, n_linear) of the terms."""
+    parts = _compiled(effect)(values, theta)
+    return np.stack([np.broadcast_to(part, rows) for part in parts], axis=1).astype(float)
+
+
+def derivatives(effect: Effect, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
+    """(n_nonlinear, N, n_linear) of the columns with respect to the shape parameters."""
+    parts = [np.broadcast_to(d, rows) for d in _compiled_derivatives(effect)(values, theta)]
+    shape = (len(effect.nonlinear), len(effect.linear), rows)
+    return np.asarray(parts, dtype=float).reshape(shape).transpose(0, 2, 1)
+
+
+def told(effect: Effect, values: Mapping[str, float], covariance: Array) -> tuple[Array, Array]:
+    """Values and standard deviations of the reported quantities: var f = f' C f'^T, C over `told_names`."""
+    inputs = [values.get(n, 0.0) for n in told_names(effect)]
+    function, jacobian = _compiled_report(effect)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        numbers = np.asarray(function(*inputs), dtype=float).ravel()
+        J = np.asarray(jacobian(*inputs), dtype=float).reshape(len(numbers), len(inputs))
+        variance = np.einsum("ij,jk,ik->i", J, covariance, J)
+        return numbers, np.sqrt(np.maximum(variance, 0.0))
+
+
+def told_names(effect: Effect) -> tuple[str, ...]:
+    """What reported quantities are made of, in the order of their covariance."""
+    return (*effect.linear_names, *effect.nonlinear_names, *effect.context)
+
+
+def _lambdify(effect: Effect, expressions: list[sp.Expr]) -> Callable[..., list[Array]]:
+    names = sorted(effect.needs) + list(effect.nonlinear_names)
+    function = sp.lambdify([sp.Symbol(n, real=True) for n in names], expressions, modules="numpy", cse=True)
+
+    def evaluate(values: Mapping[str, Array], theta: Mapping[str, float]) -> list[Array]:
+        return function(*(values[n] if n in values else theta[n] for n in names))
+
+    return evaluate
+
+
+@cache
+def _compiled(effect: Effect) -> Callable[..., list[Array]]:
+    return _lambdify(effect, [effect.terms[name] for name in effect.linear_names])
+
+
+@cache
+def _compiled_derivatives(effect: Effect) -> Callable[..., list[Array]]:
+    return _lambdify(
+        effect, [effect.terms[name].diff(p.symbol) for p in effect.nonlinear for name in effect.linear_names]
+    )
+
+
+@cache
+def _compiled_report(effect: Effect) -> tuple[Callable, Callable]:
+    inputs = [sp.Symbol(n, real=True) for n in told_names(effect)]
+    quantities = sp.Matrix([q.expression for q in effect.quantities])
+    return (
+        sp.lambdify(inputs, quantities, modules="numpy"),
+        sp.lambdify(inputs, quantities.jacobian(inputs), modules="numpy"),
+    )
