@@ -14,6 +14,7 @@ typedef struct { const double *data; ptrdiff_t row, column; } table; /* strides 
 typedef struct { table q, dq, ddq, sign, extra; } samples;           /* sign.data == 0: sign(dq) */
 typedef struct {
     vector c[JOINTS], s[JOINTS], q[JOINTS], dq[JOINTS], ddq[JOINTS], sign[JOINTS], one, extra[AT_LEAST_ONE(EXTRAS)];
+    vector nothing; /* 0 times everything that was read: not 0 in a sample that is not finite */
 } state;
 
 static inline vector choose(integers mask, vector yes, vector no)
@@ -98,8 +99,22 @@ static __attribute__((noinline)) void read_state(const samples *in, ptrdiff_t fi
     if (in->sign.data) read_table(&in->sign, first, last, JOINTS, x->sign);
     else
         for (int j = 0; j < JOINTS; ++j) x->sign[j] = sign_of(x->dq[j]);
-    if (EXTRAS) read_table(&in->extra, first, last, EXTRAS, x->extra);
+    vector nothing = broadcast(0.0);
+    for (int j = 0; j < JOINTS; ++j) nothing += (x->q[j] * 0.0 + x->dq[j] * 0.0) + (x->ddq[j] * 0.0 + x->sign[j] * 0.0);
+    if (EXTRAS) {
+        read_table(&in->extra, first, last, EXTRAS, x->extra);
+        for (int j = 0; j < EXTRAS; ++j) nothing += x->extra[j] * 0.0;
+    }
+    x->nothing = nothing;
     x->one = broadcast(1.0);
+}
+
+/* 1 if what was read was finite in every sample */
+static inline int all_finite(vector nothing)
+{
+    int all = 1;
+    for (int l = 0; l < LANES; ++l) all &= nothing[l] == 0.0;
+    return all;
 }
 
 static __attribute__((noinline)) void columns_of(const state *x, entries W)
@@ -116,13 +131,15 @@ static inline const vector *signals_of(const state *x) /* dq, ddq, sign, one sta
 }
 
 /* Blocks of `block` samples (a multiple of LANES), `apart` doubles from each other. In a block, entry k of its sample
-   i goes to row[k][i]; then copies: source copy_of[k] goes to copy_row[k][i]. */
-void dynident_entries(const samples *in, ptrdiff_t first, ptrdiff_t last, ptrdiff_t block, ptrdiff_t apart,
+   i goes to row[k][i]; then copies: source copy_of[k] goes to copy_row[k][i]. Returns 1 if all inputs are finite. */
+int dynident_entries(const samples *in, ptrdiff_t first, ptrdiff_t last, ptrdiff_t block, ptrdiff_t apart,
                       double *const *row, ptrdiff_t copies, const int32_t *copy_of, double *const *copy_row)
 {
+    vector nothing = broadcast(0.0);
     for (ptrdiff_t i = first; i < last; i += LANES) {
         state x;
         read_state(in, i, last, &x);
+        nothing += x.nothing;
         ptrdiff_t at = (i - first) / block * apart + (i - first) % block;
         columns_of(&x, (entries){row, at});
         const vector *signal = signals_of(&x);
@@ -133,6 +150,7 @@ void dynident_entries(const samples *in, ptrdiff_t first, ptrdiff_t last, ptrdif
             else *to = signal[from - ENTRIES];
         }
     }
+    return all_finite(nothing);
 }
 
 static inline void write_through(double *to, const double *from, ptrdiff_t count)
@@ -164,16 +182,19 @@ static inline void write_through(double *to, const double *from, ptrdiff_t count
 }
 
 /* W (N, width) whole, row after row: non-zero k of a sample is source[k] and stands at target[k]. `sample_row` holds
-   `width` zeros. `past_caches`: W is larger than the caches, write it without reading it first. */
-void dynident_dense(const samples *in, ptrdiff_t first, ptrdiff_t last, double *W, ptrdiff_t width, ptrdiff_t nonzeros,
+   `width` zeros. `past_caches`: W is larger than the caches, write it without reading it first. Returns 1 if all
+   inputs are finite. */
+int dynident_dense(const samples *in, ptrdiff_t first, ptrdiff_t last, double *W, ptrdiff_t width, ptrdiff_t nonzeros,
                     const int32_t *source, const int32_t *target, double *sample_row, int past_caches)
 {
     vector cell[ENTRIES + SIGNALS];
     double *row[AT_LEAST_ONE(ENTRIES)];
     for (int k = 0; k < ENTRIES; ++k) row[k] = (double *)&cell[k];
+    vector nothing = broadcast(0.0);
     for (ptrdiff_t i = first; i < last; i += LANES) {
         state x;
         read_state(in, i, last, &x);
+        nothing += x.nothing;
         columns_of(&x, (entries){row, 0});
         memcpy(cell + ENTRIES, signals_of(&x), SIGNALS * sizeof(vector));
         for (int l = 0; l < LANES && i + l < last; ++l) {
@@ -186,21 +207,25 @@ void dynident_dense(const samples *in, ptrdiff_t first, ptrdiff_t last, double *
 #if defined(__x86_64__)
     _mm_sfence();
 #endif
+    return all_finite(nothing);
 }
 
-/* tau (N, CHANNELS), row after row, of base parameters chi */
-void dynident_torque(const samples *in, ptrdiff_t first, ptrdiff_t last, const double *chi, double *tau)
+/* tau (N, CHANNELS), row after row, of base parameters chi. Returns 1 if all inputs are finite. */
+int dynident_torque(const samples *in, ptrdiff_t first, ptrdiff_t last, const double *chi, double *tau)
 {
     vector cell[CHANNELS];
     double *row[CHANNELS];
     for (int k = 0; k < CHANNELS; ++k) row[k] = (double *)&cell[k];
+    vector nothing = broadcast(0.0);
     for (ptrdiff_t i = first; i < last; i += LANES) {
         state x;
         read_state(in, i, last, &x);
+        nothing += x.nothing;
         TORQUE(x.c, x.s, x.q, x.dq, x.ddq, x.sign, x.extra, chi, (entries){row, 0});
         for (int l = 0; l < LANES && i + l < last; ++l)
             for (int k = 0; k < CHANNELS; ++k) tau[(i + l) * CHANNELS + k] = cell[k][l];
     }
+    return all_finite(nothing);
 }
 
 /* For tests: cos and sin of `count` numbers. */

@@ -98,7 +98,7 @@ def _compile(command: tuple[str, ...], flags: tuple[str, ...], text: str, place:
     except (OSError, subprocess.TimeoutExpired) as error:
         raise NoCompilerError(f"{command[0]} did not run: {error}") from None
     if done.returncode or not (place / LIBRARY).is_file():
-        raise NoCompilerError(f"{' '.join(command)} failed: {done.stderr.strip()[:300]}")
+        raise NoCompilerError(f"{' '.join(command)} failed: {' '.join(done.stderr.split())[:300]}")
 
 
 def _identity(command: tuple[str, ...]) -> str:

@@ -1,4 +1,8 @@
-"""A compiled model behind ctypes: entries of a block, W whole, torques. Every call releases the GIL."""
+"""A compiled model behind ctypes: entries of a block, W whole, torques. Every call releases the GIL.
+
+The kernel notices samples that are not finite while it has them in registers, which costs next to nothing;
+they are then looked for and refused.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from generated.errors import GeneratedError
 
 Array = np.ndarray
 LANES = 8  # the widest build's; buffers have room for a last group of this size
@@ -36,6 +42,17 @@ class Samples:
         self.rows = len(q)
         self.tables = _Samples(*(_Table.of(array) for array in self.arrays))
         self.pointer = ctypes.addressof(self.tables)
+
+    def refuse(self, first: int = 0, last: int | None = None) -> None:
+        """Raise GeneratedError for the first number that is not finite, if there is one."""
+        for name, array in zip(("q", "dq", "ddq", "sign", "extra"), self.arrays):
+            if array is None or np.isfinite(array[first:last]).all():
+                continue
+            row, column = np.argwhere(~np.isfinite(array[first:last]))[0]
+            raise GeneratedError(
+                f"{name} holds {array[first + row, column]} in row {first + row}, column {column} (from 0); "
+                "leave out what is not finite."
+            )
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +92,7 @@ class Kernel:
         ]
         self._torque.argtypes = [pointer, size, size, pointer, pointer]
         for function in (self._entries, self._dense, self._torque):
-            function.restype = None
+            function.restype = ctypes.c_int  # 1 if all samples are finite
 
     def block(self, buffer: Array, place: Placement, width: int) -> Block:
         """A writer into `buffer` (groups, rows, width or more): block g goes to buffer[g]."""
@@ -94,14 +111,16 @@ class Kernel:
         """W (N, width) row after row: non-zero k of a sample is source[k] and stands at target[k] (int32)."""
         width = W[0].size
         zeros = np.zeros(width)
-        self._dense(
+        if not self._dense(
             samples.pointer, first, last, W.ctypes.data, width, len(source), source.ctypes.data,
             target.ctypes.data, zeros.ctypes.data, past_caches,
-        )  # fmt: skip
+        ):  # fmt: skip
+            samples.refuse(first, last)
 
     def torque(self, samples: Samples, first: int, last: int, chi: Array, tau: Array) -> None:
         """tau (N, channels)."""
-        self._torque(samples.pointer, first, last, chi.ctypes.data, tau.ctypes.data)
+        if not self._torque(samples.pointer, first, last, chi.ctypes.data, tau.ctypes.data):
+            samples.refuse(first, last)
 
     def cos_sin(self, x: Array) -> tuple[Array, Array]:
         """cos and sin as the kernel takes them, of a multiple of LANES numbers; for tests."""
@@ -127,6 +146,7 @@ class Block:
     def fill(self, samples: Samples, first: int, last: int) -> None:
         """Entries of samples first .. last - 1, block after block from the buffer's first."""
         rows, of, copy_rows = self._pointers
-        self._function(
+        if not self._function(
             samples.pointer, first, last, self._width, self._apart, rows, self._count, of, copy_rows
-        )
+        ):
+            samples.refuse(first, last)

@@ -173,7 +173,7 @@ def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
         (place / "model.c").write_text(c_code.source(derived, made_of))
 
     q = question
-    asked = (q.data, q.model, repr(q.payload), repr(q.gravity), *q.effects)
+    asked: tuple[bytes | str, ...] = (q.data, q.model, repr(q.payload), repr(q.gravity), *q.effects)
     place = cache.entry("model-" + cache.key(*asked, _generator())[:40], build)
     return json.loads((place / "model.json").read_text()), (place / "model.c").read_text()
 

@@ -93,16 +93,20 @@ class Model:
 
     def regroup(self, standard: Mapping[str, float]) -> Array:
         """chi (b,) of standard parameters {name: value}; absent ones are zero."""
-        unknown = sorted(set(standard) - set(self.standard_parameters))
+        if not isinstance(standard, Mapping):
+            raise GeneratedError("the standard parameters are no mapping; give {name: value}.")
+        unknown = sorted(map(str, set(standard) - set(self.standard_parameters)))
         if unknown:
             raise GeneratedError(
                 f"{self.robot_name}, model {self.model}, has no standard parameter {', '.join(unknown)}; "
                 "its names are in standard_parameters."
             )
+        values = {name: _numbers(name, value) for name, value in standard.items()}
+        for name, value in values.items():
+            if value.shape or not np.isfinite(value):
+                raise GeneratedError(f"{name} is {standard[name]!r}; give one finite number.")
         rules = self._description["regroup"]
-        chi = [
-            sum(c * float(standard.get(s, 0.0)) for s, c in rules[name].items()) for name in self.parameters
-        ]
+        chi = [sum(c * float(values.get(s, 0.0)) for s, c in rules[name].items()) for name in self.parameters]
         return np.array(chi, dtype=np.float64)
 
     def regressor(
@@ -134,6 +138,8 @@ class Model:
             raise GeneratedError(
                 f"out is not a writable C-contiguous float64 array of shape {shape}; use numpy.empty."
             )
+        elif any(_overlap(out, array) for array in (q, dq, ddq, sign, *(extra or {}).values())):
+            raise GeneratedError("out lies over an input, which it would overwrite; give it its own memory.")
         past_caches = out.nbytes > CACHES
 
         def part(first: int, last: int) -> None:
@@ -160,6 +166,9 @@ class Model:
             raise GeneratedError(
                 f"chi has shape {chi.shape}; give ({len(self.parameters)},), a value per base parameter."
             )
+        if not np.isfinite(chi).all():
+            name = self.parameters[int(np.argmin(np.isfinite(chi)))]
+            raise GeneratedError(f"chi holds a value of {name} that is not finite; give a number.")
         tau = np.empty((samples.rows, len(self.channels)))
         in_parts(
             lambda first, last: self._kernel.torque(samples, first, last, chi, tau), samples.rows, threads
@@ -176,7 +185,7 @@ class Model:
         extra: Mapping[str, Any] | None = None,
         threads: int = 1,
     ) -> Iterator[tuple[slice, Array]]:
-        """(rows, W (len(rows), len(channels), b)) block by block: any strides, valid until the next turn.
+        """(rows, W (len(rows), len(channels), b)) block by block: any strides, read only, till the next turn.
 
         With threads > 1 blocks are filled ahead while one is consumed; to consume in parallel, too, give
         each thread rows of its own.
@@ -186,8 +195,10 @@ class Model:
 
         def buffer(groups: int) -> Buffer:
             W = zero_rows(groups, shape[0] * shape[1])
+            writer = self._writer(W, self._in_W)
+            W = _read_only(W)
             views = [W[g, :, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1) for g in range(groups)]
-            return Buffer(self._writer(W, self._in_W), views)
+            return Buffer(writer, views)
 
         return blocks(samples, buffer, lambda view, count: view[:count], threads)
 
@@ -201,12 +212,12 @@ class Model:
         extra: Mapping[str, Any] | None = None,
         threads: int = 1,
     ) -> Iterator[tuple[slice, Array]]:
-        """(rows, values (nnz, len(rows))) of the entries in `nonzeros`, valid until the next turn."""
+        """(rows, values (nnz, len(rows))) of the entries in `nonzeros`, read only, until the next turn."""
         samples = self._samples(q, dq, ddq, sign, extra)
 
         def buffer(groups: int) -> Buffer:
             values = zero_rows(groups, len(self._source))
-            return Buffer(self._writer(values, self._in_nonzeros), [*values[:, :, :BLOCK]])
+            return Buffer(self._writer(values, self._in_nonzeros), [*_read_only(values)[:, :, :BLOCK]])
 
         return blocks(samples, buffer, lambda values, count: values[:, :count], threads)
 
@@ -259,6 +270,8 @@ class Model:
         return np.array(array, dtype=np.float64, order="C")
 
     def _extra(self, given: Mapping[str, Any], rows: int) -> Array:
+        if not isinstance(given, Mapping):
+            raise GeneratedError("extra is no mapping; give {name: values}.")
         if set(given) != set(self.extra_inputs):
             wanted = ", ".join(self.extra_inputs) or "none"
             has = ", ".join(sorted(given)) or "nothing"
@@ -271,16 +284,40 @@ class Model:
                     f"{name} has shape {value.shape}; give a number or one per sample, ({rows},)."
                 )
             table[:, k] = value
+        if not np.isfinite(table).all():
+            row, k = np.argwhere(~np.isfinite(table))[0]
+            raise GeneratedError(
+                f"{self.extra_inputs[k]} holds {table[row, k]} in row {row} (from 0); give finite numbers."
+            )
         return table
 
 
 def _numbers(name: str, value: Any) -> Array:
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise GeneratedError(f"{name} has masked values; leave their samples out.")
     try:
         array = np.asarray(value)
-        if array.dtype.kind == "O":
+        if array.dtype.kind == "O" and not any(isinstance(x, str | bytes | bool) for x in array.flat):
             array = np.array([float(x) for x in array.flat]).reshape(array.shape)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         array = np.empty(0, dtype="S1")
-    if array.dtype.kind not in "fiub":
+    if array.dtype.kind not in "fiu":
         raise GeneratedError(f"{name} is not an array of real numbers; give float64.")
     return array
+
+
+def _read_only(array: Array) -> Array:
+    """The same memory, which nobody who is handed it can change; the kernel writes it by its address."""
+    view = array.view()
+    view.flags.writeable = False
+    return view
+
+
+def _overlap(out: Array, given: Any) -> bool:
+    array = np.asarray(given) if hasattr(given, "__array__") else None
+    if array is None or not np.may_share_memory(out, array):
+        return False
+    try:
+        return np.shares_memory(out, array, max_work=100_000)  # type: ignore[arg-type]
+    except np.exceptions.TooHardError:
+        return True

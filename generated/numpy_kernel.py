@@ -35,6 +35,7 @@ class NumpyKernel:
 
     def sources(self, samples: Samples, first: int, last: int) -> tuple[list[Any], dict[str, Array]]:
         """Entries, then dq, ddq, sign of each joint and 1, as in batch.c; and the inputs by name."""
+        samples.refuse(first, last)
         q, dq, ddq, sign, extra = (None if a is None else a[first:last] for a in samples.arrays)
         assert q is not None and dq is not None and ddq is not None and extra is not None
         sign = np.sign(dq) if sign is None else sign

@@ -126,16 +126,46 @@ def test_arrays_of_any_strides_and_kinds():
     )
 
 
-def test_not_a_number_and_infinity_stay_in_their_sample():
-    m = generated.load("kuka_lwr4p", "A")
-    q, dq, ddq = motion(7, 24)
-    clean = m.regressor(q, dq, ddq)
-    q[3, 2], dq[9, 1], q[17, 6] = np.nan, np.nan, np.inf
-    W = m.regressor(q, dq, ddq)
-    bad = [3, 9, 17]
-    assert np.isnan(W[bad]).any(axis=(1, 2)).all()
-    good = np.setdiff1d(np.arange(24), bad)
-    np.testing.assert_array_equal(W[good], clean[good])
+@pytest.mark.parametrize("name", ["q", "dq", "ddq", "sign"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("threads", [1, 2])
+def test_what_is_not_finite_is_refused_with_its_place(name, value, threads):
+    m = generated.load("kuka_lwr4p", "D")  # which does not even read q
+    arrays = dict(zip(("q", "dq", "ddq", "sign"), np.random.default_rng(0).normal(size=(4, 3001, 7))))
+    chi = np.ones(len(m.parameters))
+    arrays[name][2049, 6] = value
+    says = rf"{name} holds {value} in row 2049, column 6"
+    for evaluate in (
+        lambda: m.regressor(**arrays, threads=threads),
+        lambda: m.torque(**arrays, chi=chi, threads=threads),
+        lambda: list(m.regressor_blocks(**arrays, threads=threads)),
+        lambda: list(m.nonzero_blocks(**arrays, threads=threads)),
+    ):
+        with pytest.raises(GeneratedError, match=says):
+            evaluate()
+    arrays[name][2049, 6] = 1e300  # large is not infinite
+    assert m.regressor(**arrays).shape == (3001, 7, len(m.parameters))
+
+
+def test_blocks_are_read_only():
+    m = generated.load("kuka_lwr4p", "B")
+    x = np.ones((600, 7))
+    for blocks in (m.regressor_blocks(x, x, x), m.nonzero_blocks(x, x, x, threads=2)):
+        for _, values in blocks:
+            with pytest.raises(ValueError, match="read-only"):
+                values *= 2.0
+
+
+def test_out_over_an_input_is_refused():
+    m = generated.load("kuka_lwr4p", "B")
+    memory = np.zeros(9 * 7 * 64 + 9 * 7)
+    out = memory[: 9 * 7 * 64].reshape(9, 7, 64)
+    beside, over = memory[9 * 7 * 64 :].reshape(9, 7), memory[100 : 100 + 63].reshape(9, 7)
+    x = np.ones((9, 7))
+    assert m.regressor(x, beside, x, out) is out
+    for arguments in ({"q": over}, {"dq": over}, {"ddq": over}, {"sign": over}):
+        with pytest.raises(GeneratedError, match="out lies over an input"):
+            m.regressor(**({"q": x, "dq": x, "ddq": x, "out": out} | arguments))
 
 
 def test_the_coulomb_column_is_the_sign_of_the_rate_or_what_is_given():
@@ -165,6 +195,11 @@ def test_the_coulomb_column_is_the_sign_of_the_rate_or_what_is_given():
         ({"out": np.zeros((4, 7, 63))}, "out is not a writable C-contiguous float64 array"),
         ({"out": np.zeros((4, 7, 64), np.float32)}, "out is not"),
         ({"out": np.zeros((4, 64, 7)).transpose(0, 2, 1)}, "out is not"),
+        ({"q": np.ones((4, 7), bool)}, "q is not an array of real numbers"),
+        ({"q": np.full((4, 7), "1.5", dtype=object)}, "q is not an array of real numbers"),
+        ({"q": np.ma.masked_less(np.arange(28.0).reshape(4, 7), 3)}, "q has masked values"),
+        ({"dq": np.zeros((4, 7), "datetime64[s]")}, "dq is not an array of real numbers"),
+        ({"extra": [1.0]}, "extra is no mapping"),
         ({"threads": 0}, "threads is 0"),
         ({"threads": 1.5}, "threads is 1.5"),
         ({"extra": {"t": 0.0}}, "extra has t; this model needs none"),
@@ -185,6 +220,13 @@ def test_wrong_parameters_and_names_are_refused():
         m.torque(x, x, x, np.zeros(3))
     with pytest.raises(GeneratedError, match="no standard parameter Iam1"):
         m.regroup({"Iam1": 1.0})
+    for value in (np.nan, np.inf, "0.1", [1.0], None, True):
+        with pytest.raises(GeneratedError, match="XX2"):
+            m.regroup({"XX2": value})
+    with pytest.raises(GeneratedError, match="no mapping"):
+        m.regroup([1.0])
+    with pytest.raises(GeneratedError, match="chi holds a value of XX2R that is not finite"):
+        m.torque(x, x, x, np.where(np.array(m.parameters) == "XX2R", np.nan, 1.0))
     for arguments, says in (
         (("kuka_lwr4p", "E"), "no model 'E'"),
         (("no_such_robot",), "built in are"),
