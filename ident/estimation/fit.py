@@ -204,7 +204,7 @@ def fit_systems(
     )
     covariance = honest_covariance(fitted, estimate, channel_noises(fitted, estimate))
     normalised = _normalised(fitted, estimate)
-    notes = [note for stream in prepared.streams for note in stream.notes]
+    notes = [*study.remarks, *(note for stream in prepared.streams for note in stream.notes)]
     warnings = [warning for stream in prepared.streams for warning in stream.warnings]
     warnings += _excitation_warnings(full, fitted)
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]

@@ -20,8 +20,8 @@ import re
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import yaml
 from pydantic import (
+    AfterValidator,
     BaseModel,
     BeforeValidator,
     ConfigDict,
@@ -33,21 +33,21 @@ from pydantic import (
 )
 
 from ident.errors import StudyError
+from ident.recordings import study_checks
+from modelgen.errors import ModelgenError, shortened
+from modelgen.geometry import strict_yaml
 
 Role = Literal["identify", "validate", "test"]
 ROLES: tuple[Role, ...] = ("identify", "validate", "test")
 MODELS = ("A", "B", "C", "D")
 ESTIMATORS = ("wls", "irls", "iv", "didim", "tls")
+LARGEST_FILE = 1_000_000
 WITHOUT = ("coulomb_friction", "viscous_friction", "offset", "rotor_inertia")
 
 
-def _finite(value: float) -> float:
-    if isinstance(value, bool) or not math.isfinite(float(value)):
-        raise ValueError("must be a finite number")
-    return float(value)
-
-
-Number = Annotated[float, BeforeValidator(_finite)]
+Number = Annotated[float, BeforeValidator(study_checks.finite)]
+Whole = Annotated[int, BeforeValidator(study_checks.whole)]
+PathText = Annotated[str, AfterValidator(study_checks.path)]
 
 
 class _Strict(BaseModel):
@@ -57,8 +57,8 @@ class _Strict(BaseModel):
 class ColumnMap(_Strict):
     """Where a signal stands in somebody's file: value = sign * scale * raw + offset (SI after that)."""
 
-    column: str | int
-    scale: Number = 1.0
+    column: str | Whole
+    scale: Annotated[Number, AfterValidator(study_checks.scale)] = 1.0
     offset: Number = 0.0
     sign: Literal[1, -1] = 1
 
@@ -67,23 +67,16 @@ class RecordingEntry(_Strict):
     """One table and its use; `from`, `to` [s of its own time] cut a window, `payload` labels what is
     carried."""
 
-    file: str
+    file: PathText
     use: Role = "identify"
-    payload: str | None = None
-    name: str | None = None
+    payload: Annotated[str | None, AfterValidator(study_checks.payload_label)] = None
+    name: Annotated[str | None, AfterValidator(study_checks.name)] = None
     from_s: Number | None = Field(default=None, alias="from")
     to_s: Number | None = Field(default=None, alias="to")
-    rate_hz: Annotated[Number, Field(gt=0)] | None = None  # only for tables without a time column
+    rate_hz: Annotated[Number, Field(ge=0.1, le=1e6)] | None = None  # only for tables without a time column
     decimal: Literal[".", ","] = "."  # only for CSV
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
     _table: Any = PrivateAttr(default=None)  # in memory instead of `file` (ident.Recording); no key of a file
-
-    @field_validator("payload")
-    @classmethod
-    def _label(cls, label: str | None) -> str | None:
-        if label is not None and not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", label):
-            raise ValueError("a payload label is letters, digits and _ and begins with a letter, such as L")
-        return label
 
     @field_validator("columns", mode="before")
     @classmethod
@@ -117,12 +110,12 @@ class FilterSettings(_Strict):
     `resample_hz` is the uniform rate of jittered recordings (default: their own mean rate).
     """
 
-    position_cutoff_hz: Annotated[Number, Field(gt=0)] = 10.0
-    decimation_cutoff_hz: Annotated[Number, Field(gt=0)] | Literal["auto"] = "auto"
-    sign_cutoff_hz: Annotated[Number, Field(gt=0)] | None = None
-    sign_velocity: Annotated[Number, Field(ge=0)] | None = None
-    order: Annotated[int, Field(ge=1, le=8)] = 4
-    resample_hz: Annotated[Number, Field(gt=0)] | None = None
+    position_cutoff_hz: Annotated[Number, Field(ge=0.01, le=1e5)] = 10.0
+    decimation_cutoff_hz: Annotated[Number, Field(ge=0.001, le=1e5)] | Literal["auto"] = "auto"
+    sign_cutoff_hz: Annotated[Number, Field(ge=0.01, le=1e5)] | None = None
+    sign_velocity: Annotated[Number, Field(ge=0, le=100)] | None = None
+    order: Annotated[Whole, Field(ge=1, le=8)] = 4
+    resample_hz: Annotated[Number, Field(ge=0.1, le=1e5)] | None = None
 
 
 class EffectEntry(BaseModel):
@@ -135,13 +128,13 @@ class EffectEntry(BaseModel):
 
     model_config = ConfigDict(extra="allow", frozen=True, populate_by_name=True)
     effect: str
-    joint: int | None = None
-    source_joint: int | None = None
+    joint: Whole | None = None
+    source_joint: Whole | None = None
     side: Literal["motor", "link", "sensor"] | None = None
     recording: str | None = None
     from_s: Number | None = Field(default=None, alias="from")
     to_s: Number | None = Field(default=None, alias="to")
-    link: int | None = None
+    link: Whole | None = None
     fixed: tuple[str, ...] = ()
 
     @model_validator(mode="after")
@@ -176,18 +169,20 @@ class Study(_Strict):
     false` keeps rest at the ends; `folder` is where the recordings are.
     """
 
-    robot: str
+    robot: PathText
     model: Literal["A", "B", "C", "D"] = "A"
     recordings: tuple[RecordingEntry, ...]
     filter: FilterSettings = FilterSettings()
-    drive_gains: tuple[Number, ...] | Literal["identify"] | None = None
+    drive_gains: Annotated[
+        tuple[Number, ...] | Literal["identify"] | None, AfterValidator(study_checks.gains)
+    ] = None
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
     without: tuple[str, ...] = ()
     link_inertia: bool = False
-    coupled_drives: tuple[tuple[int, int], ...] = ()
+    coupled_drives: tuple[tuple[Whole, Whole], ...] = ()
     positions: Literal["motor", "joint"] = "motor"
     stiffness: tuple[Number, ...] | None = None
-    payload_mass: dict[str, Annotated[Number, Field(gt=0)]] = Field(default_factory=dict)
+    payload_mass: dict[str, Annotated[Number, Field(gt=0, le=1e5)]] = Field(default_factory=dict)
     bounds: Literal["physical"] | None = None
     robust: Literal["huber"] | None = None
     reduction: bool = True
@@ -195,13 +190,13 @@ class Study(_Strict):
     effective_rows: bool = True
     trim_rest: bool = True
     effects: tuple[EffectEntry, ...] = ()
-    effects_folder: str | None = None
-    gravity: tuple[Number, Number, Number] | None = None
+    effects_folder: PathText | None = None
+    gravity: Annotated[tuple[Number, Number, Number] | None, AfterValidator(study_checks.gravity)] = None
     channels: tuple[str, ...] | None = None
     estimator: Literal["wls", "irls", "iv", "didim", "tls"] = "wls"
     alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.01  # of the diagnosis
     turn_over: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
-    folder: str | None = None
+    folder: PathText | None = None
     file: Path = Field(default=Path("study.yaml"), exclude=True)  # where it was read; not a key of the file
 
     @field_validator("columns", mode="before")
@@ -235,7 +230,7 @@ class Study(_Strict):
     def _known_terms(cls, terms: tuple[str, ...]) -> tuple[str, ...]:
         for term in terms:
             name, _, joint = term.partition(":")
-            if name not in WITHOUT or (joint and not joint.isdigit()):
+            if name not in WITHOUT or (joint and not re.fullmatch("[1-9][0-9]{0,3}", joint)):
                 raise ValueError(
                     f"{term!r} is not a term that can be left out{_did_you_mean(name, WITHOUT)}; "
                     f"the terms are {', '.join(WITHOUT)}, each also for one joint as {WITHOUT[0]}:2"
@@ -254,8 +249,10 @@ class Study(_Strict):
                 raise ValueError(f"recordings: two of them are called {label}; give one of them a name: key")
         if self.positions == "joint" and self.stiffness is None:
             raise ValueError("stiffness: positions: joint needs it, one value per joint in N m/rad")
-        if self.stiffness is not None and min(self.stiffness) <= 0:
+        if self.stiffness is not None and min(self.stiffness, default=0) <= 0:
             raise ValueError("stiffness: every value must be positive (N m/rad)")
+        for number, entry in enumerate(self.recordings, 1):
+            study_checks.columns_apart({**self.columns, **entry.columns}, f"recordings[{number}]")
         for label in self.payload_mass:
             if label not in {entry.payload for entry in self.recordings}:
                 raise ValueError(f"payload_mass: no recording carries the payload {label}")
@@ -280,7 +277,15 @@ class Study(_Strict):
     def robot_source(self) -> str:
         """What `generated.load` takes: the path of a robot file beside the study, or a built-in name."""
         beside = self.path / expand(self.robot)
-        return str(beside) if beside.is_file() else self.robot
+        try:
+            return str(beside) if beside.is_file() else self.robot
+        except OSError:  # a name longer than the file system allows
+            return self.robot
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What is legal but seldom meant, one sentence each."""
+        return study_checks.overlapping(self.recordings)
 
     @property
     def payloads(self) -> tuple[str, ...]:
@@ -295,29 +300,18 @@ class Study(_Strict):
 def load_study(path: str | Path) -> Study:
     """Read a study file. Raises StudyError: one sentence with the file, the key and the remedy."""
     file = Path(path)
-    if file.is_dir():
-        raise StudyError(str(file), "", "is a folder; name the study's YAML file inside it")
     try:
-        text = file.read_text(encoding="utf-8")
+        data = strict_yaml.read(file, LARGEST_FILE)
+        if len(data) > LARGEST_FILE:
+            raise ModelgenError("is larger than 1 MB and so no study; name the YAML file, not a recording")
+        table = strict_yaml.load(data)
     except FileNotFoundError:
-        raise StudyError(str(file), "", "there is no such file; give the path of a study (YAML)") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise StudyError(str(file), "", f"cannot be read as text ({type(error).__name__})") from None
-    if len(text) > 1_000_000:
         raise StudyError(
-            str(file), "", "is larger than 1 MB and so no study; name the YAML file, not a recording"
-        )
-    try:
-        if re.search(r"(^|[\s\[{,:-])[&*][A-Za-z0-9_]+", text):
-            raise StudyError(str(file), "", "YAML anchors and aliases are not accepted; write the values out")
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" near line {mark.line + 1}" if mark else ""
-        raise StudyError(
-            str(file), "", f"is not valid YAML{where}; check indentation, brackets, colons"
+            shortened(str(file)), "", "there is no such file; give the path of a study (YAML)"
         ) from None
-    return study_from(data, file)
+    except ModelgenError as error:
+        raise StudyError(shortened(str(file), 200), "", str(error)) from None
+    return study_from(table, file)
 
 
 def study_from(data: Any, file: Path) -> Study:
@@ -331,20 +325,35 @@ def study_from(data: Any, file: Path) -> Study:
     try:
         return Study(**{str(key): value for key, value in data.items()}, file=file)
     except ValidationError as error:
-        raise _as_study_error(error, file) from None
+        raise as_study_error(error, file) from None
 
 
 def expand(text: str) -> str:
     """Replace ${NAME:-default} and ~ as a shell would."""
-    text = re.sub(r"\$\{(\w+)(?::-([^}]*))?\}", lambda m: os.environ.get(m[1]) or (m[2] or ""), text)
-    return os.path.expanduser(text)
+
+    def value(found: re.Match[str]) -> str:
+        name, default = found[1], found[2]
+        if (given := os.environ.get(name) or default) is None:
+            raise StudyError(
+                shortened(text),
+                "",
+                f"the environment variable {shortened(name)} is not set; set it, or write a default as "
+                f"${{{shortened(name)}:-FOLDER}}",
+            )
+        return given
+
+    return os.path.expanduser(re.sub(r"\$\{(\w+)(?::-([^}]*))?\}", value, text))
 
 
 def _expand_columns(columns: Any) -> Any:
-    """Allow `q1: position_1` and `q1: 3` for `q1: {column: ...}`."""
+    """Allow `q1: position_1` and `q1: 3` for `q1: {column: ...}`, and `q1: {sign: -1}` of its own column."""
     if isinstance(columns, dict):
         return {
-            str(key): {"column": value} if isinstance(value, (str, int)) else value
+            str(key): {"column": value}
+            if isinstance(value, (str, int))
+            else {"column": str(key)} | value
+            if isinstance(value, dict)
+            else value
             for key, value in columns.items()
         }
     return columns
@@ -388,14 +397,15 @@ def _known_keys(model: type[BaseModel]) -> list[str]:
     ]
 
 
-def _as_study_error(error: ValidationError, file: Path) -> StudyError:
+def as_study_error(error: ValidationError, file: Path) -> StudyError:
     """The first complaint of pydantic as one sentence: key, problem, remedy."""
     first = error.errors()[0]
     where = [part for part in first["loc"] if not (isinstance(part, str) and ("[" in part or part in _TAGS))]
     key = ""
     for part in where:
-        key += f"[{part + 1}]" if isinstance(part, int) else (f".{part}" if key else str(part))
-    kind, given = first["type"], first.get("input")
+        text = shortened(str(part))
+        key += f"[{part + 1}]" if isinstance(part, int) else (f".{text}" if key else text)
+    kind, given = first["type"], _Shown(first.get("input"))
     if kind == "extra_forbidden":
         owner: type[BaseModel] = Study
         for parent, model in (
@@ -405,11 +415,11 @@ def _as_study_error(error: ValidationError, file: Path) -> StudyError:
         ):
             owner = model if parent in where[:-1] else owner
         keys = _known_keys(owner)
-        hint = _did_you_mean(str(where[-1]), keys) or f"; the keys are {', '.join(keys)}"
+        hint = _did_you_mean(shortened(str(where[-1])), keys) or f"; the keys are {', '.join(keys)}"
         problem = f"unknown key{hint}"
     elif kind != "value_error" and kind != "missing" and len(where) == 1 and str(where[0]) in _EXPECTED:
         problem = f"{given!r} does not fit; give {_EXPECTED[str(where[0])]}"
-    elif key == "filter.decimation_cutoff_hz" and isinstance(given, str):
+    elif key == "filter.decimation_cutoff_hz" and isinstance(given.value, str):
         problem = f"{given!r} does not fit; give a frequency in Hz or auto"
     elif kind == "missing":
         problem = "this key is missing; add it"
@@ -419,7 +429,20 @@ def _as_study_error(error: ValidationError, file: Path) -> StudyError:
         problem = str(first["ctx"]["error"])
     else:
         problem = f"{given!r} does not fit: {first['msg'][0].lower()}{first['msg'][1:]}"
-    return StudyError(str(file), key, problem)
+    return StudyError(shortened(str(file), 200), key, " ".join(problem.split()))
+
+
+class _Shown:
+    """A value as a sentence can hold it."""
+
+    def __init__(self, value: Any) -> None:
+        self.value = value
+
+    def __repr__(self) -> str:
+        try:
+            return shortened(repr(self.value))
+        except (ValueError, RecursionError):  # an integer of thousands of digits
+            return "this value"
 
 
 _EXPECTED = {
