@@ -53,6 +53,6 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
             f"has {len(study.turn_over)} values, the robot {study.robot} has {len(columns.need.joints)} "
             "joints; give one per joint, 0 for one that keeps the plain sign",
         )
-    streams = tuple(open_recordings(study, columns.need))
+    streams = tuple(open_recordings(study, columns.need, columns.model.prismatic))
     banks = tuple(prepare(stream, study.filter, study.turn_over) for stream in streams)
     return Prepared(study, columns.model, columns, streams, banks)

@@ -4,49 +4,47 @@
 gaps, repeats, rest, units). `RecordingStream.segments()` then yields its uninterrupted stretches as blocks
 of uniform samples, however long the log is; `RecordingStream.load()` holds them whole as `Recording` values.
 
-What is refused: time that runs backwards, values that are not finite, a missing column, fewer than
-`MIN_SAMPLES` samples. What is mended and said (`notes`, `warnings`): rows whose time stamp repeats, rows that
-repeat the previous one (the same state read twice: dropped where single, so that motion is interpolated
-across them), jitter (resampled), gaps (the recording is split, never bridged), rest at both ends (not
-fitted).
+What is wrong with a table is found on the way and said as `checks` (examination/): mended, warned of, or
+refused. What is only done and noted (`notes`): rows whose time stamp repeats, rows that repeat the previous
+one (the same state read twice: dropped where single, so that motion is interpolated across them), jitter
+(resampled), gaps (the recording is split, never bridged), rest at both ends (not fitted).
 """
 
 from __future__ import annotations
 
 import difflib
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 
 from ident.errors import RecordingError, StudyError
+from ident.examination.check import refuse, worst_first
+from ident.examination.clock import time_stamps, uniform_clock
+from ident.examination.signals import Columns, of_table
+from ident.examination.velocity import velocity_agrees
 from ident.recordings.need import Need as Need
 from ident.recordings.need import need_of as need_of
-from ident.recordings.recording import (
-    MIN_SAMPLES,
-    RecordingStream,
-    Segment,
-    Survey,
-    raw_blocks,
-    single_repeats,
-)
-from ident.recordings.remarks import MOVED, describe
+from ident.recordings.recording import RecordingStream, Survey
+from ident.recordings.remarks import notes_on
 from ident.recordings.study import ColumnMap, RecordingEntry, Study
+from ident.recordings.surveying import surveyed
 from ident.recordings.tables import Table, open_table
 
-COARSE_S = 0.05  # spacing of the positions by which rest is found
+
+def open_recordings(study: Study, need: Need, prismatic: Collection[str] = ()) -> list[RecordingStream]:
+    """Open and survey every recording of a study, in its order; `prismatic` joints by their label."""
+    return [open_recording(study, entry, need, prismatic) for entry in study.recordings]
 
 
-def open_recordings(study: Study, need: Need) -> list[RecordingStream]:
-    """Open and survey every recording of a study, in its order."""
-    return [open_recording(study, entry, need) for entry in study.recordings]
-
-
-def open_recording(study: Study, entry: RecordingEntry, need: Need) -> RecordingStream:
+def open_recording(
+    study: Study, entry: RecordingEntry, need: Need, prismatic: Collection[str] = ()
+) -> RecordingStream:
     """Find the columns, survey the rows. Raises RecordingError or StudyError."""
     _check_sizes(study, need)
     path = study.recording_path(entry)
     table = open_table(path if entry.table is None else entry.table, entry.decimal, entry.label)
-    names, factors, offsets, notes = _columns(study, entry, need, table)
+    names, signals, factors, offsets = _columns(study, entry, need, table)
     window = (-np.inf if entry.from_s is None else entry.from_s, np.inf if entry.to_s is None else entry.to_s)
     stiffness = np.array(study.stiffness) if study.positions == "joint" and study.stiffness else None
     stream = RecordingStream(
@@ -59,14 +57,41 @@ def open_recording(study: Study, entry: RecordingEntry, need: Need) -> Recording
         names,
         factors,
         offsets,
-        entry.rate_hz if "t" not in notes else None,
+        entry.rate_hz if signals[0] != "t" else None,
         window,
         stiffness,
         _NO_SURVEY,
     )
-    survey = _survey(stream, study)
-    said, warnings = describe(stream, survey)
-    return replace(stream, survey=survey, notes=said, warnings=warnings)
+    seen, checks = surveyed(stream, study), []
+    if seen.bursts and stream.counted_rate_hz is None:
+        stamps = table.blocks(names[:1])
+        clock = uniform_clock((b[:, 0] * factors[0] + offsets[0] for b in stamps), window)
+        checks.append(time_stamps(stream.label, clock, seen.bursts, seen.survey.rows))
+        refuse(stream.file, checks)
+        stream = replace(
+            stream,
+            names=names[1:],
+            factors=factors[1:],
+            offsets=offsets[1:],
+            counted_rate_hz=clock.rate_hz,
+            counted_from_s=clock.start,
+        )
+        seen = surveyed(stream, study)
+    columns = Columns(
+        stream.label,
+        tuple(signal for signal in signals if signal != "t"),
+        stream.signal_joints,
+        tuple(str(joint) for joint in need.joints),
+        {**study.columns, **entry.columns},
+        need.names,
+        np.array([str(joint) in prismatic for joint in need.joints]),
+    )
+    survey = seen.survey
+    checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, survey.rows)
+    checks += velocity_agrees(columns, stream, table)
+    refuse(stream.file, checks)
+    notes = (*table.remarks, *notes_on(stream.label, survey))
+    return replace(stream, survey=survey, notes=notes, checks=worst_first(checks))
 
 
 def _check_sizes(study: Study, need: Need) -> None:
@@ -82,8 +107,8 @@ def _check_sizes(study: Study, need: Need) -> None:
 
 def _columns(
     study: Study, entry: RecordingEntry, need: Need, table: Table
-) -> tuple[tuple[str, ...], np.ndarray, np.ndarray, set[str]]:
-    """The table's columns for t, q, motor, sensor with their factors and offsets."""
+) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray, np.ndarray]:
+    """The table's columns for t, q, motor, sensor, which signals they are, their factors and offsets."""
     maps = {**study.columns, **entry.columns}
     known = {"t"} | {f"{kind}{j}" for kind in ("q", "dq", "ddq", "tau_m", "tau_l", "i") for j in need.joints}
     for name in maps:
@@ -98,7 +123,7 @@ def _columns(
     names: list[str] = []
     factors: list[float] = []
     offsets: list[float] = []
-    found: set[str] = set()
+    found: list[str] = []
 
     def add(signal: str, factor: float = 1.0) -> None:
         column = maps.get(signal, ColumnMap(column=signal))
@@ -116,7 +141,7 @@ def _columns(
         names.append(where)
         factors.append(column.sign * column.scale * factor)
         offsets.append(column.offset * factor)
-        found.add(signal)
+        found.append(signal)
 
     def has(signal: str) -> bool:
         return signal in maps or signal in table.columns
@@ -146,7 +171,7 @@ def _columns(
     if need.sensor:
         for k in need.sensor:
             add(f"tau_l{need.joints[k]}")
-    return tuple(names), np.array(factors), np.array(offsets), found
+    return tuple(names), tuple(found), np.array(factors), np.array(offsets)
 
 
 def _missing(table: Table, signal: str, where: str, mapped: bool) -> RecordingError:
@@ -170,129 +195,6 @@ def _missing(table: Table, signal: str, where: str, mapped: bool) -> RecordingEr
         f"column {where} is missing ({hint}); map it in the study with "
         f"columns: {{{signal}: {{column: NAME}}}}",
     )
-
-
-def _survey(stream: RecordingStream, study: Study) -> Survey:
-    """One pass: intervals, gaps, repeats, extremes, and when the motion begins and ends."""
-    settings = study.filter
-    n = len(stream.need.joints)
-    rows = same_stamp = repeated = held = missing = 0
-    first_interval, gap_s = 0.0, np.inf
-    lowest = highest = np.empty(0)
-    last_t: float | None = None
-    last_row = np.empty(0)
-    sums = np.zeros(3)  # intervals inside segments: count, sum, sum of squares about the median
-    worst = 0.0
-    marks: list[tuple[float, float]] = []  # gaps
-    coarse_t: list[np.ndarray] = []
-    coarse_q: list[np.ndarray] = []
-    begin = None
-    for t, values in raw_blocks(stream):
-        if begin is None:
-            begin = float(t[0])
-            lowest, highest = values.min(axis=0), values.max(axis=0)
-            intervals = np.diff(t)
-            positive = intervals[intervals > 0]
-            if (intervals < 0).any() or not len(positive):
-                _refuse_time(stream, t[1:], intervals, rows + 1)
-            first_interval = float(np.median(positive))
-            gap_s = max(5 * first_interval, 0.15 / settings.position_cutoff_hz)
-            dt, before = intervals, values[:-1]
-            after, after_t = values[1:], t[1:]
-        else:
-            dt = np.diff(t, prepend=float(last_t or 0.0))
-            before, after, after_t = np.vstack([last_row, values[:-1]]), values, t
-        if (dt < 0).any():
-            _refuse_time(stream, after_t, dt, rows)
-        rows += len(t)
-        same = (after == before).all(axis=1)
-        moving = dt > 0
-        same_stamp += int((~moving).sum())
-        repeated += int(single_repeats(same & moving).sum())
-        held += int(single_repeats((after[:, :n] == before[:, :n]).all(axis=1) & ~same).sum())
-        wide = dt > gap_s
-        marks += [(float(after_t[k] - dt[k]), float(after_t[k])) for k in np.flatnonzero(wide)]
-        inner = dt[moving & ~wide]
-        sums += [len(inner), inner.sum(), ((inner - first_interval) ** 2).sum()]
-        worst = max(worst, float(np.abs(inner - first_interval).max(initial=0.0)))
-        missing += int(np.maximum(np.rint(inner / first_interval) - 1, 0).sum())
-        lowest, highest = np.minimum(lowest, values.min(axis=0)), np.maximum(highest, values.max(axis=0))
-        picks = _every(t, COARSE_S, coarse_t[-1][-1] if coarse_t else -np.inf)
-        if len(picks):
-            coarse_t.append(t[picks])
-            coarse_q.append(values[picks, :n])
-        last_t, last_row = float(t[-1]), values[-1]
-    if begin is None or last_t is None:
-        raise RecordingError(
-            stream.file, "holds no rows between from and to; correct the window in the study"
-        )
-    if rows < MIN_SAMPLES:
-        raise RecordingError(
-            stream.file,
-            f"holds only {rows} samples, at least {MIN_SAMPLES} are needed; record longer or widen from/to",
-        )
-    mean = sums[1] / max(sums[0], 1)
-    uniform = worst < 0.02 * first_interval and same_stamp == 0 and settings.resample_hz is None
-    uniform = uniform and repeated < 0.001 * rows
-    jitter = float(np.sqrt(sums[2] / max(sums[0], 1)))
-    rate = 1.0 / mean if uniform else settings.resample_hz or _round_rate(1.0 / first_interval)
-    edges = [begin, *[edge for mark in marks for edge in mark], last_t]
-    segments = _segments(edges, np.concatenate(coarse_t), np.concatenate(coarse_q), study.trim_rest, rate)
-    if not segments:
-        raise RecordingError(
-            stream.file, "has no stretch without gaps that is long enough to filter; record again"
-        )
-    return Survey(
-        rows, rate, uniform, jitter, same_stamp, repeated, held, lowest, highest, segments, gap_s, missing
-    )
-
-
-def _refuse_time(stream: RecordingStream, t: np.ndarray, dt: np.ndarray, row: int) -> None:
-    if not (dt < 0).any():
-        raise RecordingError(
-            stream.file, "the time column does not advance; map the right column with columns: {t: ...}"
-        )
-    k = int(np.argmax(dt < 0))
-    at = float(t[k])
-    raise RecordingError(
-        stream.file,
-        f"time runs backwards near row {row + k + 1} (at {at:g} s); sort the rows, or "
-        "split the file where the clock was reset",
-    )
-
-
-def _round_rate(rate: float) -> float:
-    """A measured rate to three digits: 1010.1 Hz of jittered stamps is 1010 Hz."""
-    return float(f"{rate:.3g}")
-
-
-def _every(t: np.ndarray, spacing: float, last: float) -> np.ndarray:
-    slots = np.floor(t / spacing)
-    new = np.diff(slots, prepend=np.floor(last / spacing) if np.isfinite(last) else slots[0] - 1) > 0
-    return np.flatnonzero(new)
-
-
-def _segments(
-    edges: list[float], t: np.ndarray, q: np.ndarray, trim: bool, rate: float
-) -> tuple[Segment, ...]:
-    """Segments between gaps, at least MIN_SAMPLES long, with the times at which motion begins and ends."""
-    out = []
-    for start, end in zip(edges[::2], edges[1::2]):
-        if (end - start) * rate < MIN_SAMPLES:
-            continue
-        inside = (t >= start) & (t <= end)
-        move_start, move_end = start, end
-        if trim and inside.sum() > 2:
-            times, positions = t[inside], q[inside]
-            away = np.flatnonzero((np.abs(positions - positions[0]) > MOVED).any(axis=1))
-            back = np.flatnonzero((np.abs(positions - positions[-1]) > MOVED).any(axis=1))
-            if len(away) and len(back):
-                move_start = float(times[max(away[0] - 1, 0)]) if away[0] > 1 else start
-                move_end = (
-                    float(times[min(back[-1] + 1, len(times) - 1)]) if back[-1] < len(times) - 2 else end
-                )
-        out.append(Segment(start, end, move_start, move_end))
-    return tuple(out)
 
 
 _NO_SURVEY = Survey(0, 1.0, True, 0.0, 0, 0, 0, np.empty(0), np.empty(0), (), np.inf, 0)

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.errors import RecordingError
+from ident.examination.check import Check
+from ident.examination.samples import NOTHING, Mending
 from ident.recordings.need import Need
 from ident.recordings.resampling import resample
 from ident.recordings.study import Role
@@ -48,6 +49,7 @@ class Survey:
     segments: tuple[Segment, ...]
     gap_s: float  # intervals longer than this split
     missing_rows: int  # shorter holes that interpolation crosses
+    mending: Mending = NOTHING  # what replaces samples that are no measurement
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,20 +87,35 @@ class RecordingStream:
     names: tuple[str, ...]  # columns of the table: t (unless counted), q, motor, sensor
     factors: np.ndarray  # (columns,)
     offsets: np.ndarray
-    counted_rate_hz: float | None  # t is the row number over this where the table has no time
+    counted_rate_hz: float | None  # t is the row number over this where the table has no time of its own
     window: tuple[float, float]
     stiffness: np.ndarray | None  # (n,) when positions are the joints'
     survey: Survey
     notes: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
+    counted_from_s: float = 0.0
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What was found in it and left as it is, as sentences."""
+        return tuple(check.sentence for check in self.checks if check.outcome == "warned")
+
+    @property
+    def signal_joints(self) -> np.ndarray:
+        """(m,) joint (from 0) of each signal: positions, then motor, then sensor torques."""
+        return np.array([*range(len(self.need.joints)), *self.need.motor, *self.need.sensor], int)
 
     @property
     def rate_hz(self) -> float:
         return self.survey.rate_hz
 
     def segments(self) -> Iterator[tuple[Segment, Iterator[np.ndarray]]]:
-        """Segments in order; each with blocks (N, m) of uniform samples, to be used up before the next
-        one."""
+        """Segments in order; each with blocks (N, m + n) of uniform samples, to be used up before the next
+        one.
+
+        The last n columns are 1 where the joint's sample is a measurement, anything else where it is not
+        (`weight`).
+        """
         pieces = _Pieces(_clean(self, self.survey.gap_s, drop_repeats=not self.survey.uniform))
         for segment in self.survey.segments:
             blocks = pieces.take(segment.start, segment.end)
@@ -108,12 +125,16 @@ class RecordingStream:
             )
 
     def split(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """Columns of a block (N, m) -> q (N, n), motor and sensor signals of the joints that need names, or
-        None."""
+        """Columns of a block (N, m + n) -> q (N, n), motor and sensor signals of the joints that need names,
+        or None."""
         n, m = len(self.need.joints), len(self.need.motor)
         motor = values[:, n : n + m] if self.need.motor else None
-        sensor = values[:, n + m :] if self.need.sensor else None
+        sensor = values[:, n + m : n + m + len(self.need.sensor)] if self.need.sensor else None
         return values[:, :n], motor, sensor
+
+    def weight(self, values: np.ndarray) -> np.ndarray:
+        """(N, n) of a block: 1 where the joint's torque and all positions are measurements, else 0."""
+        return (np.abs(values[:, -len(self.need.joints) :] - 1.0) < 1e-6).astype(float)
 
     def load(self) -> list[Recording]:
         """The whole recording in memory, one value per segment."""
@@ -140,39 +161,40 @@ class RecordingStream:
         return out
 
 
-def raw_blocks(stream: RecordingStream) -> Iterator[Block]:
-    """SI blocks (t, values) inside the window, checked for finite values."""
+def raw_blocks(stream: RecordingStream) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Blocks (rows of the table, t, values (N, m) in SI) inside the window; rows without a time are left
+    out."""
     row = 0
     for block in stream.table.blocks(stream.names):
-        values = block * stream.factors + stream.offsets
+        with np.errstate(all="ignore"):
+            values = block * stream.factors + stream.offsets
+        rows = np.arange(row, row + len(values))
+        row += len(block)
         if stream.counted_rate_hz is not None:
-            t = np.arange(row, row + len(values)) / stream.counted_rate_hz
+            t = stream.counted_from_s + rows / stream.counted_rate_hz
         else:
             t, values = values[:, 0], values[:, 1:]
-        inside = (t >= stream.window[0]) & (t < stream.window[1]) | ~np.isfinite(t)
-        if not np.isfinite(block).all() and not np.isfinite(block[inside]).all():
-            bad_row, bad_column = np.argwhere(~np.isfinite(block) & inside[:, None])[0]
-            raise RecordingError(
-                stream.file,
-                f"column {stream.names[bad_column]} is not a finite number in row "
-                f"{row + bad_row + 1}; repair it, or leave it out with from: and to:",
-            )
-        row += len(block)
+        inside = (t >= stream.window[0]) & (t < stream.window[1]) & np.isfinite(t)
         if stream.stiffness is not None:  # Appendix 2: q - tau_l / k
             n = len(stream.need.joints)
             values = values.copy()
             values[:, :n] -= values[:, -n:] / stream.stiffness
         if inside.all():
-            yield t, values
+            yield rows, t, values
         elif inside.any():
-            yield t[inside], values[inside]
+            yield rows[inside], t[inside], values[inside]
 
 
 def _clean(stream: RecordingStream, gap_s: float, drop_repeats: bool) -> Iterator[Block]:
-    """Blocks without rows whose stamp repeats and, where asked, without rows that repeat the one before
-    them."""
+    """Mended blocks (t, values and weights (N, m + n)) without rows whose stamp repeats and, where asked,
+    without rows that repeat the one before them."""
     last_t, last_row = None, None
-    for t, values in raw_blocks(stream):
+    n, joints = len(stream.need.joints), stream.signal_joints
+    for rows, stamps, raw in raw_blocks(stream):
+        t, mended, weight = stream.survey.mending.apply(rows, stamps, raw, n, joints)
+        if not len(t):
+            continue
+        values = np.hstack([mended, weight])
         dt = np.diff(t, prepend=t[0] - 1.0 if last_t is None else last_t)
         keep = dt > 0
         if drop_repeats:

@@ -23,7 +23,8 @@ deviations. Hence
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a true
      equation; errors are reported over all samples nevertheless,
   3. where it counts, the column is the sign; between -vs and vs it is tanh(2.5 dq / vs),
-  4. it runs through the same decimation filter as the torque, as all columns do.
+  4. samples that are no measurement (examination/samples.py) do not count either,
+  5. it runs through the same decimation filter as the torque, as all columns do.
 Rest at the ends is not used, nor the first and last moments of a segment, which the filter made up.
 """
 
@@ -226,15 +227,14 @@ def filter_blocks(
             continue
         size = scipy.fft.next_fast_len(len(window), real=True)
         frequency = scipy.fft.rfftfreq(size, period)
-        smoothed = window if torque_too else window[:, :n]
+        smoothed = window[:, :-n] if torque_too else window[:, :n]
         spectrum = scipy.fft.rfft(smoothed, size, axis=0)
         wide = slice(inner.start - 2, inner.stop + 2)
         low = scipy.fft.irfft(spectrum * bank.position.response(frequency)[:, None], size, axis=0)
         q = low[wide, :n]
         light = scipy.fft.irfft(spectrum[:, :n] * bank.sign.response(frequency)[:, None], size, axis=0)[wide]
         vs = bank.vs if bank.vs is not None else np.zeros(n)
-        torque = (low if torque_too else window)[inner]
-        _, motor, sensor = stream.split(torque)
+        _, motor, sensor = stream.split((low if torque_too else window)[inner])
         speed = first_difference(light, rate)
         span = slice(int(np.argmax(use)), count - int(np.argmax(use[::-1])))
         yield FilteredBlock(
@@ -246,7 +246,7 @@ def filter_blocks(
             None if motor is None else motor[span],
             None if sensor is None else sensor[span],
             vs,
-            certainty(speed[span], vs),
+            certainty(speed[span], vs) * stream.weight(window[inner])[span],
         )
 
 

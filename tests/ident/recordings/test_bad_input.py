@@ -34,17 +34,30 @@ def changed(columns, name, values):
     return {**columns, name: values}
 
 
-def test_nan_inside(tmp_path, good):
+def found(result, check):
+    return [c for c in result.checks if c.check == check]
+
+
+def test_a_single_nan_is_masked_and_said(tmp_path, good):
     tau = good["tau_m3"].copy()
     tau[1234] = np.nan
-    text = refusal(tmp_path, changed(good, "tau_m3", tau))
-    assert "tau_m3" in text and "1235" in text and "run.parquet" in text
+    stream = fit(tmp_path, changed(good, "tau_m3", tau)).recordings[0]
+    check = found(stream, "missing_values")[0]
+    assert check.outcome == "mended" and check.signals == ("tau_m3",) and check.rows == (1235, 1235)
 
 
-def test_infinite_position(tmp_path, good):
+def test_an_infinite_position_is_masked_and_said(tmp_path, good):
     q = good["q2"].copy()
     q[7] = np.inf
-    assert "q2" in refusal(tmp_path, changed(good, "q2", q))
+    stream = fit(tmp_path, changed(good, "q2", q)).recordings[0]
+    assert found(stream, "missing_values")[0].signals == ("q2",)
+
+
+def test_many_missing_values_are_refused(tmp_path, good):
+    tau = good["tau_m3"].copy()
+    tau[::15] = np.nan
+    text = refusal(tmp_path, changed(good, "tau_m3", tau))
+    assert "tau_m3" in text and "5 %" in text and "run.parquet" in text
 
 
 def test_missing_column(tmp_path, good):
@@ -108,16 +121,16 @@ def csv_of(columns, separator=",", decimal=".", rows=400):
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_decimal_comma(tmp_path, good, separator):
-    (tmp_path / "run.csv").write_text(csv_of(good, separator, ","))
+def test_decimal_comma_between_commas(tmp_path, good):
+    (tmp_path / "run.csv").write_text(csv_of(good, ",", ","))
     with pytest.raises(IdentError, match="decimal comma"):
         fit_study(load_study(write_study(tmp_path, [{"file": "run.csv"}])))
 
 
-def test_decimal_comma_is_read_when_told(tmp_path, good):
-    (tmp_path / "run.csv").write_text(csv_of(good, ";", ",", rows=4000))
-    result = fit_study(load_study(write_study(tmp_path, [{"file": "run.csv", "decimal": ","}])))
+@pytest.mark.parametrize(("separator", "told"), [(";", {}), ("\t", {}), (";", {"decimal": ","})])
+def test_decimal_comma_is_read(tmp_path, good, separator, told):
+    (tmp_path / "run.csv").write_text(csv_of(good, separator, ",", rows=4000))
+    result = fit_study(load_study(write_study(tmp_path, [{"file": "run.csv", **told}])))
     assert result.relative_error["identify"]["total"] < 5
 
 

@@ -1,0 +1,1 @@
+"""What is wrong with the data, said before anything is said about the robot."""

@@ -1,0 +1,100 @@
+"""Whether a column of time is one: its unit, and what to do with stamps that are rounded or come in bursts.
+
+All signals of a row share its stamp, so a constant delay of all stamps harms nothing. Rounded or buffered
+stamps lie in a saw-tooth above a straight line over the row number; where they leave it by no more than one
+of their own steps, that line is the clock. Where they do not, rows were lost or the clock wandered.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.examination.check import Check, column_line
+
+SLOWEST = 0.2  # s between samples: nobody records dynamics slower
+FASTEST = 1e-5
+UNITS = (("ms", 1e-3, 100.0), ("us", 1e-6, 1e5), ("ns", 1e-9, 1e9))  # name, scale, largest step in it
+LONGER = (("minutes", 60.0), ("hours", 3600.0), ("days", 86400.0))
+BURSTS = 0.05  # share of rows that share a stamp, or follow closer than a third of the mean
+
+
+def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | None:
+    """From the median step of the stamps as they stand; `maps`: the study's columns."""
+    found = None
+    if step >= SLOWEST:
+        found = next(((name, scale) for name, scale, most in UNITS if step <= most), UNITS[-1][:2])
+    elif step < FASTEST:
+        found = next(((name, s) for name, s in LONGER if 2e-4 <= step * s <= 0.1), None)
+    if found is None:
+        return None
+    name, scale = found
+    return Check(
+        "time_unit",
+        recording,
+        ("t",),
+        None,
+        "refused",
+        f"the samples are {step:g} apart in t, {1 / step:.3g} a second if that were s; "
+        f"t looks recorded in {name}",
+        "write " + column_line(maps, {"t": {"scale": scale}}),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """A uniform clock found behind stamps: t = start + row / rate_hz, and how far the stamps leave it."""
+
+    start: float
+    rate_hz: float
+    worst_s: float
+    step_s: float
+
+    @property
+    def believable(self) -> bool:
+        return self.worst_s <= 1.05 * self.step_s
+
+
+def uniform_clock(blocks: Iterable[np.ndarray], window: tuple[float, float] = (-np.inf, np.inf)) -> Clock:
+    """The line over the table's row numbers closest to the stamps inside the window, and their largest
+    distance from it and from each other."""
+    t = np.concatenate(list(blocks))
+    rows = np.flatnonzero((t >= window[0]) & (t < window[1]))
+    t = t[rows]
+    rate = (rows[-1] - rows[0]) / (t[-1] - t[0])
+    for _ in range(3):  # ends of a saw-tooth are not its mean
+        off = t - rows / rate
+        slope = np.polyfit((rows - rows[0]) / len(t), off, 1)[0] / len(t)
+        rate = 1.0 / (1.0 / rate + slope)
+    off = t - rows / rate
+    middle = (off.max() + off.min()) / 2
+    return Clock(float(middle), float(rate), float(np.abs(off - middle).max()), float(np.diff(t).max()))
+
+
+def time_stamps(recording: str, clock: Clock, shared: int, rows: int) -> Check:
+    """Stamps that come in bursts or are rounded coarsely: rebuilt where a uniform clock is behind them."""
+    what = f"{shared} of {rows} rows share a stamp with the row before or follow it in a burst"
+    if clock.believable:
+        return Check(
+            "time_stamps",
+            recording,
+            ("t",),
+            (1, rows),
+            "mended",
+            f"{what}; the stamps are those of a uniform clock of {clock.rate_hz:.6g} Hz within "
+            f"{1e3 * clock.worst_s:.3g} ms, which was used instead",
+            "",
+        )
+    return Check(
+        "time_stamps",
+        recording,
+        ("t",),
+        (1, rows),
+        "refused",
+        f"{what}, and no uniform clock is behind them (they leave the nearest by "
+        f"{1e3 * clock.worst_s:.3g} ms)",
+        "record the stamps where the samples are taken, or leave t out and give rate_hz: beside the file",
+    )

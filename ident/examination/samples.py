@@ -1,0 +1,340 @@
+"""Which samples of a table are no measurement: empty, sentinels, spikes, frozen; and which jumps are wraps.
+
+One pass, block by block. What is found is kept sparsely (row, column, value instead), so that later passes
+over the table only look it up; every replaced sample has weight zero from then on.
+
+A spike of one or two samples stands off the median of its five neighbours while the local prediction
+
+    x_i ~ (-x_(i-2) + 4 x_(i-1) + 4 x_(i+1) - x_(i+2)) / 6
+
+fails elsewhere by far less. The median follows every monotone stretch exactly (fast motion, a reversal's
+step of friction), the prediction's own scatter is noise, quantisation and curvature at once (Hampel 1974,
+with the scale taken from the prediction because a median's deviation is zero on a ramp). Its scale is the
+90 % quantile over some 300 samples, so that up to several per cent of spikes do not hide each other.
+Torques jump honestly (dry friction in one sample at 100 Hz reaches 0.6 of their range on the measured
+robots): there a spike must also be as large as the signal's range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ident.recordings.resampling import cubic_at
+
+SPIKE = 15.0  # in the local scale; 9 is the most on eleven measured robots' positions
+TORQUE_SPIKE = 12.0
+TORQUE_RANGE = 0.9  # of the signal's range; 0.67 is the most on the measured robots
+LEAST_SPIKE = 1e-4  # rad or m: below it nothing is harmed
+GROSS = 30.0  # ranges from the median at which short runs are no measurement
+GROSS_RUN = 20  # samples
+SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 2147483647.0, 2147483648.0)
+ABSURD = 1e9
+STRETCH = 100  # samples of a local scale
+CONTEXT = 64  # rows carried over from block to block
+FROZEN_S = 0.1
+STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots
+LEAST_STEP = 5e-3  # rad or m
+Block = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows (N,) of the table, t (N,), values (N, m)
+
+
+@dataclass(frozen=True, slots=True)
+class Mending:
+    """What replaces samples: rows (K,), columns (K,), values (K,); rows left out (D,); wraps (W,) each."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+    dropped: np.ndarray
+    wrap_rows: np.ndarray
+    wrap_columns: np.ndarray
+    wrap_turns: np.ndarray
+
+    def apply(
+        self, rows: np.ndarray, t: np.ndarray, values: np.ndarray, n: int, joint: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """-> kept t, mended values, weight (N, n) per joint: 0 where its torque or any position is made up.
+
+        joint (m,): whose signal each column is; the first n are the positions.
+        """
+        weight = np.ones((len(t), n))
+        if len(self.wrap_rows):
+            values = values.copy()
+            for k in np.unique(self.wrap_columns):
+                mine = self.wrap_columns == k
+                turns = np.concatenate([[0.0], np.cumsum(self.wrap_turns[mine])])
+                values[:, k] += 2 * np.pi * turns[np.searchsorted(self.wrap_rows[mine], rows, side="right")]
+        here = slice(*np.searchsorted(self.rows, [rows[0], rows[-1] + 1]))
+        if here.stop > here.start:
+            values = values.copy()
+            at, column = np.searchsorted(rows, self.rows[here]), self.columns[here]
+            values[at, column] = self.values[here]
+            weight[at[column < n]] = 0.0
+            weight[at, joint[column]] = 0.0
+        if len(self.dropped):
+            keep = ~np.isin(rows, self.dropped)
+            return t[keep], values[keep], weight[keep]
+        return t, values, weight
+
+
+NOTHING = Mending(*(np.zeros(0, int) for _ in range(2)), np.zeros(0), *(np.zeros(0, int) for _ in range(4)))
+
+
+@dataclass(slots=True)
+class Mender:
+    """Feeds blocks through and remembers what it replaced; `counts` is by kind and column (m,)."""
+
+    n: int
+    raw_scale: np.ndarray  # (m,) factors of the columns, to recognise sentinels
+    raw_offset: np.ndarray
+    counts: dict[str, np.ndarray] = field(default_factory=dict)
+    first: dict[str, dict[int, tuple[int, int]]] = field(default_factory=dict)  # kind: column: rows
+    gaps: list[tuple[float, float]] = field(default_factory=list)  # frozen stretches, s
+    steps: list[tuple[int, int, float]] = field(
+        default_factory=list
+    )  # row, column, size of leaps of positions
+    truncated: int | None = None  # row, where the last one is not whole
+    _found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=list)
+    _dropped: list[np.ndarray] = field(default_factory=list)
+    _wraps: list[tuple[int, int, int]] = field(default_factory=list)
+    _turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    _still: tuple[int, float, np.ndarray] | None = None  # row, t, values at which a frozen stretch began
+
+    def run(self, blocks: Iterable[Block]) -> Iterator[Block]:
+        """The same rows, mended, a little later."""
+        rows, t, values, begun = np.zeros(0, int), np.zeros(0), np.zeros((0, 0)), 0
+        for block in blocks:
+            if not len(t):
+                rows, t, values = block
+                self._turns = np.zeros(values.shape[1])
+            else:
+                rows, t, values = (np.concatenate(pair) for pair in zip((rows, t, values), block))
+            if len(t) >= 4096:
+                done = len(t) - CONTEXT
+                out, values = self._mend(rows, t, values, begun, done)
+                yield out
+                start = done - CONTEXT
+                rows, t, values, begun = rows[start:], t[start:], values[start:], CONTEXT
+        if len(t) > begun + 1 and not np.isfinite(values[-1]).all() and np.isfinite(values[-2]).all():
+            self.truncated = int(rows[-1])
+            self._dropped.append(rows[-1:])
+            rows, t, values = rows[:-1], t[:-1], values[:-1]
+        if len(t) > begun:
+            yield self._mend(rows, t, values, begun, len(t))[0]
+
+    def mending(self) -> Mending:
+        parts = (
+            [np.concatenate(part) for part in zip(*self._found)] if self._found else [np.zeros(0, int)] * 3
+        )
+        order = np.argsort(parts[0], kind="stable")
+        wraps = np.array(sorted(self._wraps), int).reshape(-1, 3)
+        dropped = np.unique(np.concatenate(self._dropped)) if self._dropped else np.zeros(0, int)
+        return Mending(*(part[order] for part in parts), dropped, *wraps.T)
+
+    def _mend(
+        self, rows: np.ndarray, t: np.ndarray, values: np.ndarray, begun: int, done: int
+    ) -> tuple[Block, np.ndarray]:
+        """Rows begun..done of a block in its context, mended; and the whole block, for its next turn."""
+        values = values.copy()
+        fresh = np.zeros(len(t), bool)
+        fresh[begun:done] = True
+        empty = ~np.isfinite(values)
+        sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset)
+        sentinel &= ~empty
+        self._count("missing_values", rows, empty & fresh[:, None])
+        self._count("sentinel", rows, sentinel & fresh[:, None])
+        bad = empty | sentinel | gross
+        filled = _filled(t, values, bad)
+        self._unwrap(rows, filled, begun, done)
+        values = np.where(bad, values, filled)
+        spikes = gross & ~empty & ~sentinel
+        for k in range(values.shape[1]):
+            spikes[:, k] |= is_spike(filled[:, k], position=k < self.n) & ~bad[:, k]
+        self._count("spike", rows, spikes & fresh[:, None])
+        bad |= spikes
+        filled = _filled(t, values, bad)
+        self._leaps(rows, t, filled, fresh)
+        here = bad & fresh[:, None]
+        drop = _long_gaps(t, bad[:, : self.n]) & fresh
+        drop |= self._frozen(rows, t, filled, begun, done)
+        if here.any():
+            at, column = np.nonzero(here)
+            self._found.append((rows[at], column, filled[at, column]))
+        if drop.any():
+            self._dropped.append(rows[drop])
+        keep = fresh & ~drop
+        return (rows[keep], t[keep], filled[keep]), np.where(bad, np.nan, values)
+
+    def _count(self, kind: str, rows: np.ndarray, bad: np.ndarray) -> None:
+        if not bad.any():
+            return
+        self.counts[kind] = self.counts.get(kind, 0) + bad.sum(axis=0)
+        seen = self.first.setdefault(kind, {})
+        for k in np.flatnonzero(bad.any(axis=0)):
+            at = rows[bad[:, k]] + 1
+            seen[int(k)] = (seen.get(int(k), (int(at[0]), 0))[0], int(at[-1]))
+
+    def _unwrap(self, rows: np.ndarray, values: np.ndarray, begun: int, done: int) -> None:
+        """Jumps of one turn are undone in place; those in begun..done are remembered."""
+        following = 0 if done == len(values) else done - CONTEXT
+        for k in range(self.n):
+            column = values[:, k]
+            step = np.diff(column)
+            turns = -np.rint(step / (2 * np.pi))
+            turns[(np.abs(turns) > 1) | (np.abs(step + 2 * np.pi * turns) > 1.0)] = 0.0
+            jumps = np.flatnonzero(turns)
+            if len(jumps) and np.quantile(np.abs(step), 0.95) > 1.0:  # no positions in rad at all
+                turns[:], jumps = 0.0, jumps[:0]
+            for at in jumps:  # there and back at once is a glitch
+                if turns[at] and turns[at + 1 : at + 4].sum() == -turns[at]:
+                    turns[at : at + 4] = 0.0
+            column += 2 * np.pi * (self._turns[k] + np.concatenate([[0.0], np.cumsum(turns)]))
+            for at in np.flatnonzero(turns):
+                if begun <= at + 1 < done:
+                    self._wraps.append((int(rows[at + 1]), int(k), int(turns[at])))
+            self._turns[k] += turns[:following].sum()
+
+    def _leaps(self, rows: np.ndarray, t: np.ndarray, x: np.ndarray, fresh: np.ndarray) -> None:
+        """Positions that change by far more from one row to the next than around it, and stay there."""
+        dt = np.diff(t)
+        if len(dt) < 30 or len(self.steps) > 20:
+            return
+        usual = dt < 2.5 * np.median(dt[dt > 0]) if (dt > 0).any() else dt < 0
+        for k in range(self.n):
+            d = np.diff(x[:, k])
+            around = np.pad(d, 2, mode="edge")
+            off = np.abs(d - np.median([around[:-4], around[1:-3], around[3:-1], around[4:]], axis=0)) * usual
+            scale = max(np.quantile(off, 0.99), 0.5 * np.quantile(np.abs(d), 0.95), LEAST_STEP / STEP)
+            for at in np.flatnonzero(off > STEP * scale):
+                near = np.concatenate([off[max(0, at - 25) : max(0, at - 1)], off[at + 2 : at + 27]])
+                if fresh[at + 1] and off[at] > STEP * near.max(initial=0.0):
+                    self.steps.append((int(rows[at + 1]), k, float(d[at])))
+
+    def _frozen(self, rows: np.ndarray, t: np.ndarray, x: np.ndarray, begun: int, done: int) -> np.ndarray:
+        """Rows in which nothing at all changed, ending in a jump of a position: the logger stood still."""
+        out = np.zeros(len(t), bool)
+        first = max(begun, 1)
+        before = self._still or (int(rows[first - 1]), float(t[first - 1]), x[first - 1])
+        changed = np.flatnonzero((x[first:done] != x[first - 1 : done - 1]).any(axis=1)) + first
+        if not len(changed):
+            self._still = before
+            return out
+        since_row, since_t = (np.concatenate([[b], v[changed[:-1]]]) for b, v in zip(before, (rows, t)))
+        for at in np.flatnonzero((t[changed - 1] - since_t > FROZEN_S) & (rows[changed] - since_row > 9)):
+            here, row = changed[at], int(since_row[at])
+            value = before[2] if at == 0 else x[changed[at - 1]]
+            step = np.abs(np.diff(x[:, : self.n], axis=0))
+            typical = np.array([np.median(s[s > 0]) if (s > 0).any() else np.inf for s in step.T])
+            if len(changed) > 8 and (np.abs(x[here, : self.n] - value[: self.n]) > 8 * typical).any():
+                out |= (rows > row) & (rows < rows[here])
+                self._dropped.append(np.arange(row + 1, rows[here]))
+                self.gaps.append((float(since_t[at]), float(t[here])))
+                count = np.zeros(x.shape[1], int) + int(rows[here] - row - 1)
+                self.counts["frozen"] = self.counts.get("frozen", 0) + count
+                self.first.setdefault("frozen", {})[len(self.gaps)] = (row + 2, int(rows[here]))
+        last = changed[-1]
+        self._still = (int(rows[last]), float(t[last]), x[last])
+        out[:begun] = False
+        return out
+
+
+def no_measurement(x: np.ndarray, factor: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(N, m) each: absurd numbers and sentinels far outside the rest; short runs far outside it."""
+    with np.errstate(all="ignore"):
+        out = np.abs(np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)) > ABSURD
+        clean = np.where(out, np.nan, x)
+        if not out.any() and np.isfinite(clean).all():
+            low, middle, high = np.percentile(clean[:: max(1, len(x) // 4000)], [5, 50, 95], axis=0)
+        else:
+            live = np.isfinite(clean).any(axis=0)
+            low, middle, high = np.zeros((3, x.shape[1]))
+            if live.any():
+                low[live], middle[live], high[live] = np.nanpercentile(clean[:, live], [5, 50, 95], axis=0)
+        away = np.abs(clean - middle)
+        reach = np.maximum(high - low, 1e-12)
+        far = away > 5 * reach
+        if not far.any():
+            return out, far & False
+        raw = np.abs((clean - offset) / factor)
+        sentinel = np.zeros_like(out)
+        for value in SENTINELS:
+            sentinel |= np.abs(raw - value) < 1e-6 * value
+        gross = away > GROSS * np.maximum(reach, 1e-3)
+    out = out | (far & sentinel)
+    return out, np.column_stack([_short(g, c) for g, c in zip((gross & ~out).T, clean.T)])
+
+
+def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Of the runs of a signal (N,) far outside the rest, those that are short and begin and end in a leap."""
+    out = np.zeros(len(x), bool)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], far.view(np.int8), [0]])))
+    middle = np.nanmedian(x) if far.any() else 0.0
+    for start, stop in edges.reshape(-1, 2):
+        before, after = max(start - 1, 0), min(stop, len(x) - 1)
+        leaps = np.abs([x[start] - x[before], x[stop - 1] - x[after]])
+        if stop - start <= GROSS_RUN and (leaps > 0.5 * np.abs(x[[start, stop - 1]] - middle)).all():
+            out[start:stop] = True
+    return out
+
+
+def is_spike(x: np.ndarray, position: bool) -> np.ndarray:
+    """(N,) bool for one signal (N,)."""
+    none = np.zeros(len(x), bool)
+    if len(x) < 20:
+        return none
+    a, b, c, d, e = (np.pad(x, 2, mode="edge")[k : k + len(x)] for k in range(5))
+    off = np.abs(c - _median_of_five(a, b, c, d, e))
+    reach = 0.0
+    if not position:
+        low, high = np.percentile(x, [0.5, 99.5])
+        reach = TORQUE_RANGE * (high - low)
+    candidates = off > max(reach, LEAST_SPIKE if position else 0.0)
+    if not candidates.any():
+        return none
+    miss = np.abs(c - (-a + 4 * b + 4 * d - e) / 6)
+    changes = np.abs(np.diff(x))
+    changes = changes[changes > 0]
+    smallest = np.quantile(changes, 0.1) if len(changes) else np.inf
+    least = max(0.3 * np.quantile(miss, 0.9), smallest)
+    factor = SPIKE if position else TORQUE_SPIKE
+    for at in np.flatnonzero(candidates & (off > factor * least)):
+        near = miss[max(0, at - STRETCH) : at + STRETCH]
+        none[at] = off[at] > factor * np.quantile(near, 0.9)
+    return none
+
+
+def _median_of_five(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, e: np.ndarray) -> np.ndarray:
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
+
+
+def _filled(t: np.ndarray, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    """Values with the bad ones interpolated by cubics; held beyond the last good one."""
+    if not bad.any():
+        return values.copy()
+    out = values.copy()
+    time = t + 1e-12 * np.arange(len(t)) if (np.diff(t) <= 0).any() else t
+    for k in np.flatnonzero(bad.any(axis=0)):
+        good = ~bad[:, k]
+        if not good.any():
+            out[:, k] = 0.0
+            continue
+        at = np.clip(time[~good], time[good][0], time[good][-1])
+        out[~good, k] = (
+            cubic_at(time[good], values[good, k : k + 1], at)[:, 0] if good.sum() > 1 else values[good, k]
+        )
+    return out
+
+
+def _long_gaps(t: np.ndarray, bad: np.ndarray) -> np.ndarray:
+    """(N,) bool: rows of runs in which a position is unknown for longer than motion can be interpolated."""
+    out = np.zeros(len(t), bool)
+    for column in bad.T:
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], column.view(np.int8), [0]])))
+        for start, stop in edges.reshape(-1, 2):
+            if stop - start > 8:
+                out[start:stop] = True
+    return out

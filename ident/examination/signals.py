@@ -1,0 +1,285 @@
+"""What the columns of one table show each for itself: lost samples, dead torques, resting joints, limits hit.
+
+Every function is pure: what one pass counted goes in, checks come out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.examination.check import Check, column_line, listed
+from ident.examination.excerpt import Excerpt
+from ident.examination.samples import Mender
+
+MOST_MISSING = 0.05
+MOST_SPIKES = 0.01
+MOVED = 1e-3  # rad or m: less is rest
+TURNS = 4 * np.pi
+COUNTS = 1000.0  # rad: beyond it no joint goes, but an encoder's counts do
+CLIPPED_RUN = 5  # consecutive samples exactly at the extreme while the joint moves
+CLIPPED_EXCESS = 6.0  # of samples at the extreme over those just below it; a rounded peak has 2.4
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Names of one table's signals: positions, then torques; `joint` (m,) from 0, labels (n,)."""
+
+    recording: str
+    signals: tuple[str, ...]  # the study's names: q1.., tau_m1.. or i1.., tau_l1..
+    joint: np.ndarray
+    labels: tuple[str, ...]
+    maps: Mapping[str, Any]  # the study's column maps
+    channels: tuple[str, ...]  # torques in use
+    prismatic: np.ndarray  # (n,) bool
+
+    @property
+    def n(self) -> int:
+        return len(self.labels)
+
+    def without(self, dead: Sequence[str]) -> str:
+        """The `channels:` line that leaves torques out."""
+        gone = {"tau_m" + name[1:] if name.startswith("i") else name for name in dead}
+        gone |= {"tau_d" + name[5:] for name in gone}
+        return f"channels: [{', '.join(name for name in self.channels if name not in gone)}]"
+
+
+_WORDS = {
+    "missing_values": "empty or not a number",
+    "sentinel": "a logger's mark for no value",
+    "frozen": "frozen: nothing at all changes, then positions leap",
+    "spike": "a spike, far off its neighbours in the signal's own noise",
+}
+_CURE = {
+    "missing_values": "export the log without them, or leave the stretch out with from: and to:",
+    "sentinel": "export the log without them, or leave the stretch out with from: and to:",
+    "frozen": "leave the stretches out with from: and to:",
+    "spike": "find what disturbs this sensor or its cable",
+}
+
+
+def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]:
+    """One check a kind of samples that are no measurement."""
+    for kind, counts in mender.counts.items():
+        mine = np.flatnonzero(counts)
+        if not len(mine):
+            continue
+        worst = int(counts.max())
+        limit = MOST_SPIKES if kind == "spike" else MOST_MISSING
+        refused = worst > limit * rows
+        names = tuple(columns.signals[k] for k in mine)
+        seen = mender.first[kind].values()
+        span = min(a for a, _ in seen), max(b for _, b in seen)
+        subject = "all signals" if kind == "frozen" else listed(names)
+        if refused:
+            said = f"{worst} of {rows} samples of {names[int(np.argmax(counts[mine]))]} are"
+            message = f"{said} {_WORDS[kind]} (rows {span[0]} to {span[1]}), more than {100 * limit:g} %"
+        else:
+            number = worst if kind == "frozen" else int(counts.sum())
+            message = (
+                f"{number} sample{'s' if number > 1 else ''} of {subject} "
+                f"{'are' if number > 1 else 'is'} {_WORDS[kind]} (rows {span[0]} to {span[1]}); "
+                "interpolated, and given no weight in the fit"
+            )
+        check = "missing_values" if kind == "sentinel" else kind
+        yield Check(
+            check,
+            columns.recording,
+            () if kind == "frozen" else names,
+            span,
+            "refused" if refused else "mended",
+            message,
+            _CURE[kind] if refused else "",
+        )
+    if mender.truncated is not None:
+        row = mender.truncated + 1
+        yield Check(
+            "truncated",
+            columns.recording,
+            (),
+            (row, row),
+            "mended",
+            f"the last row ({row}) is not whole and was left out",
+            "",
+        )
+
+
+def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
+    """Positions that leap by a whole turn were made continuous."""
+    mending = mender.mending()
+    for k in np.unique(mending.wrap_columns):
+        rows = mending.wrap_rows[mending.wrap_columns == k] + 1
+        yield Check(
+            "wrap",
+            columns.recording,
+            (columns.signals[k],),
+            (int(rows[0]), int(rows[-1])),
+            "mended",
+            f"{columns.signals[k]} leaps by a whole turn {len(rows)} time{'s' if len(rows) > 1 else ''} "
+            f"(first in row {rows[0]}); made continuous",
+            "",
+        )
+
+
+def position_steps(columns: Columns, mender: Mender) -> Iterator[Check]:
+    """A position that leaps and stays is an encoder that slipped, or rows that are gone."""
+    if not mender.steps:
+        return
+    row, k, size = mender.steps[0]
+    unit = "m" if columns.prismatic[k] else "rad"
+    names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in mender.steps))
+    yield Check(
+        "position_step",
+        columns.recording,
+        names,
+        (row + 1, row + 1),
+        "refused",
+        f"{columns.signals[k]} leaps by {size:.3g} {unit} in row {row + 1} and stays there, "
+        "as when an encoder slips or rows were cut out",
+        "use the part before or after it with from: and to:",
+    )
+
+
+def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:
+    """Torques that never change, joints that never move. lowest, highest (m,)."""
+    n, reach = columns.n, highest - lowest
+    still = [k for k in range(n) if reach[k] < MOVED]
+    if still:
+        which = listed(columns.labels[k] for k in still)
+        yield Check(
+            "resting_joint",
+            columns.recording,
+            tuple(columns.signals[k] for k in still),
+            None,
+            "warned",
+            f"joint {which} never moves, so its own parameters cannot be seen here",
+            "record it moving",
+        )
+    dead = [k for k in range(n, len(reach)) if reach[k] == 0 and columns.joint[k] not in still]
+    if not dead:
+        return
+    names = tuple(columns.signals[k] for k in dead)
+    everything = len(dead) == len(reach) - n
+    value = f"{lowest[dead[0]]:g}"
+    yield Check(
+        "dead_channel",
+        columns.recording,
+        names,
+        None,
+        "refused",
+        f"{listed(names)} {'reads' if len(names) == 1 else 'read'} {value} throughout: dead or absent"
+        if not everything
+        else f"no torque is recorded: {listed(names)} never changes while joints move",
+        "map the right columns with columns: {...}"
+        if everything
+        else f"leave {'it' if len(names) == 1 else 'them'} out with {columns.without(names)}",
+    )
+
+
+def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """A signal of two values is a switch."""
+    for k, name in enumerate(columns.signals):
+        values = excerpt.column(k)
+        distinct = np.unique(values[:: max(1, len(values) // 2000)])
+        if len(distinct) == 2 and set(distinct) <= {0.0, 1.0} and len(np.unique(values)) == 2:
+            out = f", or leave it out with {columns.without([name])}" if k >= columns.n else ""
+            yield Check(
+                "flag_column",
+                columns.recording,
+                (name,),
+                None,
+                "refused",
+                f"{name} holds only 0 and 1: a switch, not a measurement",
+                f"map the right column with columns: {{{name}: {{column: ...}}}}{out}",
+            )
+
+
+def limits_hit(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Torques that stay exactly at their extreme while the joint moves."""
+    for k in range(columns.n, len(columns.signals)):
+        x, q = excerpt.column(k), excerpt.column(int(columns.joint[k]))
+        for sign, word in ((1.0, "largest"), (-1.0, "smallest")):
+            y = sign * x
+            top = y == y.max()
+            steps = np.abs(np.diff(x))
+            smallest = np.quantile(steps[steps > 0], 0.1) if (steps > 0).any() else 0.0
+            below = (y >= y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x))) & ~top
+            moving = np.abs(np.diff(q, append=q[-1:])) > 0
+            count = int((top & moving).sum())
+            if count < 4 * CLIPPED_RUN or count < CLIPPED_EXCESS * max(below.sum(), 1) or y.max() <= 0:
+                continue
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
+            if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
+                yield Check(
+                    "saturation",
+                    columns.recording,
+                    (columns.signals[k],),
+                    None,
+                    "warned",
+                    f"{columns.signals[k]} stays exactly at its {word} value {sign * y.max():.4g} "
+                    f"for {100 * count / len(x):.2g} % of the samples, as a signal that is clipped",
+                    "record with a wider range, or a slower motion",
+                )
+                break
+
+
+def units(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:
+    """Positions beyond what joints reach: counts of an encoder; torques that only N mm give."""
+    n = columns.n
+    reach = np.maximum(np.abs(lowest), np.abs(highest))
+    counts = [k for k in range(n) if reach[k] > COUNTS]
+    if counts:
+        names = [columns.signals[k] for k in counts]
+        change = {"scale": "2*pi/(counts per turn * gear ratio)"}
+        yield Check(
+            "angle_unit",
+            columns.recording,
+            tuple(names),
+            None,
+            "refused",
+            f"{names[0]} reaches {reach[counts[0]]:.4g}, which no joint does in rad: {listed(names)} look "
+            "like an encoder's counts",
+            f"write columns: {{{names[0]}: {{scale: {change['scale']}}}, ...}} in the study, as a number",
+        )
+    far = [k for k in range(n) if TURNS < reach[k] <= COUNTS and not columns.prismatic[k]]
+    if far:
+        names = [columns.signals[k] for k in far]
+        yield Check(
+            "angle_unit",
+            columns.recording,
+            tuple(names),
+            None,
+            "warned",
+            f"{names[0]} reaches {reach[far[0]]:.4g}, more than two turns in rad, it looks like degrees or "
+            f"the motor's side of the gear (joints {listed(columns.labels[k] for k in far)})",
+            "if degrees, write " + column_line(columns.maps, {name: {"scale": 0.0174533} for name in names}),
+        )
+    large = [k for k in range(n, len(reach)) if reach[k] > 2e4]
+    if large:
+        names = [columns.signals[k] for k in large]
+        yield Check(
+            "torque_scale",
+            columns.recording,
+            tuple(names),
+            None,
+            "warned",
+            f"{names[0]} reaches {reach[large[0]]:.3g} N m, more than robots' joints give; it looks "
+            f"like N mm ({listed(names)})",
+            "if so write " + column_line(columns.maps, {name: {"scale": 0.001} for name in names}),
+        )
+
+
+def of_table(
+    columns: Columns, mender: Mender, excerpt: Excerpt, lowest: np.ndarray, highest: np.ndarray, rows: int
+) -> Iterable[Check]:
+    """Every check of this file."""
+    yield from lost_samples(columns, mender, rows)
+    yield from wraps(columns, mender)
+    yield from units(columns, lowest, highest)
+    yield from position_steps(columns, mender)
+    yield from dead_and_resting(columns, lowest, highest)
+    yield from flags(columns, excerpt)
+    yield from limits_hit(columns, excerpt)

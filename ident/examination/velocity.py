@@ -1,0 +1,173 @@
+"""Whether the logged velocity is the derivative of the logged position: clock, degrees, motor side.
+
+The velocity is not needed by any fit; as a second witness of the clock and of the positions' unit it is worth
+much. Both are compared after the same low-pass filter, at the lag (up to 50 ms) at which they agree best,
+because most controllers filter the velocity they log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ident.examination.check import Check, column_line, listed
+from ident.examination.signals import Columns
+
+if TYPE_CHECKING:
+    from ident.recordings.recording import RecordingStream
+    from ident.recordings.tables import Table
+
+ROWS = 40000
+SLIGHT = 0.05  # disagreement that is said
+WRONG = 0.25  # that is refused
+ALIKE = 0.9  # correlation from which two signals are the same but for a factor
+UNLIKE = 0.5
+LAG_S = 0.05
+DEGREE = 180 / np.pi
+
+
+def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> Iterator[Check]:
+    """Regression of dq on the derivative of q, joint by joint."""
+    has = {}
+    for j in columns.labels:
+        known = columns.maps.get(f"dq{j}")
+        where = known.column if known is not None else f"dq{j}"
+        where = table.columns[where] if isinstance(where, int) and where < len(table.columns) else where
+        if where in table.columns:
+            has[j] = (where, known.scale * known.sign if known else 1.0, known.offset if known else 0.0)
+    if not has or stream.stiffness is not None:
+        return
+    found = {}
+    t, q, dq = _read(columns, stream, table, has)
+    for k, j in enumerate(has):
+        fit = slope(t, q[:, k], dq[:, k])
+        if fit is not None:
+            found[j] = fit
+    yield from _judged(columns, found)
+
+
+def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator[Check]:
+    """found: joint -> slope, correlation."""
+    alike = {j: s for j, (s, r) in found.items() if abs(r) > ALIKE}
+    strangers = [j for j, (_, r) in found.items() if abs(r) < UNLIKE]
+    wrong = {j: s for j, s in alike.items() if abs(s - 1) > WRONG}
+    slight = [j for j, s in alike.items() if SLIGHT < abs(s - 1) <= WRONG]
+    if wrong:
+        values = np.array(list(wrong.values()))
+        factor = float(np.median(values))
+        together = len(wrong) == len(alike) and np.ptp(values) < 0.1 * abs(factor)
+        names = tuple(f"dq{j}" for j in wrong)
+        repair = column_line(
+            columns.maps, {f"dq{j}": {"scale": float(f"{1 / s:.6g}")} for j, s in wrong.items()}
+        )
+        if factor < 0 or not together:
+            text = ", ".join(f"{s:.4g}" for s in values)
+            why = "another sign" if factor < 0 else "another unit, or the motor's side of the gear"
+            message = f"{listed(names)}: {text} times the derivative of the positions ({why})"
+            remedy = f"write {repair}, or give the positions the scale or sign that makes them agree"
+        elif abs(factor / DEGREE - 1) < 0.05 or abs(factor * DEGREE - 1) < 0.05:
+            which = "velocities are in degrees" if factor > 1 else "positions are in degrees"
+            message = (
+                f"the logged velocities are {factor:.4g} times the derivative of the positions: the {which}"
+            )
+            qs = column_line(columns.maps, {f"q{j}": {"scale": 0.0174533} for j in columns.labels})
+            remedy = f"write {repair if factor > 1 else qs}"
+        else:
+            message = (
+                f"the logged velocities are {factor:.4g} times the derivative of the positions over t on "
+                f"{'every joint' if len(wrong) > 1 else 'joint ' + next(iter(wrong))}: the clock runs "
+                f"{max(factor, 1 / factor):.3g} times too {'slow' if factor < 1 else 'fast'}, or the "
+                "velocities have another unit"
+            )
+            clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.6g}")}})
+            remedy = f"write {clock} where t is wrong, {repair} where the velocities are"
+        check = "angle_unit" if "degrees" in message and factor < 1 else "clock_rate"
+        yield Check(check, columns.recording, ("t", *names), None, "refused", message, remedy)
+    if slight:
+        text = ", ".join(f"dq{j} {alike[j]:.3f}" for j in slight)
+        yield Check(
+            "clock_rate",
+            columns.recording,
+            tuple(f"dq{j}" for j in slight),
+            None,
+            "warned",
+            f"logged velocities differ slightly from the derivative of the positions (factor: {text})",
+            "nothing here uses them; check the clock if all differ alike",
+        )
+    if strangers:
+        names = tuple(f"dq{j}" for j in strangers)
+        yield Check(
+            "clock_rate",
+            columns.recording,
+            (*names, *(f"q{j}" for j in strangers)),
+            None,
+            "warned",
+            f"{listed(names)} {'is' if len(names) == 1 else 'are'} not the derivative of "
+            f"{listed('q' + j for j in strangers)} (correlation "
+            f"{min(abs(found[j][1]) for j in strangers):.2f}): one of the two belongs to another joint, "
+            "signal or run",
+            "check the columns",
+        )
+
+
+def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[float, float] | None:
+    """(dq over the derivative of q, their correlation) of one joint; None where it hardly moves.
+
+    t (N,) increasing; both are averaged over the same cells of a twentieth of the time scale of the motion.
+    """
+    good = np.isfinite(q) & np.isfinite(dq) & np.isfinite(t)
+    t, q, dq = t[good], q[good], dq[good]
+    keep = np.concatenate([[True], np.diff(t) > 0])
+    t, q, dq = t[keep], q[keep], dq[keep]
+    if len(t) < 200 or np.ptp(q) < 0.02 or np.ptp(dq) == 0:
+        return None
+    step = np.median(np.diff(t))
+    width = max(3, min(25, len(t) // 400))
+    # over one cell: the mean of dq is the difference of q over the cell's length, whatever the noise
+    total = np.concatenate([[0.0], np.cumsum(0.5 * (dq[1:] + dq[:-1]) * np.diff(t))])
+    best = (0.0, 0.0)
+    most = int(min(LAG_S / step, 40)) if step < LAG_S else 1
+    usual = np.diff(t) < 10 * step
+    breaks = np.concatenate([[0], np.cumsum(~usual)])
+    for lag in sorted({round(k) for k in np.linspace(0, max(most, 1), 9)}):
+        a, b = np.arange(0, len(t) - width - lag), np.arange(width, len(t) - lag)
+        same = breaks[a] == breaks[b + lag]
+        x, y = (q[b] - q[a])[same], (total[b + lag] - total[a + lag])[same]
+        x, y = x - 0.0, y - 0.0
+        if len(x) < 100 or not np.any(x):
+            continue
+        r = float(x @ y / np.sqrt(max((x @ x) * (y @ y), 1e-300)))
+        if abs(r) > abs(best[1]):
+            best = (float(x @ y / (x @ x)), r)
+    return best if best[1] else None
+
+
+def _read(
+    columns: Columns, stream: RecordingStream, table: Table, has: dict[str, tuple[str, float, float]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """t (N,), q and dq (N, k) of the joints that have both, from the first rows that move."""
+    timed = stream.counted_rate_hz is None
+    first = 1 if timed else 0
+    places = [first + columns.labels.index(j) for j in has]
+    names = [*([stream.names[0]] if timed else []), *(stream.names[p] for p in places)]
+    names += [where for where, _, _ in has.values()]
+    parts, count, row = [], 0, 0
+    for block in table.blocks(names):
+        t = (
+            block[:, 0] * stream.factors[0] + stream.offsets[0]
+            if timed
+            else stream.counted_from_s + np.arange(row, row + len(block)) / (stream.counted_rate_hz or 1.0)
+        )
+        row += len(block)
+        q = block[:, first : first + len(has)] * stream.factors[places] + stream.offsets[places]
+        dq = block[:, first + len(has) :] * [s for _, s, _ in has.values()] + [o for _, _, o in has.values()]
+        inside = (t >= stream.window[0]) & (t < stream.window[1])
+        parts.append((t[inside], q[inside], dq[inside]))
+        if np.isfinite(q[inside]).any() and np.nanmax(np.ptp(q[inside], axis=0), initial=0.0) > 1e-3:
+            count += int(inside.sum())
+        if count >= ROWS:
+            break
+    t, q, dq = (np.concatenate(part) for part in zip(*parts))
+    return t, q, dq

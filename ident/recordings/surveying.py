@@ -1,0 +1,203 @@
+"""One pass over a recording: its clock, its gaps, what of it is no measurement, when it moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.errors import RecordingError
+from ident.examination.check import refuse
+from ident.examination.clock import BURSTS, time_unit
+from ident.examination.excerpt import Excerpt
+from ident.examination.samples import Mender
+from ident.examination.signals import MOVED
+from ident.recordings import study_checks
+from ident.recordings.recording import (
+    MIN_SAMPLES,
+    RecordingStream,
+    Segment,
+    Survey,
+    raw_blocks,
+    single_repeats,
+)
+from ident.recordings.study import Study
+
+COARSE_S = 0.05  # spacing of the positions by which rest is found
+
+
+@dataclass(frozen=True, slots=True)
+class Surveyed:
+    """What one pass showed; `bursts` rows share a stamp or follow in a burst, 0 where they are few."""
+
+    survey: Survey
+    mender: Mender
+    excerpt: Excerpt
+    bursts: int
+
+
+def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
+    """One pass: intervals, gaps, repeats, extremes, lost samples, when the motion begins and ends.
+
+    Raises RecordingError for what is no time at all, and where nothing is left.
+    """
+    mender = Mender(
+        len(stream.need.joints),
+        stream.factors[-len(stream.signal_joints) :],
+        stream.offsets[-len(stream.signal_joints) :],
+    )
+    excerpt, bursts = Excerpt(), 0
+    settings = study.filter
+    n = len(stream.need.joints)
+    rows = same_stamp = repeated = held = missing = 0
+    first_interval, gap_s = 0.0, np.inf
+    lowest = highest = np.empty(0)
+    last_t: float | None = None
+    last_row = np.empty(0)
+    sums = np.zeros(3)  # intervals inside segments: count, sum, sum of squares about the median
+    worst = 0.0
+    marks: list[tuple[float, float]] = []  # gaps
+    coarse_t: list[np.ndarray] = []
+    coarse_q: list[np.ndarray] = []
+    begin = None
+    for block in mender.run(_timed(stream, study)):
+        numbers, t, values = block
+        if not len(t):
+            continue
+        excerpt.take(block)
+        if begin is None:
+            begin = float(t[0])
+            lowest, highest = values.min(axis=0), values.max(axis=0)
+            intervals = np.diff(t)
+            positive = intervals[intervals > 0]
+            if (intervals < 0).any() or not len(positive):
+                _refuse_time(stream, t[1:], intervals, numbers[1:])
+            first_interval = float(np.median(positive))
+            gap_s = max(5 * first_interval, 0.15 / settings.position_cutoff_hz)
+            dt, before = intervals, values[:-1]
+            after, after_t, at = values[1:], t[1:], numbers[1:]
+        else:
+            dt = np.diff(t, prepend=float(last_t or 0.0))
+            before, after, after_t, at = np.vstack([last_row, values[:-1]]), values, t, numbers
+        if (dt < 0).any():
+            _refuse_time(stream, after_t, dt, at)
+        rows += len(t)
+        same = (after == before).all(axis=1)
+        moving = dt > 0
+        same_stamp += int((~moving).sum())
+        repeated += int(single_repeats(same & moving).sum())
+        held += int(single_repeats((after[:, :n] == before[:, :n]).all(axis=1) & ~same).sum())
+        wide = dt > gap_s
+        bursts += int(((dt < 0.3 * (t[-1] - t[0]) / len(t)) & ~same).sum())
+        marks += [(float(after_t[k] - dt[k]), float(after_t[k])) for k in np.flatnonzero(wide)]
+        inner = dt[moving & ~wide]
+        sums += [len(inner), inner.sum(), ((inner - first_interval) ** 2).sum()]
+        worst = max(worst, float(np.abs(inner - first_interval).max(initial=0.0)))
+        missing += int(np.maximum(np.rint(inner / first_interval) - 1, 0).sum())
+        lowest, highest = np.minimum(lowest, values.min(axis=0)), np.maximum(highest, values.max(axis=0))
+        picks = _every(t, COARSE_S, coarse_t[-1][-1] if coarse_t else -np.inf)
+        if len(picks):
+            coarse_t.append(t[picks])
+            coarse_q.append(values[picks, :n])
+        last_t, last_row = float(t[-1]), values[-1]
+    if begin is None or last_t is None:
+        raise RecordingError(
+            stream.file, "holds no rows between from and to; correct the window in the study"
+        )
+    if rows < MIN_SAMPLES:
+        raise RecordingError(
+            stream.file,
+            f"holds only {rows} samples, at least {MIN_SAMPLES} are needed; record longer or widen from/to",
+        )
+    mean = sums[1] / max(sums[0], 1)
+    uniform = worst < 0.02 * first_interval and same_stamp == 0 and settings.resample_hz is None
+    uniform = uniform and repeated < 0.001 * rows
+    jitter = float(np.sqrt(sums[2] / max(sums[0], 1)))
+    rate = 1.0 / mean if uniform else settings.resample_hz or _round_rate(1.0 / first_interval)
+    study_checks.check_rates(study, stream.label, 1.0 / first_interval)
+    marks = sorted(marks + mender.gaps)
+    edges = [begin, *[edge for mark in marks for edge in mark], last_t]
+    segments = _segments(edges, np.concatenate(coarse_t), np.concatenate(coarse_q), study.trim_rest, rate)
+    if not segments:
+        raise RecordingError(
+            stream.file, "has no stretch without gaps that is long enough to filter; record again"
+        )
+    survey = Survey(
+        rows,
+        rate,
+        uniform,
+        jitter,
+        same_stamp,
+        repeated,
+        held,
+        lowest,
+        highest,
+        segments,
+        gap_s,
+        missing,
+        mender.mending(),
+    )
+    return Surveyed(survey, mender, excerpt, bursts if bursts > BURSTS * rows else 0)
+
+
+def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """The raw blocks, once their time is in seconds. Raises RecordingError where it is not."""
+    first = True
+    for rows, t, values in raw_blocks(stream):
+        steps = np.diff(t)
+        if first and (steps > 0).any() and stream.counted_rate_hz is None:
+            entry = next(e for e in study.recordings if e.label == stream.label)
+            maps = {**study.columns, **entry.columns}
+            check = time_unit(stream.label, float(np.median(steps[steps > 0])), maps)
+            refuse(stream.file, [check] if check else [])
+        first = False
+        yield rows, t, values
+
+
+def _refuse_time(stream: RecordingStream, t: np.ndarray, dt: np.ndarray, rows: np.ndarray) -> None:
+    if not (dt < 0).any():
+        raise RecordingError(
+            stream.file, "the time column does not advance; map the right column with columns: {t: ...}"
+        )
+    k = int(np.argmax(dt < 0))
+    at = float(t[k])
+    raise RecordingError(
+        stream.file,
+        f"time runs backwards near row {rows[k] + 1} (at {at:g} s); sort the rows, or "
+        "split the file where the clock was reset",
+    )
+
+
+def _round_rate(rate: float) -> float:
+    """A measured rate to three digits: 1010.1 Hz of jittered stamps is 1010 Hz."""
+    return float(f"{rate:.3g}")
+
+
+def _every(t: np.ndarray, spacing: float, last: float) -> np.ndarray:
+    slots = np.floor(t / spacing)
+    new = np.diff(slots, prepend=np.floor(last / spacing) if np.isfinite(last) else slots[0] - 1) > 0
+    return np.flatnonzero(new)
+
+
+def _segments(
+    edges: list[float], t: np.ndarray, q: np.ndarray, trim: bool, rate: float
+) -> tuple[Segment, ...]:
+    """Segments between gaps, at least MIN_SAMPLES long, with the times at which motion begins and ends."""
+    out = []
+    for start, end in zip(edges[::2], edges[1::2]):
+        if (end - start) * rate < MIN_SAMPLES:
+            continue
+        inside = (t >= start) & (t <= end)
+        move_start, move_end = start, end
+        if trim and inside.sum() > 2:
+            times, positions = t[inside], q[inside]
+            away = np.flatnonzero((np.abs(positions - positions[0]) > MOVED).any(axis=1))
+            back = np.flatnonzero((np.abs(positions - positions[-1]) > MOVED).any(axis=1))
+            if len(away) and len(back):
+                move_start = float(times[max(away[0] - 1, 0)]) if away[0] > 1 else start
+                move_end = (
+                    float(times[min(back[-1] + 1, len(times) - 1)]) if back[-1] < len(times) - 2 else end
+                )
+        out.append(Segment(start, end, move_start, move_end))
+    return tuple(out)
