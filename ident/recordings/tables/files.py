@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ident.errors import IdentError, RecordingError
+from ident.recordings.tables.bags import bag, bag_files
 from ident.recordings.tables.table import Table, damaged
 
 ENDINGS = {
@@ -19,8 +20,12 @@ ENDINGS = {
 }
 
 
-def open_table(source: Any, decimal: str = ".", name: str = "the table in memory") -> Table:
+def open_table(
+    source: Any, decimal: str = ".", name: str = "the table in memory", topic: str | None = None
+) -> Table:
     """Open a recording: a path, a dict of arrays, a data frame or Arrow data (`name` stands for its file).
+
+    `topic` chooses among the joint states of a ROS bag, which is a file, a folder or a pattern of parts.
 
     Raises RecordingError naming the file and the remedy.
     """
@@ -29,8 +34,12 @@ def open_table(source: Any, decimal: str = ".", name: str = "the table in memory
 
         return in_memory(source, name)
     path = Path(source)
-    check_file(path)
-    reader = _reader(path, decimal)
+    parts = _parts(path)
+    for part in parts:
+        check_file(part, "metadata.yaml" if part.is_dir() else "")
+    if not parts:
+        check_file(path)
+    reader = (lambda file: bag(str(file), parts, topic)) if parts else _reader(path, decimal)
     try:
         return reader(path)
     except IdentError:
@@ -39,13 +48,21 @@ def open_table(source: Any, decimal: str = ".", name: str = "the table in memory
         raise damaged(str(path), error) from None
 
 
-def check_file(path: Path) -> None:
-    """Raises RecordingError unless the path is a file that can be read and holds something."""
+def _parts(path: Path) -> list[Path]:
+    """The files of a ROS bag, [] for any other path."""
+    try:
+        return bag_files(path)
+    except (OSError, ValueError):  # no path at all; check_file says so
+        return []
+
+
+def check_file(path: Path, inside: str = "") -> None:
+    """Raises RecordingError unless the path, or the file `inside` it, can be read and holds something."""
     shown = str(path) if len(str(path)) <= 200 else f"{str(path)[:100]} ... ({len(str(path))} characters)"
     try:
-        found = path.stat()
+        found = (path / inside).stat()
         if stat.S_ISREG(found.st_mode):
-            path.open("rb").close()
+            (path / inside).open("rb").close()
     except (FileNotFoundError, NotADirectoryError):
         raise RecordingError(shown, "there is no such file; check the path in the study") from None
     except (OSError, ValueError) as error:
@@ -78,5 +95,6 @@ def _reader(path: Path, decimal: str) -> Callable[[Path], Table]:
         return {"npz": arrays.npz, "mat": arrays.mat, "hdf5": arrays.hdf5}[kind]
     raise RecordingError(
         str(path),
-        f"the ending {ending or '(none)'} is not known; convert it to Parquet, CSV, NPZ, MAT or HDF5",
+        f"the ending {ending or '(none)'} is not known; "
+        "convert it to Parquet, CSV, NPZ, MAT, HDF5 or a ROS bag",
     )
