@@ -7,6 +7,7 @@ its own for unknown drive gains (-i_j, so that 0 = W chi - g_j i_j) and for driv
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -93,7 +94,7 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
     load = {k: its for k, name in enumerate(model.parameters) if (its := _payload_kind(name, first))}
     own = [k for k in range(len(model.parameters)) if k not in load]
     _check_labels(study, tuple(model.parameters[k] for k in own))
-    dropped = _left_out(study, model.parameters)
+    dropped = _left_out(study, model.parameters, dict(model.rules))
     kept = [k for k in own if k in reached and model.parameters[k] not in dropped]
     parameters = [model.parameters[k] for k in kept]
     place = {k: position for position, k in enumerate(kept)}
@@ -155,7 +156,9 @@ def _check_labels(study: Study, own: Sequence[str]) -> None:
         taken |= dict.fromkeys(names, f"that of the payload {label}")
 
 
-def _left_out(study: Study, parameters: tuple[str, ...]) -> set[str]:
+def _left_out(study: Study, parameters: tuple[str, ...], rules: dict[str, str]) -> set[str]:
+    """Parameters whose columns go. On a slide along gravity an offset stands for the rotor's inertia too
+    (Offm3R = Offm3 - 9.81*Iam3), and stays while the rotor does."""
     out: set[str] = set()
     for term in study.without:
         kind, _, joint = term.partition(":")
@@ -172,7 +175,12 @@ def _left_out(study: Study, parameters: tuple[str, ...]) -> set[str]:
                 f"{term}: model {study.model} has no such parameter; check the joint number",
             )
         out |= names
-    return out
+    return {
+        name
+        for name in out
+        if not (rotor := re.search(r"Iam([0-9]+)", rules.get(name, "")))
+        or {"rotor_inertia", f"rotor_inertia:{rotor[1]}"} & set(study.without)
+    }
 
 
 def _gains(study: Study, need: Need, parameters: list[str]) -> tuple[dict[int, int], list[Extra]]:
