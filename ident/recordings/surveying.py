@@ -147,8 +147,8 @@ def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, 
     for rows, t, values in raw_blocks(stream):
         steps = np.diff(t)
         if first and (steps > 0).any() and stream.counted_rate_hz is None:
-            entry = next(e for e in study.recordings if e.label == stream.label)
-            maps = {**study.columns, **entry.columns}
+            own = [e.columns for e in study.recordings if e.label == stream.label]  # none: a log to predict
+            maps = {**study.columns, **(own[0] if own else {})}
             check = time_unit(stream.label, float(np.median(steps[steps > 0])), maps)
             refuse(stream.file, [check] if check else [])
         first = False
