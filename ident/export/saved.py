@@ -26,6 +26,8 @@ from ident.errors import IdentError
 from ident.estimation.fit import FitResult
 from ident.estimation.noise import ChannelNoise
 from ident.recordings.study import Study, study_from
+from modelgen.geometry.robot import Robot
+from modelgen.geometry.robot_file import load_robot
 
 FILE = "fit.npz"
 FORMAT = 1
@@ -76,6 +78,11 @@ class SavedFit:
     def share(self) -> float:
         """Effective rows over rows, at most 1."""
         return min(1.0, self.effective_rows / max(self.rows, 1))
+
+    def load_robot(self) -> Robot:
+        """The robot as it was, with the study's gravity."""
+        robot = load_robot(self.robot)
+        return robot if self.study.gravity is None else robot.with_gravity(self.study.gravity)
 
     def error_percent(self, chi: np.ndarray, role: str) -> dict[str, float]:
         """100 ||Y - W chi|| / ||Y|| of the rows that count, per channel and in all ("total")."""
@@ -162,15 +169,20 @@ def _portable(study: Study) -> dict[str, Any]:
 
 
 def _spread(result: FitResult) -> np.ndarray:
-    """(channels,) half width in N m that holds 95 % of the errors at the full rate."""
-    errors = [
-        np.abs(curve.measured - curve.modelled) for curve in result.errors.curves if curve.role != "test"
-    ]
-    stacked = np.concatenate(errors)
-    stacked = stacked[np.isfinite(stacked).all(axis=1)]
-    if not len(stacked):
-        return np.full(len(result.columns.channels), np.inf)
-    return np.quantile(stacked, CERTAIN, axis=0)
+    """(channels,) half width in N m that holds 95 % of the errors at the full rate where a joint moves."""
+    channels = len(result.columns.channels)
+    errors: list[list[np.ndarray]] = [[] for _ in range(channels)]
+    for curve, system in zip(result.errors.curves, result.systems):
+        if curve.role == "test":
+            continue
+        rows = np.concatenate([segment.t for segment in system.segments])
+        nearest = np.searchsorted((rows[1:] + rows[:-1]) / 2, curve.t)
+        counts = np.concatenate([segment.used for segment in system.segments], axis=1)[:, nearest]
+        for k in range(channels):
+            error = np.abs(curve.measured[:, k] - curve.modelled[:, k])
+            errors[k].append(error[counts[k] & np.isfinite(error)])
+    found = [np.concatenate(parts) for parts in errors]
+    return np.array([np.quantile(part, CERTAIN) if len(part) else np.inf for part in found])
 
 
 def load_fit(path: str | Path) -> SavedFit:

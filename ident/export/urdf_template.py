@@ -1,0 +1,53 @@
+"""Identified bodies into the robot's own URDF: its links, joints, meshes and names stay as they are.
+
+A body of the model is all links that are fixed together; its inertia goes to the link that its joint moves,
+and the links fixed to that one lose theirs, since a sum cannot be parted again.
+"""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+
+from ident.export.bodies import body, pseudo
+from ident.export.consistent import Consistent
+from ident.export.urdf import friction_of, inertia_about_centre
+from modelgen.geometry.urdf import Conversion, convert
+
+
+def fill_urdf(data: bytes, source: str, found: Consistent, note: str) -> str:
+    """The URDF `data` with identified <inertial> and <dynamics>; it is checked by `convert` before."""
+    conversion = convert(data, source)
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    top = ElementTree.fromstring(data, parser)
+    links = {element.get("name"): element for element in top.iter("link")}
+    joints = {element.get("name"): element for element in top.findall("joint")}
+    for label, its in zip(conversion.robot.joint_labels, conversion.bodies):
+        for name, _ in its.links:
+            for old in links[name].findall("inertial"):
+                links[name].remove(old)
+        links[its.link].insert(0, _inertial(found.bodies()[its.row - 1], conversion, its.row))
+        damping, friction = friction_of(found, label)
+        joint = joints[its.joint]
+        for old in joint.findall("dynamics"):
+            joint.remove(old)
+        ElementTree.SubElement(joint, "dynamics", damping=repr(damping), friction=repr(friction))
+    top.insert(0, ElementTree.Comment(f" {note.replace('--', '- -')} "))
+    ElementTree.indent(top)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(top, encoding="unicode") + "\n"
+
+
+def _inertial(phi: np.ndarray, conversion: Conversion, row: int) -> ElementTree.Element:
+    """<inertial> of row `row`'s body in the axes of the link that its joint moves."""
+    frame = next(its.frame for its in conversion.bodies if its.row == row)
+    T = np.eye(4)
+    T[:3, :3] = [[float(v) for v in line] for line in frame.R]
+    T[:3, 3] = [float(v) for v in frame.p]
+    mass, c, inertia = inertia_about_centre(body(T @ pseudo(phi) @ T.T))
+    element = ElementTree.Element("inertial")
+    ElementTree.SubElement(element, "origin", xyz=" ".join(repr(float(v)) for v in c), rpy="0 0 0")
+    ElementTree.SubElement(element, "mass", value=repr(mass))
+    keys = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
+    ElementTree.SubElement(element, "inertia", {key: repr(float(inertia[at])) for key, at in keys.items()})
+    return element

@@ -1,0 +1,165 @@
+"""A kept fit on a new log: predicted torque, its error, its 95 % band, and where the log leaves the band.
+
+The new log goes the way of the fit's own recordings: the same filters, signs, weights and decimation. The
+band at the log's rate holds 95 % of the errors that identify and validate runs had (no shape is assumed),
+widened by the doubt that the parameters' covariance leaves for this motion. Whether a stretch leaves it is
+decided on the decimated rows, where the noise model lives (excursions.py). Rows of a joint at rest are not
+judged: friction is then anything between its limits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ident.equations.build import observe
+from ident.equations.comparison import Squares, by_segment, low_pass_blocks, measured_torque, modelled_torque
+from ident.errors import RecordingError
+from ident.export.saved import SavedFit
+from ident.prediction.excursions import own_worst, stretches
+from ident.prediction.innovations import innovations
+from ident.progress import Progress, silent
+from ident.recordings.opening import open_recording
+from ident.recordings.recording import RecordingStream
+from ident.recordings.study import RecordingEntry
+from ident.signals.filtering import FilterBank, filter_stream, prepare
+
+ALPHA = 0.01  # probability that a clean log is told to leave the band
+NORMAL = 1.959964  # 95 % of a normal distribution lie within
+LASTING = 0.5  # share of a log's rows from which an excursion is lasting
+
+
+@dataclass(frozen=True, slots=True)
+class Excursion:
+    """From `start` to `stop` [s of the log] an error is not the fit's; rms, mean and worst in N m [N]."""
+
+    channel: str
+    start: float
+    stop: float
+    rms: float
+    mean: float
+    worst: float
+    times_usual: float  # rms over the standard deviation of the fit's noise
+    strength: float
+    kind: str  # "short", "lasting" or "to the end"
+
+
+@dataclass(frozen=True, slots=True)
+class Prediction:
+    """What a log showed; the torques themselves come from `full_rate`, block by block."""
+
+    fit: SavedFit
+    stream: RecordingStream
+    bank: FilterBank
+    error_percent: dict[str, float]  # decimated, rows that count
+    rms: dict[str, float]
+    judged_percent: dict[str, float]  # of the decimated rows
+    excursions: tuple[Excursion, ...]
+    doubt_t: np.ndarray  # (m,) s
+    doubt: np.ndarray  # (m, channels) N m: standard deviation that the parameters' covariance leaves
+    used: np.ndarray  # (m, channels) bool: rows that are judged
+
+    def band(self, t: np.ndarray) -> np.ndarray:
+        """Half width (N, channels) in N m of the 95 % band at times t (N,)."""
+        doubt = np.column_stack([np.interp(t, self.doubt_t, column) for column in self.doubt.T])
+        return np.sqrt(self.fit.spread**2 + (NORMAL * doubt) ** 2)
+
+    def judged(self, t: np.ndarray) -> np.ndarray:
+        """(N, channels) bool: whether the nearest decimated row of each time counts."""
+        middle = (self.doubt_t[1:] + self.doubt_t[:-1]) / 2
+        return self.used[np.searchsorted(middle, t)]
+
+    def full_rate(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Blocks (t (N,), measured (N, C), predicted (N, C)), both behind the position filter."""
+        columns, chi, n = self.fit.columns, self.fit.chi, len(self.fit.columns.channels)
+        for blocks in by_segment(filter_stream(self.stream, self.bank)):
+            begin: list[float] = []
+
+            def torques() -> Iterator[np.ndarray]:
+                for block in blocks:  # noqa: B023
+                    begin.append(float(block.t[0]))  # noqa: B023
+                    measured = measured_torque(columns, chi, block)
+                    yield np.hstack([measured, modelled_torque(columns, chi, self.stream.payload, block)])
+
+            for k, both in low_pass_blocks(torques(), self.bank.position):
+                t = begin[0] + (k + np.arange(len(both))) / self.stream.rate_hz
+                yield t, both[:, :n], both[:, n:]
+
+
+def predict(
+    fit: SavedFit, recording: str | Path, payload: str | None = None, progress: Progress = silent
+) -> Prediction:
+    """Predict a new log with a kept fit. Raises RecordingError and what reading a recording raises."""
+    study, columns = fit.study, fit.columns
+    if payload is not None and payload not in study.payloads:
+        known = ", ".join(study.payloads) or "none"
+        raise RecordingError(str(recording), f"payload {payload} is not one that the fit knows ({known})")
+    first = study.recordings[0]
+    entry = RecordingEntry(
+        file=str(Path(recording).resolve()),
+        use="identify",  # a study needs one; nothing is fitted
+        payload=payload,
+        rate_hz=first.rate_hz,
+        decimal=first.decimal,
+        columns=first.columns,
+    )
+    one = study.with_(recordings=(entry,), payload_mass={})
+    progress("reading the log")
+    stream = open_recording(one, entry, columns.need)
+    bank = prepare(stream, one.filter, study.turn_over)
+    progress("predicting")
+    system = observe(stream, bank, columns, fit.cutoff_hz, study.filter.order)
+    rhos = system.residuals(fit.chi)
+    squares = Squares.empty(columns.channels, {stream.label: "test"})
+    doubts, judged, rms = [], np.zeros(len(columns.channels)), np.zeros(len(columns.channels))
+    excursions: list[Excursion] = []
+    rows = sum(len(segment.t) for segment in system.segments)
+    alpha = ALPHA / len(columns.channels) / len(system.segments)
+    own = [own_worst([innovations(piece.rho[j], piece.used[j], noise) for piece in fit.residuals
+                      if piece.role != "test"]) for j, noise in enumerate(fit.noises)]  # fmt: skip
+    for segment, rho in zip(system.segments, rhos):
+        squares.add(stream.label, segment.Y.T, (segment.Y - rho).T)
+        doubt = np.zeros((len(segment.t), len(columns.channels)))
+        for j, name in enumerate(columns.channels):
+            W = system.dense(segment, j, len(fit.chi))
+            doubt[:, j] = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", W, fit.covariance, W), 0))
+            white = innovations(rho[j], segment.used[j], fit.noises[j], W)
+            usual = float(np.sqrt(fit.noises[j].variance))
+            for piece in stretches(white, fit.covariance, own[j], alpha):
+                inside = np.arange(piece.first, piece.last + 1)
+                inside = _trimmed(inside[segment.used[j][inside]], rho[j], NORMAL * usual)
+                excursions.append(_excursion(name, segment.t, rho[j], inside, usual, piece.strength))
+            judged[j] += segment.used[j].sum()
+            rms[j] += np.sum(rho[j] ** 2)
+        doubts.append((segment.t, doubt))
+    return Prediction(
+        fit, stream, bank, squares.by_recording()[stream.label],
+        dict(zip(columns.channels, np.sqrt(rms / np.maximum(judged, 1)).tolist())),
+        dict(zip(columns.channels, (100 * judged / max(rows, 1)).tolist())),
+        tuple(sorted(excursions, key=lambda e: -e.strength)),
+        np.concatenate([t for t, _ in doubts]), np.concatenate([d for _, d in doubts]),
+        np.concatenate([segment.used.T for segment in system.segments]),
+    )  # fmt: skip
+
+
+def _trimmed(inside: np.ndarray, rho: np.ndarray, limit: float) -> np.ndarray:
+    """The rows of a stretch from the first to the last whose error is beyond the band itself."""
+    beyond = np.flatnonzero(np.abs(rho[inside]) > limit)
+    return inside[beyond[0] : beyond[-1] + 1] if len(beyond) else inside
+
+
+def _excursion(
+    name: str, t: np.ndarray, rho: np.ndarray, inside: np.ndarray, usual: float, strength: float
+) -> Excursion:
+    error = rho[inside]
+    half = (t[1] - t[0]) / 2 if len(t) > 1 else 0.0
+    start, stop = float(t[inside[0]] - half), float(t[inside[-1]] + half)
+    rms = float(np.sqrt(np.mean(error**2)))
+    lasting = len(inside) >= LASTING * len(t)
+    to_end = inside[-1] >= len(t) - 4 and len(inside) > 0.1 * len(t)
+    kind = "lasting" if lasting else ("to the end" if to_end else "short")
+    worst = float(error[np.argmax(np.abs(error))])
+    return Excursion(name, start, stop, rms, float(error.mean()), worst, rms / usual, strength, kind)

@@ -1,0 +1,97 @@
+"""The emitted C, compiled as strictly as compilers go and run against Python on recorded motion."""
+
+import ctypes
+import shutil
+import subprocess
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from recordings import motion
+
+from ident.export.c_source import c_code
+from ident.export.combination import ExportError
+
+STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c99", "-Wconversion"]
+COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler here")
+
+
+def compiled(fit, folder, float32):
+    code = c_code(fit, fit.load_robot(), "arm", float32)
+    (folder / "arm.h").write_text(code.header)
+    (folder / "arm.c").write_text(code.source)
+    command = [COMPILER, *STRICT, "-O1", "-shared", "-fPIC", "arm.c", "-o", "arm.so", "-lm"]
+    subprocess.run(command, cwd=folder, check=True)
+    return ctypes.CDLL(str(folder / "arm.so"))
+
+
+def run(library, name, real, channels, *arrays):
+    """tau (N, channels) of arm_<name>, sample by sample."""
+    out = np.zeros((len(arrays[0]), channels), real)
+    function = getattr(library, f"arm_{name}")
+    for k in range(len(out)):
+        given = [np.ascontiguousarray(array[k], real) for array in arrays]
+        function(*(a.ctypes.data_as(ctypes.c_void_p) for a in given), out[k].ctypes.data_as(ctypes.c_void_p))
+    return out.astype(float)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("float32", "tolerance"), [(False, 1e-12), (True, 1e-4)])
+def test_c_is_the_fit(kept, tmp_path, float32, tolerance):
+    library = compiled(kept, tmp_path, float32)
+    real = np.float32 if float32 else np.float64
+    _, q, dq, ddq = (x[::97] for x in motion(20, 100, 5))
+    q, dq, ddq = (x.astype(real).astype(float) for x in (q, dq, ddq))
+    model, chi = kept.columns.model, kept.columns.model_chi(kept.chi, None)
+    drives = np.array([name.startswith(("Fv", "Fc", "Off")) for name in model.parameters])
+    still, bodies, n = np.zeros_like(q), np.where(drives, 0, chi), len(model.channels)
+    expected = {
+        "torque": (model.torque(q, dq, ddq, chi), (q, dq, ddq)),
+        "rigid": (model.torque(q, dq, ddq, bodies), (q, dq, ddq)),
+        "gravity": (model.torque(q, still, still, bodies), (q,)),
+        "friction": (model.torque(q, dq, ddq, chi - bodies), (dq,)),
+        "compensation": (
+            model.torque(q, still, still, bodies) + model.torque(q, dq, ddq, chi - bodies),
+            (q, dq),
+        ),
+    }
+    size = np.abs(expected["torque"][0]).max()  # the torque's size
+    for name, (tau, arguments) in expected.items():
+        np.testing.assert_allclose(
+            run(library, name, real, n, *arguments), tau, atol=tolerance * size, err_msg=name
+        )
+
+
+@needs_compiler
+def test_numbers_are_constants_with_names(kept, tmp_path):
+    library = compiled(kept, tmp_path, False)
+    header = (tmp_path / "arm.h").read_text()
+    rules = kept.columns.regroups
+    bare = [k for k, name in enumerate(kept.columns.parameters) if name in rules and not name.endswith("L")]
+    own = [k for k in bare if kept.chi[k]]
+    values = (ctypes.c_double * len(own)).in_dll(library, "arm_value")
+    stds = (ctypes.c_double * len(own)).in_dll(library, "arm_std")
+    for place, k in enumerate(own):
+        name = kept.columns.parameters[k]
+        assert f"ARM_{name} = {place}, /* {kept.columns.units[k]}: {kept.columns.regroups[name]} */" in header
+        assert values[place] == kept.chi[k]
+        assert stds[place] == pytest.approx(np.sqrt(kept.covariance[k, k]), rel=1e-15)
+    assert "malloc" not in (tmp_path / "arm.c").read_text()
+
+
+@needs_compiler
+def test_a_smooth_sign_of_the_study_is_the_sign_of_the_c(kept, tmp_path):
+    width = 0.05
+    smooth = replace(kept, study=kept.study.with_(turn_over=(width,) * 7))
+    library = compiled(smooth, tmp_path, False)
+    dq = np.linspace(-0.2, 0.2, 9)[:, None] * np.ones(7)
+    zeros, chi = np.zeros_like(dq), kept.columns.model_chi(kept.chi, None)
+    drives = [name.startswith(("Fv", "Fc", "Off")) for name in kept.columns.model.parameters]
+    expected = kept.columns.model.torque(zeros, dq, zeros, np.where(drives, chi, 0), sign=np.tanh(dq / width))
+    np.testing.assert_allclose(run(library, "friction", np.float64, 7, dq), expected, atol=1e-12)
+
+
+def test_a_name_that_c_cannot_bear_is_refused(kept):
+    with pytest.raises(ExportError, match="--name 3arm: give a C name"):
+        c_code(kept, kept.load_robot(), "3arm")
