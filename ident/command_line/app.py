@@ -34,6 +34,10 @@ Output = Annotated[
         show_default=False,
     ),
 ]
+Fit = Annotated[
+    Path,
+    typer.Argument(metavar="FIT", help="Folder that ident fit wrote, or its fit.json.", show_default=False),
+]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace files that were changed, or that are not ours.")
 ]
@@ -137,6 +141,83 @@ def simulate(
     commands.simulate(
         robot, output, model, tuple(effect or ()), payload, seed, parameters, overwrite, verbose
     )
+
+
+@app.command(epilog="Example: [bold]ident predict out monday.parquet -o monday[/bold]")
+def predict(
+    fit: Fit,
+    recording: Annotated[
+        Path, typer.Argument(metavar="RECORDING", help="A log of the same robot.", show_default=False)
+    ],
+    output: Output,
+    payload: Annotated[
+        str | None,
+        typer.Option("--payload", help="Label of a payload of the fit that is carried.", show_default=False),
+    ] = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """Predict the torque of a new log: its error, and where and when it leaves the fit's own band.
+
+    Writes predict.json, predict.csv, predict.parquet and a plot. A contact, a payload that is not declared,
+    wear and a changed drive leave the band; what the fit was always wrong by does not.
+    """
+    from ident.command_line import kept_fits
+
+    kept_fits.predict(fit, recording, output, payload, overwrite, verbose)
+
+
+@app.command(
+    epilog="Example: [bold]ident export out --c controller --urdf arm_identified.urdf[/bold]\n\n"
+    "URDF and MJCF need the extra [bold]export[/bold]: pip install 'dynident\\[export]'"
+)
+def export(
+    fit: Fit,
+    c: Annotated[
+        Path | None,
+        typer.Option("--c", parser=folder, metavar="FOLDER", help="C with numbers into this folder."),
+    ] = None,
+    float32: Annotated[bool, typer.Option("--float32", help="C that computes in float.")] = False,
+    name: Annotated[
+        str | None, typer.Option("--name", help="Start of the C names and files.", show_default=False)
+    ] = None,
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", metavar="FILE", help="A physically consistent URDF.")
+    ] = None,
+    mjcf: Annotated[Path | None, typer.Option("--mjcf", metavar="FILE", help="The same for MuJoCo.")] = None,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write an identified robot as C with numbers, or as a URDF or MJCF that a simulator accepts.
+
+    C holds the fit as it is. In a URDF or MJCF every body is one that can exist: where no such robot has the
+    identified parameters, the nearest one that can be is written, and what that costs is said.
+    """
+    from ident.command_line import kept_fits
+
+    kept_fits.export(fit, c, float32, name, urdf, mjcf, overwrite)
+
+
+@app.command(epilog="Example: [bold]ident robot arm.urdf -o arm.yaml[/bold]")
+def robot(
+    file: Annotated[
+        str,
+        typer.Argument(metavar="FILE", help="URDF, robot file or built-in name.", autocompletion=robot_names),
+    ],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "-o", "--output", parser=folder, metavar="FILE", help="Robot file (YAML).", show_default=False
+        ),
+    ],
+    exact: Annotated[
+        bool, typer.Option("--exact", help="A URDF's angles and lengths as they are written.")
+    ] = False,
+    overwrite: Overwrite = False,
+) -> None:
+    """Write a URDF (or a table) as a robot file in Khalil's modified Denavit-Hartenberg convention."""
+    from ident.command_line import commands
+
+    commands.robot(file, output, exact, overwrite)
 
 
 @app.command(
