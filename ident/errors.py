@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 
 class IdentError(Exception):
-    """Bad input to the identification; the message is one sentence for the user (exit status 2)."""
+    """Bad input to the identification; the message is one sentence for the user (exit status 2).
+
+    `ident.Error`: what the door raises is this or a subclass (see `one_family`).
+    """
 
     exit_status = 2
 
@@ -33,3 +39,16 @@ class FitFailedError(IdentError):
     """The input was understood and yet no parameters came out (exit status 1)."""
 
     exit_status = 1
+
+
+@contextlib.contextmanager
+def one_family() -> Iterator[None]:
+    """Errors of the model generator and of compiled models as IdentError, with the same sentence."""
+    try:
+        yield
+    except IdentError:
+        raise
+    except Exception as error:
+        if not hasattr(error, "exit_status"):
+            raise
+        raise IdentError(str(error)) from error

@@ -81,7 +81,21 @@ def fit(
 
 
 @app.command(epilog="Example: [bold]ident diagnose study.yaml -o out[/bold]   then open out/report.html")
-def diagnose(study: Study, output: Output, overwrite: Overwrite = False, verbose: Verbose = False) -> None:
+def diagnose(
+    study: Study,
+    output: Output,
+    memory: Annotated[
+        str | None,
+        typer.Option(
+            "--memory",
+            metavar="SIZE",
+            help="Keep below this, for example 2GB; half of what is free by default.",
+            show_default=False,
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
     """Fit, find structure in the residual, trace it to effects the model lacks, add them, fit again.
 
     Writes diagnosis.json, plots, report.html and, in model/, C and parameters of the extended model. An
@@ -90,7 +104,7 @@ def diagnose(study: Study, output: Output, overwrite: Overwrite = False, verbose
     """
     from ident.command_line import commands
 
-    commands.diagnose(study, output, overwrite, verbose)
+    commands.diagnose(study, output, memory, overwrite, verbose)
 
 
 @app.command(
@@ -132,6 +146,20 @@ def simulate(
         typer.Option("--parameters", help="YAML of true parameters, as Iam1: 3.19.", show_default=False),
     ] = None,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same files, bit for bit.")] = 0,
+    duration: Annotated[
+        float | None,
+        typer.Option("--duration", help="Seconds of every run; 60 and 90 by default.", show_default=False),
+    ] = None,
+    rate: Annotated[
+        float | None,
+        typer.Option("--rate", help="Samples a second; 1000 by default.", show_default=False),
+    ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            "--noise", help="Noise of the torques, percent of their rms; 1 by default.", show_default=False
+        ),
+    ] = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
 ) -> None:
@@ -139,7 +167,18 @@ def simulate(
     from ident.command_line import commands
 
     commands.simulate(
-        robot, output, model, tuple(effect or ()), payload, seed, parameters, overwrite, verbose
+        robot,
+        output,
+        overwrite,
+        verbose,
+        model=model,
+        effects=tuple(effect or ()),
+        payload=payload,
+        duration=duration,
+        rate_hz=rate,
+        noise=noise,
+        seed=seed,
+        parameters=parameters,
     )
 
 

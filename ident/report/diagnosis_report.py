@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ident.report.fit_report import remarks
 from ident.report.page import Block, Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
 from ident.report.wording import joined, number, percent, readable_unit, with_deviation
 
@@ -172,6 +173,29 @@ def regenerated_sentence(document: Mapping[str, Any]) -> str:
     return f"{out}." if out else ""
 
 
+def told(document: Mapping[str, Any]) -> list[str]:
+    """A sentence for each finding, then for each unexplained structure."""
+    return [finding_sentence(document, finding) for finding in document["findings"]] + [
+        unexplained_sentence(item) for item in document["unexplained"]
+    ]
+
+
+def before_and_after(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and rows of the error table: per channel before and after for each role, and the noise floor."""
+    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    floor = document["noise_floor_percent"]
+    header = (
+        "channel",
+        *(f"{role} {when}" for role in before for when in ("before", "after")),
+        "noise floor",
+    )
+    rows = []
+    for channel in next(iter(before.values())):
+        values = [f"{block[role][channel]:.2f}" for role in before for block in (before, after)]
+        rows.append((channel, *values, f"{floor[channel]:.2f}" if channel in floor else ""))
+    return header, rows
+
+
 def diagnosis_page(
     document: Mapping[str, Any],
     title: str,
@@ -187,12 +211,11 @@ def diagnosis_page(
 
     `rankings`: a table of candidates for a finding, by its index; `about`: a sentence on an effect, by name.
     """
-    sentences = [unexplained_sentence(item) for item in document["unexplained"]]
-    sentences = [finding_sentence(document, finding) for finding in document["findings"]] + sentences
-    if len(sentences) > FIRST + 1:
-        sentences = [*sentences[:FIRST], f"{len(sentences) - FIRST} more below."]
+    said = told(document)
+    if len(said) > FIRST + 1:
+        said = [*said[:FIRST], f"{len(said) - FIRST} more below."]
     details = (*filter(None, [regenerated_sentence(document)]), *details)
-    sections = [_error_section(document)]
+    sections = [error_section(document)]
     for number_ in range(len(document["findings"])):
         sections.append(_finding_section(document, number_, views, rankings or {}, about or {}))
     for number_, item in enumerate(document["unexplained"]):
@@ -204,8 +227,9 @@ def diagnosis_page(
         kind="Diagnosis",
         verdict=verdict(document),
         tone={"effect": "good", "none": "good"}.get(document["verdict"], "bad"),
+        checks=remarks(document),
         warnings=tuple(warnings),
-        details=(*sentences, *details),
+        details=(*said, *details),
         facts=tuple(_facts(document)),
         sections=(*sections, *extra),
         footer=footer,
@@ -229,7 +253,7 @@ def _facts(document: Mapping[str, Any]) -> list[Fact]:
     return facts
 
 
-def _error_section(document: Mapping[str, Any]) -> Section:
+def error_section(document: Mapping[str, Any]) -> Section:
     before, after = document["error_percent"]["before"], document["error_percent"]["after"]
     floor = document.get("noise_floor_percent", {})
     columns = [Column("channel")]

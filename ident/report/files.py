@@ -29,6 +29,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
     free = max(result.effective_rows - full.b, 1.0)
     channels = columns.channels
     return {
+        "checks": [check.document() for check in getattr(result, "checks", ())],
         "robot": columns.model.robot_name,
         "model": result.study.model,
         "base_parameters": len(columns.parameters),
@@ -106,6 +107,7 @@ def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
             else None,
             "full_value": float(full.chi[k]) if full.active[k] else None,
             "std_selected": float(selected[k]) if essential else None,
+            "impossible": impossible(result).get(name),
         }
         rows.append(row)
     for name, value in columns.known.items():
@@ -158,9 +160,14 @@ def _recordings(result: FitResult) -> list[dict[str, Any]]:
     return out
 
 
+def impossible(result: FitResult) -> Mapping[str, str]:
+    """Parameters whose value physics forbids beyond their standard deviation, with the usual reasons."""
+    return dict(getattr(result, "impossible", {}))
+
+
 def parameter_table(result: FitResult) -> tuple[Row, list[Row]]:
-    """Header and rows of the essential parameters: name, value, std, % std, unit."""
-    std = result.std
+    """Header and rows of the essential parameters: name, value, std, % std, unit; what physics forbids."""
+    std, forbidden = result.std, impossible(result)
     rows: list[Row] = []
     for k in np.flatnonzero(result.estimate.active):
         value = result.estimate.chi[k]
@@ -171,9 +178,10 @@ def parameter_table(result: FitResult) -> tuple[Row, list[Row]]:
                 f"{std[k]:.2g}",
                 f"{100 * std[k] / abs(value):.2g}",
                 result.columns.units[k],
+                *([forbidden.get(result.columns.parameters[k], "")] if forbidden else []),
             )
         )
-    return ("parameter", "value", "std", "% std", "unit"), rows
+    return ("parameter", "value", "std", "% std", "unit", *(["physics"] if forbidden else [])), rows
 
 
 def error_table(result: FitResult) -> tuple[Row, list[Row]]:

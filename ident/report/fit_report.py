@@ -7,9 +7,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ident.report.page import Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
+from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPage, Section, Table, Trace
 from ident.report.thinning import envelope, stretches_for, with_gaps
-from ident.report.wording import meaning, number, percent, readable_rule, readable_unit, with_deviation
+from ident.report.wording import (
+    check_sentence,
+    meaning,
+    number,
+    percent,
+    readable_rule,
+    readable_unit,
+    with_deviation,
+)
 
 ROLES = {
     "identify": "runs that were fitted",
@@ -53,12 +61,13 @@ def fit_page(
         kind="Identification",
         verdict=verdict(document),
         tone="plain",
-        warnings=tuple(warnings),
-        details=tuple(details),
+        checks=remarks(document),
+        warnings=tuple(text for text in warnings if not _told(document, text)),
+        details=(*details, left_over(document)),
         facts=tuple(_facts(document, held_out)),
         sections=(
             _error_section(document),
-            _parameter_section(document),
+            parameter_section(document),
             *_curve_sections(curves),
             _test_section(document, histogram),
             *extra,
@@ -79,6 +88,30 @@ def verdict(document: Mapping[str, Any]) -> str:
                 f"{count} explain the torque to {unseen} on {ROLES[role]} ({fitted} where they were fitted)."
             )
     return f"{count} explain the torque they were fitted to, to {fitted}; no run was kept to check them on."
+
+
+def remarks(document: Mapping[str, Any]) -> tuple[Remark, ...]:
+    """`checks` of a document, for the top of its page."""
+    checks = document.get("checks") or ()
+    return tuple(Remark(check_sentence(check), check["outcome"] != "mended") for check in checks)
+
+
+def _told(document: Mapping[str, Any], warning: str) -> bool:
+    """Whether a warning is one of the checks."""
+    return any(check_sentence(check).partition(": ")[2] == warning for check in document.get("checks") or ())
+
+
+def left_over(document: Mapping[str, Any]) -> str:
+    """What the fit does not explain, and who would look for it."""
+    errors = document.get("full_rate_error_percent") or document["relative_error_percent"]
+    role = next((role for role in ("test", "validate") if role in errors), "identify")
+    channels = {name: value for name, value in errors[role].items() if name != "total"}
+    worst = max(channels, key=lambda name: channels[name] or 0.0)
+    most = f", most in {worst} ({percent(channels[worst])})" if len(channels) > 1 else ""
+    return (
+        f"What is left: {percent(errors[role]['total'])} of the torque on {ROLES[role]}{most}. "
+        "ident diagnose looks for what the model lacks in it."
+    )
 
 
 def _facts(document: Mapping[str, Any], held_out: str | None) -> list[Fact]:
@@ -125,7 +158,8 @@ def _error_section(document: Mapping[str, Any]) -> Section:
     return Section("Error", (table,), text=text)
 
 
-def _parameter_section(document: Mapping[str, Any]) -> Section:
+def parameter_section(document: Mapping[str, Any]) -> Section:
+    impossible = any(row.get("impossible") for row in document["parameters"])
     columns = (
         Column("name"),
         Column("value", number=True),
@@ -133,6 +167,7 @@ def _parameter_section(document: Mapping[str, Any]) -> Section:
         Column("% σ", number=True, help="standard deviation relative to the value"),
         Column("unit"),
         Column("kept", help="essential: the F-statistic keeps it in the reduced model"),
+        *([Column("physics", help="beyond its standard deviation")] if impossible else []),
         Column("regroups"),
         Column("meaning"),
     )
@@ -150,6 +185,7 @@ def _parameter_section(document: Mapping[str, Any]) -> Section:
                 Cell(percent(relative), relative if relative is not None else "", tone),
                 Cell(readable_unit(row["unit"]), tone=tone),
                 Cell("yes" if essential else "no", tone=tone),
+                *([Cell(row.get("impossible") or "", tone="bad")] if impossible else []),
                 Cell("" if rule == row["name"] else readable_rule(rule), tone=f"{tone} wide"),
                 Cell(meaning(row["name"]), tone=f"{tone} wide"),
             )

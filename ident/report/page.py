@@ -79,6 +79,14 @@ Block = Plot | Table
 
 
 @dataclass(frozen=True, slots=True)
+class Remark:
+    """What was found in the data, in a sentence; `grave`: it was left as it is."""
+
+    text: str
+    grave: bool = True
+
+
+@dataclass(frozen=True, slots=True)
 class Fact:
     """A figure worth a large type: "9.4 %" over "error on the validate runs"."""
 
@@ -99,7 +107,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True)
 class ReportPage:
-    """The whole page: the verdict comes first, then warnings, then facts, then sections."""
+    """The whole page: what was found in the data, the verdict, warnings, facts, then sections."""
 
     title: str
     kind: str  # "Identification" | "Diagnosis"
@@ -107,6 +115,7 @@ class ReportPage:
     tone: str  # good | bad | plain
     sections: tuple[Section, ...]
     facts: tuple[Fact, ...] = ()
+    checks: tuple[Remark, ...] = ()
     warnings: tuple[str, ...] = ()
     details: tuple[str, ...] = field(default=())
     footer: str = ""

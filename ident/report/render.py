@@ -4,6 +4,7 @@ import functools
 import importlib.util
 import json
 from pathlib import Path
+from typing import Any
 
 from ident.report.figures import figure
 from ident.report.page import Plot, ReportPage, Table
@@ -14,6 +15,21 @@ FILTER_FROM_ROWS = 12  # a longer table gets a filter box
 
 def render(page: ReportPage) -> str:
     """The whole HTML text, about 5 MB, most of it plotly.js."""
+    return _template("page.html").render(
+        page=page,
+        style=(TEMPLATES / "page.css").read_text(),
+        script=(TEMPLATES / "page.js").read_text(),
+        plotly=plotly_javascript(),
+        filter_from_rows=FILTER_FROM_ROWS,
+    )
+
+
+def render_table(table: Table) -> str:
+    """One table as a fragment of HTML, for a notebook."""
+    return _template("table.html").render(block=table, filter_from_rows=len(table.rows) + 1)
+
+
+def _template(name: str) -> Any:
     import jinja2
 
     environment = jinja2.Environment(
@@ -26,14 +42,7 @@ def render(page: ReportPage) -> str:
     environment.tests["plot"] = lambda block: isinstance(block, Plot)
     environment.tests["table"] = lambda block: isinstance(block, Table)
     environment.globals["plot_json"] = plot_json
-    template = environment.get_template("page.html")
-    return template.render(
-        page=page,
-        style=(TEMPLATES / "page.css").read_text(),
-        script=(TEMPLATES / "page.js").read_text(),
-        plotly=plotly_javascript(),
-        filter_from_rows=FILTER_FROM_ROWS,
-    )
+    return environment.get_template(name)
 
 
 def plot_json(plot: Plot) -> str:

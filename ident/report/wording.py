@@ -2,6 +2,8 @@
 
 import math
 import re
+from collections.abc import Mapping
+from typing import Any
 
 NO_BREAK = "\u00a0"
 _MEANINGS = {
@@ -75,6 +77,14 @@ def with_deviation(value: float, std: float, unit: str = "") -> str:
         return f"{number(value)} {readable_unit(unit)}".strip()
     decimals = max(1 - math.floor(math.log10(std)), 0)
     return f"{value:.{decimals}f} ± {std:.{decimals}f} {readable_unit(unit)}".strip()
+
+
+def check_sentence(check: Mapping[str, Any]) -> str:
+    """An entry of `checks` as a line: `warning: run1: ...; remedy`."""
+    opening = "warning" if check["outcome"] == "warned" else check["outcome"]
+    where = f"{check['recording']}: " if check.get("recording") else ""
+    remedy = f"; {check['remedy']}" if check.get("remedy") else ""
+    return f"{opening}: {where}{check['message'].rstrip('.')}{remedy}"
 
 
 def joined(words: list[str]) -> str:

@@ -77,8 +77,17 @@ const repaint = () => { for (const [canvas, { figure }] of drawn) {
 for (const fold of document.querySelectorAll("details"))
   fold.addEventListener("toggle", () => { if (fold.open) drawAll(); });
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
-addEventListener("beforeprint", repaint);
-addEventListener("afterprint", repaint);
+let folded = [];
+addEventListener("beforeprint", () => {        // paper hides nothing: every fold open, every plot drawn
+  folded = [...document.querySelectorAll("details:not([open])")];
+  for (const fold of folded) fold.open = true;
+  for (const element of figures) draw(element);
+  repaint();
+});
+addEventListener("afterprint", () => {
+  for (const fold of folded) fold.open = false;
+  repaint();
+});
 
 const sortable = (cell) => {
   const value = cell.dataset.value ?? cell.textContent.trim();

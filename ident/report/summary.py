@@ -1,0 +1,80 @@
+"""Results as plain text, for `str()` of them, and as the small table that a notebook shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ident.estimation.fit import FitResult
+from ident.report.files import error_table, fit_document, parameter_table
+from ident.report.fit_report import left_over, parameter_section, verdict
+from ident.report.page import Table
+from ident.report.render import render_table
+from ident.report.wording import check_sentence
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Columns in line: the first, and those that hold words, to the left, numbers to the right."""
+    lines = [list(header), *[list(row) for row in rows]]
+    widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
+    words = [k == 0 or any(row[k] and not row[k][0].isdigit() and row[k][0] not in "-+" for row in rows)
+             for k in range(len(header))]  # fmt: skip
+    return "\n".join(
+        "  ".join(
+            f"{cell:<{w}}" if left else f"{cell:>{w}}" for cell, w, left in zip(line, widths, words)
+        ).rstrip()
+        for line in lines
+    )
+
+
+def fit_summary(result: FitResult) -> str:
+    """Checks, verdict, errors, essential parameters, warnings, what is left; without a date or an id."""
+    document = fit_document(result)
+    parts = [f"{document['robot']}, model {document['model']}"]
+    parts += [check_sentence(check) for check in document["checks"]]
+    parts += [
+        verdict(document),
+        "",
+        text_table(*error_table(result)),
+        "",
+        text_table(*parameter_table(result)),
+    ]
+    parts += ["", *[f"warning: {text}" for text in result.warnings], left_over(document)]
+    return "\n".join(parts)
+
+
+def fit_table(result: FitResult) -> str:
+    """The report's table of parameters as HTML, under its verdict."""
+    document = fit_document(result)
+    return _fragment(verdict(document), document["checks"], parameter_section(document).blocks)
+
+
+def diagnosis_summary(document: Mapping[str, Any]) -> str:
+    """Checks, verdict, findings, what is unexplained, errors before and after."""
+    from ident.report.diagnosis_report import before_and_after, told, verdict
+
+    parts = [f"{document['robot']}, model {document['model']}"]
+    parts += [check_sentence(check) for check in document.get("checks", ())]
+    parts += [verdict(document), *told(document), "", text_table(*before_and_after(document))]
+    return "\n".join([*parts, *[f"warning: {note}" for note in document.get("notes", ())]])
+
+
+def diagnosis_table(document: Mapping[str, Any]) -> str:
+    """The findings in words and the errors before and after, as HTML."""
+    from html import escape
+
+    from ident.report.diagnosis_report import error_section, told, verdict
+
+    found = "".join(f"<li>{escape(text)}</li>" for text in told(document))
+    blocks = error_section(document).blocks
+    return _fragment(
+        verdict(document), document.get("checks", ()), blocks, f"<ul>{found}</ul>" if found else ""
+    )
+
+
+def _fragment(said: str, checks: Sequence[Mapping[str, Any]], blocks: Sequence[Any], more: str = "") -> str:
+    from html import escape
+
+    lines = "".join(f"<p>{escape(check_sentence(check))}</p>" for check in checks)
+    tables = "".join(render_table(block) for block in blocks if isinstance(block, Table))
+    return f"<div>{lines}<p><strong>{escape(said)}</strong></p>{more}{tables}</div>"
