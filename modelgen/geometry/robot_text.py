@@ -13,7 +13,7 @@ import sympy as sp
 
 from modelgen.geometry.robot import Limits, Link, Robot
 from modelgen.geometry.robot_file import load_robot
-from modelgen.geometry.urdf import Conversion, convert, is_urdf, read_bounded
+from modelgen.geometry.urdf import Conversion, convert, is_urdf
 
 SMALLEST = 1e-12  # what a robot file can hold
 
@@ -23,13 +23,13 @@ def robot_text(name_or_path: str | Path, exact: bool = False) -> tuple[str, tupl
 
     `exact`: a URDF's angles and lengths as they are written. Raises RobotFileError.
     """
-    path = Path(name_or_path)
-    data = read_bounded(path) if path.is_file() else b""
-    if is_urdf(data, path.name) and data:
-        conversion = convert(data, path.name, exact)
-        return as_text(conversion.robot, conversion), conversion.robot.remarks
     robot = load_robot(name_or_path)
-    return as_text(robot), robot.remarks
+    path = Path(name_or_path)
+    data = path.read_bytes() if path.is_file() else b""
+    if not is_urdf(data, path.name if data else ""):
+        return as_text(robot), robot.remarks
+    conversion = convert(data, path.name, exact)
+    return as_text(conversion.robot, conversion), conversion.robot.remarks
 
 
 def as_text(robot: Robot, conversion: Conversion | None = None) -> str:

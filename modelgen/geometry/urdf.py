@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import re
 from dataclasses import dataclass
-from pathlib import Path
 
 import sympy as sp
 
@@ -20,7 +19,7 @@ from modelgen.geometry.urdf_mdh import Body, Table, inertial_parameters, table
 from modelgen.geometry.urdf_xml import LARGEST_TEXT
 
 GRAVITY = (ZERO, ZERO, sp.Rational(-981, 100))
-__all__ = ["LARGEST_TEXT", "Conversion", "convert", "is_urdf", "read_bounded"]
+__all__ = ["LARGEST_TEXT", "Conversion", "convert", "is_urdf"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +35,6 @@ def is_urdf(data: bytes, source: str = "") -> bool:
     """True for a file called .urdf or .xacro, and for any XML: no YAML robot file begins with "<"."""
     start = data[:64].lstrip(b"\xef\xbb\xbf \t\r\n")
     return source.lower().endswith((".urdf", ".xacro")) or start.startswith(b"<")
-
-
-def read_bounded(path: Path) -> bytes:
-    """The file's content, or its beginning where it is larger than any URDF. Raises RobotFileError."""
-    try:
-        with path.open("rb") as stream:
-            return stream.read(LARGEST_TEXT + 1)
-    except OSError as error:
-        raise RobotFileError(path.name, f"cannot be read ({error.strerror}); name another file") from None
 
 
 def convert(data: bytes, source: str = "robot.urdf", exact: bool = False) -> Conversion:

@@ -15,7 +15,8 @@ from fractions import Fraction
 from typing import TypeVar
 
 from modelgen.errors import ModelgenError
-from modelgen.geometry.robot import Limits
+from modelgen.geometry import plausible
+from modelgen.geometry.robot import SIGMA, Limits
 from modelgen.geometry.urdf_xml import Element, read
 
 T = TypeVar("T")
@@ -166,7 +167,7 @@ def _joint(element: Element, name: str) -> Joint:
 
 
 def _limits(joint: Element, kind: str, where: str) -> Limits | None:
-    """Position, speed and effort; a zero or an empty range is what exporters write for "not known"."""
+    """Position, speed and effort. For "not known" exporters write 0, an empty range, 1000 rad/s, 1e16."""
     element = joint.first("limit")
     if element is None:
         return None
@@ -174,9 +175,14 @@ def _limits(joint: Element, kind: str, where: str) -> Limits | None:
     lower, upper = given["lower"], given["upper"]
     if lower > upper:
         raise ModelgenError(f"{where} has limits from {lower:g} to {upper:g}; lower must be below upper")
-    bounded = kind != "continuous" and lower < upper and max(-lower, upper) < LARGEST
-    speed, effort = (value if 0 < value < LARGEST else None for value in (given["velocity"], given["effort"]))
-    limits = Limits(q=(lower, upper) if bounded else None, dq=speed, tau=effort)
+    sigma = SIGMA[MOVING[kind]]
+    bounded = kind != "continuous" and lower < upper and not plausible.limits(sigma, (lower, upper), None)
+    moves = given["velocity"] > 0 and not plausible.limits(sigma, None, given["velocity"])
+    limits = Limits(
+        q=(lower, upper) if bounded else None,
+        dq=given["velocity"] if moves else None,
+        tau=given["effort"] if 0 < given["effort"] < LARGEST else None,
+    )
     return None if limits == Limits() else limits
 
 
@@ -198,6 +204,11 @@ def _origin(element: Element, where: str) -> tuple[Triple, Triple]:
     if "quat_xyzw" in origin.attributes:
         raise ModelgenError(f"{where} has an origin with quat_xyzw; write the rotation as rpy")
     xyz, rpy = (_triple(origin.attributes.get(key, "0 0 0"), f"{where}, {key}") for key in ("xyz", "rpy"))
+    problems = [("xyz", plausible.length(float(x))) for x in xyz]
+    problems += [("rpy", plausible.angle(float(x))) for x in rpy]
+    for key, problem in problems:
+        if problem:
+            raise ModelgenError(f"{where}, {key} {problem}")
     return xyz, rpy
 
 
