@@ -35,7 +35,7 @@ def columns_of(study: Study) -> Columns:
     payload = study.payloads[0] if study.payloads else None
     model = generated.load(study.robot_source, study.model, payload=payload, gravity=study.gravity)
     try:
-        need = need_of(study.model, tuple(model.channels), study.positions, study.channels)
+        need = need_of(study.model, tuple(model.channels), study.positions, study.channels, model.joint_names)
     except (ValueError, ModelgenError) as error:
         raise StudyError(str(study.file), "channels", str(error)) from None
     return study_columns(study, model, need)

@@ -23,6 +23,7 @@ class Need:
     motor: tuple[int, ...]
     sensor: tuple[int, ...]
     model: str = "A"
+    joint_names: tuple[str, ...] = ()  # as the robot file calls them; q1, ... where it does not
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -48,6 +49,7 @@ def need_of(
     channels: Sequence[str],
     positions: str = "motor",
     chosen: Collection[str] | None = None,
+    joint_names: Sequence[str] = (),
 ) -> Need:
     """What the channels of a compiled model need ("tau_m3"), or those that can be made of the `chosen` ones.
 
@@ -67,7 +69,9 @@ def need_of(
     sensors = {c.joint for c in found if c.side in ("sensor", "drive")}
     if positions == "joint":  # they are computed from all sensors
         sensors = set(range(len(labels)))
-    return Need(tuple(int(label) for label in labels), found, drives, tuple(sorted(sensors)), model)
+    joints = tuple(int(label) for label in labels)
+    names = tuple(joint_names) or tuple(f"q{joint}" for joint in joints)
+    return Need(joints, found, drives, tuple(sorted(sensors)), model, names)
 
 
 def _parts(channel: Channel) -> set[Channel]:

@@ -12,13 +12,12 @@ one (the same state read twice: dropped where single, so that motion is interpol
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 
-from ident.errors import RecordingError, StudyError
+from ident.errors import StudyError
 from ident.examination.check import refuse, worst_first
 from ident.examination.clock import time_stamps, uniform_clock
 from ident.examination.signals import Columns, of_table
@@ -27,9 +26,10 @@ from ident.recordings.need import Need as Need
 from ident.recordings.need import need_of as need_of
 from ident.recordings.recording import RecordingStream, Survey
 from ident.recordings.remarks import notes_on
-from ident.recordings.study import ColumnMap, RecordingEntry, Study
+from ident.recordings.signal_columns import signal_columns
+from ident.recordings.study import RecordingEntry, Study
 from ident.recordings.surveying import surveyed
-from ident.recordings.tables import Table, open_table
+from ident.recordings.tables import open_table
 
 
 def open_recordings(study: Study, need: Need, prismatic: Collection[str] = ()) -> list[RecordingStream]:
@@ -43,8 +43,10 @@ def open_recording(
     """Find the columns, survey the rows. Raises RecordingError or StudyError."""
     _check_sizes(study, need)
     path = study.recording_path(entry)
-    table = open_table(path if entry.table is None else entry.table, entry.decimal, entry.label)
-    names, signals, factors, offsets = _columns(study, entry, need, table)
+    source = path if entry.table is None else entry.table
+    table = open_table(source, entry.decimal, entry.label, entry.topic)
+    found = signal_columns(study, entry, need, table)
+    names, factors, offsets = found.names, found.factors, found.offsets
     window = (-np.inf if entry.from_s is None else entry.from_s, np.inf if entry.to_s is None else entry.to_s)
     stiffness = np.array(study.stiffness) if study.positions == "joint" and study.stiffness else None
     stream = RecordingStream(
@@ -57,7 +59,7 @@ def open_recording(
         names,
         factors,
         offsets,
-        entry.rate_hz if signals[0] != "t" else None,
+        entry.rate_hz if found.signals[0] != "t" else None,
         window,
         stiffness,
         _NO_SURVEY,
@@ -79,10 +81,10 @@ def open_recording(
         seen = surveyed(stream, study)
     columns = Columns(
         stream.label,
-        tuple(signal for signal in signals if signal != "t"),
+        tuple(signal for signal in found.signals if signal != "t"),
         stream.signal_joints,
         tuple(str(joint) for joint in need.joints),
-        {**study.columns, **entry.columns},
+        found.maps,
         need.names,
         np.array([str(joint) in prismatic for joint in need.joints]),
     )
@@ -90,7 +92,10 @@ def open_recording(
     checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, survey.rows)
     checks += velocity_agrees(columns, stream, table)
     refuse(stream.file, checks)
-    notes = (*table.remarks, *notes_on(stream.label, survey))
+    notes = (
+        *(f"{stream.label}: {text}" for text in (*table.remarks, *found.remarks)),
+        *notes_on(stream.label, survey),
+    )
     return replace(stream, survey=survey, notes=notes, checks=worst_first(checks))
 
 
@@ -103,98 +108,6 @@ def _check_sizes(study: Study, need: Need) -> None:
                 key,
                 f"has {len(values)} values, the robot {study.robot} has {n} joints; give one per joint",
             )
-
-
-def _columns(
-    study: Study, entry: RecordingEntry, need: Need, table: Table
-) -> tuple[tuple[str, ...], tuple[str, ...], np.ndarray, np.ndarray]:
-    """The table's columns for t, q, motor, sensor, which signals they are, their factors and offsets."""
-    maps = {**study.columns, **entry.columns}
-    known = {"t"} | {f"{kind}{j}" for kind in ("q", "dq", "ddq", "tau_m", "tau_l", "i") for j in need.joints}
-    for name in maps:
-        if name not in known:
-            close = difflib.get_close_matches(name, sorted(known), n=1)
-            raise StudyError(
-                str(study.file),
-                f"columns.{name}",
-                "is not a signal of this robot"
-                + (f", did you mean {close[0]}?" if close else "; signals are t, q1, tau_m1, tau_l1, i1 ..."),
-            )
-    names: list[str] = []
-    factors: list[float] = []
-    offsets: list[float] = []
-    found: list[str] = []
-
-    def add(signal: str, factor: float = 1.0) -> None:
-        column = maps.get(signal, ColumnMap(column=signal))
-        where = str(column.column)
-        if isinstance(column.column, int):
-            if not 0 <= column.column < len(table.columns):
-                raise RecordingError(
-                    table.file,
-                    f"has {len(table.columns)} columns, so column {column.column} for "
-                    f"{signal} does not exist (the first is 0); correct the study's columns",
-                )
-            where = table.columns[column.column]
-        if where not in table.columns:
-            raise _missing(table, signal, where, signal in maps)
-        names.append(where)
-        factors.append(column.sign * column.scale * factor)
-        offsets.append(column.offset * factor)
-        found.append(signal)
-
-    def has(signal: str) -> bool:
-        return signal in maps or signal in table.columns
-
-    if has("t") or entry.rate_hz is None:
-        add("t")
-    for j in need.joints:
-        add(f"q{j}")
-    if need.motor:
-        gains = study.drive_gains
-        currents = all(has(f"i{need.joints[k]}") for k in need.motor)
-        for k in need.motor:
-            j = need.joints[k]
-            if gains == "identify":
-                add(f"i{j}" if currents else f"tau_m{j}")
-            elif isinstance(gains, tuple) and currents:
-                add(f"i{j}", gains[k])
-            elif not has(f"tau_m{j}") and has(f"i{j}"):
-                raise StudyError(
-                    str(study.file),
-                    "drive_gains",
-                    f"{entry.file} holds motor currents; give one gain "
-                    "[N m/A] per joint, or drive_gains: identify where joint torques are recorded too",
-                )
-            else:
-                add(f"tau_m{j}")
-    if need.sensor:
-        for k in need.sensor:
-            add(f"tau_l{need.joints[k]}")
-    return tuple(names), tuple(found), np.array(factors), np.array(offsets)
-
-
-def _missing(table: Table, signal: str, where: str, mapped: bool) -> RecordingError:
-    if not table.has_names:
-        return RecordingError(
-            table.file,
-            f"has no header, so {signal} must be told by its index; "
-            f"add columns: {{{signal}: {{column: 0}}}} (the first is 0) to the study",
-        )
-    close = difflib.get_close_matches(where, table.columns, n=1, cutoff=0.6)
-    columns = ", ".join(table.columns[:12]) + (" ..." if len(table.columns) > 12 else "")
-    hint = f"the nearest is {close[0]}" if close else f"the columns are {columns}"
-    if signal == "t" and not mapped:
-        return RecordingError(
-            table.file,
-            f"column t is missing ({hint}); map it with columns: {{t: ...}}, or give "
-            "rate_hz: beside the file when samples are uniform",
-        )
-    return RecordingError(
-        table.file,
-        f"column {where} is missing ({hint}); map it in the study with "
-        f"columns: {{{signal}: {{column: NAME}}}}",
-    )
 
 
 _NO_SURVEY = Survey(0, 1.0, True, 0.0, 0, 0, 0, np.empty(0), np.empty(0), (), np.inf, 0)

@@ -38,6 +38,7 @@ from modelgen.errors import ModelgenError, shortened
 from modelgen.geometry import strict_yaml
 
 Role = Literal["identify", "validate", "test"]
+Effort = Literal["motor_torque", "motor_current", "joint_torque"]
 ROLES: tuple[Role, ...] = ("identify", "validate", "test")
 MODELS = ("A", "B", "C", "D")
 ESTIMATORS = ("wls", "irls", "iv", "didim", "tls")
@@ -75,6 +76,8 @@ class RecordingEntry(_Strict):
     to_s: Number | None = Field(default=None, alias="to")
     rate_hz: Annotated[Number, Field(ge=0.1, le=1e6)] | None = None  # only for tables without a time column
     decimal: Literal[".", ","] = "."  # only for CSV
+    topic: str | None = None  # only for ROS bags with several joint states
+    effort: Effort | None = None  # what a JointState's effort is; also for all recordings
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
     _table: Any = PrivateAttr(default=None)  # in memory instead of `file` (ident.Recording); no key of a file
 
@@ -166,7 +169,8 @@ class Study(_Strict):
     gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads
     [kg]; `bounds`, `robust`, `reduction`, `reduction_alpha` (of the F-test), `effective_rows` choose the
     estimator; `turn_over` [rad/s] per joint makes the sign of its dry friction tanh(dq / w); `trim_rest:
-    false` keeps rest at the ends; `folder` is where the recordings are.
+    false` keeps rest at the ends; `joints` are the joints' names in the recordings, in the robot's order;
+    `effort` says what the driver records as such; `folder` is where the recordings are.
     """
 
     robot: PathText
@@ -177,6 +181,8 @@ class Study(_Strict):
         tuple[Number, ...] | Literal["identify"] | None, AfterValidator(study_checks.gains)
     ] = None
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
+    joints: tuple[str, ...] | None = None
+    effort: Effort | None = None
     without: tuple[str, ...] = ()
     link_inertia: bool = False
     coupled_drives: tuple[tuple[Whole, Whole], ...] = ()
