@@ -34,7 +34,7 @@ def activate(
     active = replace(active, visible=yardstick(active))
     if set(request.values) & {*effect.size_names, *effect.size_aliases} or not effect.size_names:
         return active
-    if effect.state is not None or not effect.linear:  # not proportional to any parameter: search
+    if not effect.proportional:  # search
         trials = [
             _active(
                 request,

@@ -1,6 +1,6 @@
 """The digital twin: true torques of a robot that moves, with the effects it hides.
 
-The gear's output follows the planned motion g(t). From there, joint by joint (stages of modelgen.effects.truth):
+The gear's output follows the planned motion g(t). From there, joint by joint (modelgen.effects.truth):
 
     link      q_l = g + what leaves it, as free play                        (what the inertia follows)
     tau_link  = M(q_l) ddq_l + H(q_l, dq_l) + tau_fl + link effects           eq. (2), what a sensor sees
@@ -23,7 +23,7 @@ from ident.simulate.requests import EffectRequest
 from ident.simulate.trajectories import State
 from modelgen.dynamics.models import MODELS
 from modelgen.effects.place import Layout, Place
-from modelgen.effects.truth import STAGES, Truth
+from modelgen.effects.truth import STAGES, Truth, played
 from modelgen.geometry.names import Channel
 from modelgen.geometry.robot import Robot
 
@@ -107,22 +107,13 @@ def run_twin(
     row, heavy = twin.robot.payload_link(PAYLOAD), dict(twin.standard)
     for name, value in (payload or {}).items():
         heavy[f"{name}{row}"] = heavy.get(f"{name}{row}", 0.0) + value
-    truth = Truth(STAGES[0], twin.robot, recording, t, motion, motion, nothing, nothing, {}, heavy)
-    carried = _chi(twin.link, twin.standard, payload)
-    for stage in STAGES:
-        if stage == "link_torque":
-            rigid = twin.link.torque(*truth.link, carried)
-            smooth = twin.link.torque(*truth.link, carried, sign=nothing)
-            truth = replace(truth, tau_link=rigid, smooth_link=smooth)
-        elif stage == "torque":
-            drive = twin.drive.torque(*truth.motor, _chi(twin.drive, twin.standard, None))
-            truth = replace(truth, torque={"motor": truth.tau_link + drive, "sensor": truth.tau_link})
-        elif stage == "encoder":
-            truth = replace(truth, encoder=truth.motor[0])
-        truth = replace(truth, stage=stage)
-        for e in effects:
-            if e.acts_in(recording) and stage in e.request.effect.stages(e.place):
-                truth = e.request.effect.simulate(truth, e.place, {**e.linear, **e.nonlinear})
+    carried, drive = _chi(twin.link, twin.standard, payload), _chi(twin.drive, twin.standard, None)
+    truth = played(
+        Truth(STAGES[0], twin.robot, recording, t, motion, motion, nothing, nothing, {}, heavy),
+        [(e.request.effect, e.place, {**e.linear, **e.nonlinear}) for e in effects],
+        lambda link, dry: twin.link.torque(*link, carried, sign=None if dry else nothing),
+        lambda motor: twin.drive.torque(*motor, drive),
+    )
     assert truth.encoder is not None
     return TrueRun(t, truth.encoder, truth.link[0], truth.torque["motor"], truth.torque["sensor"])
 

@@ -87,6 +87,7 @@ class Effect:
     kind: Kind = "column"
     channel: ChannelKind = "motor"
     joints: Literal["joint", "pair", "robot"] = "joint"
+    proportional: bool = True  # its torque grows with its linear parameters; a simulator scales those
     windowed: bool = False  # acts from (and to) a moment of one recording
     on_link: bool = False  # may be said to be on a certain link
     state: State | None = None

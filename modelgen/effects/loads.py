@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from modelgen.dynamics.newton_euler import regressor
+from modelgen.dynamics.newton_euler import INERTIAL, motions, regressor, unit_wrench
 from modelgen.effects.frames import Frames, frames
 from modelgen.geometry.kinematics import geometry, state
 from modelgen.geometry.robot import Robot
@@ -141,6 +141,34 @@ def body_columns(robot: Robot, q: Array, dq: Array, ddq: Array, row: int, kinds:
         for joint, torque in enumerate(columns[row, kind]):
             out[:, joint, k] = torque
     return out
+
+
+def joint_moments(
+    robot: Robot, q: Array, dq: Array, ddq: Array, standard: Mapping[str, float], row: int
+) -> Array:
+    """(N, 3) moment [N m] that joint `row` (from 1) passes on to its link, in the link's frame and about its
+    origin, bending (x, y) and torque (z): the inward Newton-Euler recursion without its projection."""
+    shape = geometry(robot)
+    frames_of = motions(shape, state(robot, q, dq, ddq))
+    forces = [np.zeros((3, len(q))) for _ in frames_of]
+    moments = [np.zeros((3, len(q))) for _ in frames_of]
+    for j in range(len(frames_of) - 1, row - 2, -1):
+        T, motion = frames_of[j]
+        for kind in INERTIAL:
+            value = standard.get(f"{kind}{j + 1}", 0.0)
+            if value:
+                f, n = unit_wrench(kind, motion)
+                for axis in range(3):
+                    forces[j][axis] += value * f[axis]
+                    moments[j][axis] += value * n[axis]
+        a = T.row.antecedent
+        if a >= 0 and j >= row:
+            f = np.array([x + np.zeros(len(q)) for x in T.to_antecedent(tuple(forces[j]))])
+            n = np.array([x + np.zeros(len(q)) for x in T.to_antecedent(tuple(moments[j]))])
+            lever = np.array([x + np.zeros(len(q)) for x in T.p])
+            forces[a] += f
+            moments[a] += n + np.cross(lever, f, axis=0)
+    return moments[row - 1].T
 
 
 def independent(columns: Array, tolerance: float = 1e-7) -> list[int]:

@@ -99,29 +99,46 @@ def low_passed(x: Array, rate_hz: float, cutoff_hz: float) -> tuple[Array, Array
 
 
 def gear_columns(
-    model: Model, motion: Motion, j: int, deflect: Callable[[Array], Array], size: float, cutoff_hz: float
+    model: Model,
+    motion: Motion,
+    j: int,
+    deflect: Callable[[Array], Array],
+    size: Array | None,
+    cutoff_hz: float,
 ) -> Array:
-    """(N, C) torque per unit of a gear's deflection x = size * deflect(tau), tau the torque passed on.
+    """(N, C, p) torque per unit of each part of a gear's deflection x = deflect(tau) @ size.
 
-    Tangent at size 0, else the secant [tau(q + x) - tau(q)]/size. The torque that bends the gear is the one
-    behind the deflection: x and tau are found by three turns of the fixed point, which converges while the
-    shift is low-passed below the joint's own resonance.
+    `deflect(tau)`: (N, p) deflections of a torque (N,) that the gear passes on. Tangents where size is 0,
+    else secants one part after the other, so that columns @ size is tau(q + x) - tau(q). The torque that
+    bends the gear is the one behind the deflection: x and tau are found by three turns of the fixed point,
+    which converges while the shift is low-passed below the joint's own resonance.
     """
-    passed = model.link_torque(motion)[:, j]
-    rigid = model.torque(motion)
-    first = deflect(passed)
-    if abs(size) < 1e-12:
-        largest = float(np.abs(first).max()) or 1.0
-        scale = 1e-5 / largest  # rad: small against any curvature of gravity
-        shift = low_passed(scale * first, motion.rate_hz, cutoff_hz)
-        return displaced_torque(model, motion, j, shift, rigid=rigid) / scale
+    passed, rigid = model.link_torque(motion)[:, j], model.torque(motion)
+    units = deflect(passed)
+    size = np.zeros(units.shape[1]) if size is None else np.asarray(size, dtype=float)
     own = next((c for c, k in enumerate(model.channels) if k.joint == j), None)
-    change = np.zeros_like(rigid)
-    for turn in range(3):
-        bent = passed if turn == 0 or own is None else passed + change[:, own]
-        shift = low_passed(size * deflect(bent), motion.rate_hz, cutoff_hz)
-        change = displaced_torque(model, motion, j, shift, rigid=rigid)
-    return change / size
+
+    def change(parts: Array, turns: int) -> Array:
+        out = np.zeros_like(rigid)
+        for turn in range(turns):
+            bent = units if turn == 0 or own is None else deflect(passed + out[:, own])
+            shift = low_passed(bent @ parts, motion.rate_hz, cutoff_hz)
+            out = displaced_torque(model, motion, j, shift, rigid=rigid)
+        return out
+
+    columns = np.zeros((*rigid.shape, len(size)))
+    parts, before = np.zeros(len(size)), np.zeros_like(rigid)
+    for k, value in enumerate(size):
+        largest = float(np.abs(units[:, k]).max()) or 1.0
+        if abs(value) * largest > 1e-9:
+            parts[k] = value
+            after = change(parts, 3)
+            columns[:, :, k] = (after - before) / value
+            before = after
+        else:
+            little = 1e-5 / largest  # rad: small against any curvature of gravity
+            columns[:, :, k] = change(little * np.eye(len(size))[k], 1) / little
+    return columns
 
 
 def below_resonance(model: Model, motion: Motion, j: int, compliance: float, cutoff_hz: float) -> float:

@@ -11,9 +11,9 @@ The gear's output follows the planned motion. In this order:
     crosstalk, gain, lag, delay, encoder    what the recorder makes of it
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -78,6 +78,10 @@ class Truth:
         """The torque of a side replaced."""
         return replace(self, torque={**self.torque, side: recorded})
 
+    def with_encoder(self, q: Array) -> "Truth":
+        """The recorded positions replaced."""
+        return replace(self, encoder=q)
+
     def moved(self, which: Literal["motor", "link"], joint: int, by: Array) -> "Truth":
         """Motor or link displaced by `by` (N,), with its rate and acceleration."""
         from modelgen.effects.motions import derivatives
@@ -98,3 +102,30 @@ class Truth:
         if sigma_s <= 0.2 * self.dt:
             return signal
         return gaussian_filter1d(signal, sigma_s / self.dt, axis=0, mode="nearest")
+
+
+def played(
+    truth: Truth,
+    acting: Sequence[tuple[Any, Place, Mapping[str, float]]],
+    link_torque: Callable[[States, bool], Array],
+    drive_torque: Callable[[States], Array],
+) -> Truth:
+    """The recording from its planned motion to what is recorded, with the (effect, place, values) that act.
+
+    `link_torque(link, dry)`: (N, n) of the bodies and the friction behind the gear, without the step of dry
+    friction where `dry` is False; `drive_torque(motor)`: (N, n) of rotors and friction before the gear.
+    """
+    for stage in STAGES:
+        if stage == "link_torque":
+            rigid, smooth = link_torque(truth.link, True), link_torque(truth.link, False)
+            truth = replace(truth, tau_link=rigid, smooth_link=smooth)
+        elif stage == "torque":
+            motor = truth.tau_link + drive_torque(truth.motor)
+            truth = replace(truth, torque={"motor": motor, "sensor": truth.tau_link})
+        elif stage == "encoder":
+            truth = replace(truth, encoder=truth.motor[0])
+        truth = replace(truth, stage=stage)
+        for effect, place, values in acting:
+            if place.recording in (None, truth.recording) and stage in effect.stages(place):
+                truth = effect.simulate(truth, place, values)
+    return truth

@@ -12,6 +12,7 @@ class AsymmetricFriction(Effect):
     summary = "viscous friction differs between the two directions"
     signature = "a V against the rate; an offset does not show it because it vanishes at rest"
     source = "Armstrong, Friction: experimental determination, modeling and compensation, ICRA 1988"
+    remedy = "add its term to the friction model; check alignment, preload and seals of the joint"
     terms = {"Fva": sp.Abs(SIGNALS.dq)}
     linear = (LinearParameter("Fva", "N m s/rad", -100.0, 100.0),)
     typical = {"Fva": 2.0}

@@ -54,6 +54,7 @@ class Backlash(MotionEffect):
     inverse = {"travel": gap}
     state = PLAY
     sizes = ("gap",)
+    proportional = False
     typical = {"gap": 2e-3, "drop": 0.0}
 
     def variants(self) -> tuple[tuple[str, ...], ...]:

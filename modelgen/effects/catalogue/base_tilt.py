@@ -52,6 +52,7 @@ class BaseTilt(LoadEffect):
         *(Quantity(f"g{axis}", "m/s^2", turned) for axis, turned in zip("xyz", _turned())),
     )
     sizes = ("roll", "pitch")
+    proportional = False
     typical = {"roll": 0.03, "pitch": -0.04}
     changes_model = True
 

@@ -22,6 +22,7 @@ class Counterbalance(Effect):
         "Weigand, Goetz, Ulmen, Ruskowski, Dataset and baseline for an industrial robot identification "
         "benchmark, 2023 (hydraulic counterbalance of a KR300); Khalil and Dombre 2002"
     )
+    remedy = "add its term to the model, with the spring's geometry from its data sheet where known"
     terms = {"Kab": sp.sin(x), "Kl": sp.sin(x) / sp.sqrt(1 - rho * sp.cos(x))}
     linear = (LinearParameter("Kab", "N m", -1e4, 1e4), LinearParameter("Kl", "N m", -1e4, 1e4))
     nonlinear = (

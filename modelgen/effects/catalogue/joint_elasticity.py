@@ -52,8 +52,8 @@ class JointElasticity(MotionEffect):
         assert place.joint is not None
         c = float(size[0]) if size is not None else 0.0
         cutoff = below_resonance(model, motion, place.joint, c, self.SHIFT_CUTOFF_HZ)
-        change = gear_columns(model, motion, place.joint, lambda tau: -tau, c, cutoff)
-        return {number: change[:, [number]] for number in range(len(model.channels))}
+        change = gear_columns(model, motion, place.joint, lambda tau: -tau[:, None], size, cutoff)
+        return {number: change[:, number] for number in range(len(model.channels))}
 
     def stages(self, place: Place) -> tuple[Stage, ...]:
         return ("motor_motion",)

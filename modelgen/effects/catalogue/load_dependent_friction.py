@@ -15,6 +15,7 @@ class LoadDependentFriction(Effect):
         "Hamon, Gautier, Garrec, Dynamic identification of robots with a dry friction model depending on "
         "load and velocity, IROS 2010"
     )
+    remedy = "add its term to the friction model; check the lubrication of the gear"
     terms = {"mu": sp.Abs(SIGNALS.tau_link) * SIGNALS.sign_dq}
     linear = (LinearParameter("mu", "-", 0.0, 0.4, "positive"),)
     typical = {"mu": 0.08}

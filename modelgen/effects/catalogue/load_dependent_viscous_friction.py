@@ -12,6 +12,7 @@ class LoadDependentViscousFriction(Effect):
     summary = "the slope of friction against the rate grows with the torque that the gear passes on"
     signature = "proportional to the rate with a slope that follows |tau_link|"
     source = "Hamon, Gautier, Garrec, IROS 2010 (friction depending on load and velocity)"
+    remedy = "add its term to the friction model; check the lubrication of the gear"
     terms = {"muv": sp.Abs(SIGNALS.tau_link) * SIGNALS.dq}
     linear = (LinearParameter("muv", "s/rad", 0.0, 0.5, "positive"),)
     typical = {"muv": 0.08}

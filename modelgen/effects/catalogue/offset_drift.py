@@ -10,6 +10,7 @@ class OffsetDrift(Effect):
     summary = "the offset of the measured torque moves with time"
     signature = "a straight line against time, in every recording, whatever the motion"
     source = "Hollerbach, Khalil, Gautier, Model Identification, Springer Handbook of Robotics, 2008"
+    remedy = "warm the sensor up before recording, or zero it between recordings"
     terms = {"slope": SIGNALS.t}
     linear = (LinearParameter("slope", "N m/s", -1.0, 1.0),)
     channel = "any"

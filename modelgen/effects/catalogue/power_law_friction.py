@@ -15,6 +15,7 @@ class PowerLawFriction(Effect):
     summary = "friction grows with a power of the rate below one (the square root for p = 0.5)"
     signature = "against the rate: steep near zero, flattening at speed; between a step and a straight line"
     source = "Bona and Indri, Friction compensation in robotics: an overview, CDC 2005"
+    remedy = "add its term to the friction model; check the grease of the gear"
     terms = {"Fp": (SIGNALS.dq**2 + REST**2) ** (p / 2) * SIGNALS.sign_dq}
     linear = (LinearParameter("Fp", "N m (s/rad)^p", 0.0, 100.0, "positive"),)
     nonlinear = (NonlinearParameter("p", "-", 0.2, 0.8, (0.35, 0.5, 0.65)),)

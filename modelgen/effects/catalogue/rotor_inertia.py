@@ -10,6 +10,7 @@ class RotorInertia(Effect):
     summary = "inertia of rotor and gear, on the joint side"
     signature = "proportional to the joint's own acceleration, the same in every pose"
     source = "eq. (1) of Jubien, Gautier and Janot 2014; Khalil and Dombre 2002, sec. 9.4"
+    remedy = "leave it in the model: remove it from the study's `without`"
     terms = {"Ia": SIGNALS.ddq}
     linear = (LinearParameter("Ia", "kg m^2", 0.0, 100.0, "positive"),)
     replaces = ("Iam",)

@@ -14,6 +14,7 @@ class Spring(Effect):
     summary = "a torque proportional to the position, as of a cable bundle or a balancing spring"
     signature = "a straight line against the position that gravity, periodic in it, does not explain"
     source = "Khalil and Dombre, Modeling, identification and control of robots, 2002 (balancing springs)"
+    remedy = "add its term to the model; check cables and hoses that pull on the joint"
     terms = {"k": SIGNALS.q, "c": sp.Integer(1)}
     linear = (
         LinearParameter("k", "N m/rad", 0.0, 500.0, "positive"),

@@ -14,6 +14,7 @@ class StribeckFriction(Effect):
     summary = "friction rises below a sliding speed of about vs"
     signature = "bumps of the sign of the rate around every reversal, gone above two or three vs"
     source = "Stribeck 1902; Armstrong-Helouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994"
+    remedy = "add its term to the friction model; check the lubrication, or avoid creeping motions"
     terms = {"Fs": sp.exp(-((SIGNALS.dq / vs) ** 2)) * SIGNALS.sign_dq}
     linear = (LinearParameter("Fs", "N m", 0.0, 100.0, "positive"),)
     nonlinear = (NonlinearParameter("vs", "rad/s", 0.005, 0.6, (0.01, 0.02, 0.04, 0.07, 0.12, 0.2, 0.35)),)

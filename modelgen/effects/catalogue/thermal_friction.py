@@ -14,6 +14,7 @@ class ThermalFriction(Effect):
     summary = "viscous friction is higher by a fraction a at the start and falls with time constant T"
     signature = "proportional to the rate, fading over the recording; every recording starts cold"
     source = "Bittencourt and Gunnarsson, J. Dyn. Sys. Meas. Control 134(5), 2012; Simoni et al., IFAC 2017"
+    remedy = "warm the robot up before recording, or add its term to the friction model"
     terms = {"aFv": sp.exp(-SIGNALS.t / T) * SIGNALS.dq}
     linear = (LinearParameter("aFv", "N m s/rad", 0.0, 100.0, "positive"),)
     nonlinear = (NonlinearParameter("T", "s", 2.0, 2000.0, (5.0, 10.0, 20.0, 40.0, 80.0, 160.0)),)

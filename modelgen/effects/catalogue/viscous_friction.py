@@ -10,6 +10,7 @@ class ViscousFriction(Effect):
     summary = "friction proportional to the joint's rate"
     signature = "a straight line through the origin against the rate"
     source = "Reynolds 1886; eq. (4) of Jubien, Gautier and Janot 2014"
+    remedy = "leave it in the model: remove it from the study's `without`"
     terms = {"Fv": SIGNALS.dq}
     linear = (LinearParameter("Fv", "N m s/rad", 0.0, 500.0, "positive"),)
     channel = "any"
