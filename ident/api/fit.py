@@ -62,7 +62,9 @@ class Fit:
     @property
     def checks(self) -> tuple[Any, ...]:
         """What was found in the data before anything was fitted, worst first."""
-        return tuple(getattr(self.result, "checks", ()))
+        from ident.report.files import checks_of
+
+        return checks_of(self.result)
 
     @property
     def warnings(self) -> tuple[str, ...]:

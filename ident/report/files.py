@@ -18,6 +18,8 @@ from typing import Any
 import numpy as np
 
 from ident.estimation.fit import FitResult, interval_factor
+from ident.estimation.found_effects import found_effects
+from ident.examination.check import Check, worst_first
 from ident.export.saved import keep
 
 Row = tuple[str, ...]
@@ -29,12 +31,13 @@ def fit_document(result: FitResult) -> dict[str, Any]:
     free = max(result.effective_rows - full.b, 1.0)
     channels = columns.channels
     return {
-        "checks": [check.document() for check in getattr(result, "checks", ())],
+        "checks": [check.document() for check in checks_of(result)],
         "robot": columns.model.robot_name,
         "model": result.study.model,
-        "base_parameters": len(columns.parameters),
+        "base_parameters": len(columns.parameters) - sum(len(term.names) for term in result.terms),
         "essential_parameters": estimate.b,
         "parameters": _parameters(result, interval_factor(free)),
+        "effects": [found.document() for found in found_effects(result)],
         "relative_error_percent": result.relative_error,
         "full_rate_error_percent": result.full_rate_error,
         "relative_error_full_model_percent": result.errors.decimated_full_model.by_role(),
@@ -158,6 +161,12 @@ def _recordings(result: FitResult) -> list[dict[str, Any]]:
             }
         )
     return out
+
+
+def checks_of(result: FitResult) -> tuple[Check, ...]:
+    """What was found in the data before anything was fitted, worst first."""
+    own = tuple(getattr(result, "checks", ()))
+    return own or worst_first(check for stream in result.recordings for check in stream.checks)
 
 
 def impossible(result: FitResult) -> Mapping[str, str]:

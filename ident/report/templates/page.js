@@ -11,6 +11,9 @@ function axisStyle(axis) {
   });
 }
 
+const PAPER = 660;                            // px: A4 and letter inside their margins
+let paper = false;
+
 function styled(figure) {
   const layout = Object.assign({}, figure.layout, {
     paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)",
@@ -19,6 +22,7 @@ function styled(figure) {
     hovermode: "x unified", dragmode: coarse ? false : "zoom", bargap: 0.02,
     hoverlabel: { bgcolor: colour("paper"), font: { color: colour("ink") } },
     legend: { orientation: "h", x: 0, y: 1.0, yanchor: "bottom", yref: "paper" },
+    autosize: !paper, width: paper ? PAPER : undefined,
   });
   for (const key of Object.keys(layout)) if (/^[xy]axis/.test(key)) layout[key] = axisStyle(layout[key]);
   const data = figure.data.map((trace) => {
@@ -80,11 +84,13 @@ matchMedia("(prefers-color-scheme: dark)").addEventListener("change", repaint);
 let folded = [];
 addEventListener("beforeprint", () => {        // paper hides nothing: every fold open, every plot drawn
   folded = [...document.querySelectorAll("details:not([open])")];
+  paper = true;
   for (const fold of folded) fold.open = true;
   for (const element of figures) draw(element);
   repaint();
 });
 addEventListener("afterprint", () => {
+  paper = false;
   for (const fold of folded) fold.open = false;
   repaint();
 });

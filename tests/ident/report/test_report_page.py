@@ -4,7 +4,7 @@ import browser
 import numpy as np
 import pytest
 
-from ident.report.page import Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
+from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPage, Section, Table, Trace
 from ident.report.render import render
 from ident.report.thinning import envelope, stretches_for, with_gaps
 
@@ -37,6 +37,7 @@ def small_page() -> ReportPage:
             Section("Parameters", (Table("values", columns, rows), bars), folded=True),
         ),
         facts=(Fact("3.2 %", "error"),),
+        checks=(Remark("warning: run1: tau_m3 has the other sign"), Remark("mended: one spike", False)),
         warnings=("12 samples were dropped",),
     )
 
@@ -54,6 +55,12 @@ def report(tmp_path_factory):
     path = tmp_path_factory.mktemp("report") / "report.html"
     path.write_text(render(small_page()), encoding="utf-8")
     return path
+
+
+def test_what_was_found_in_the_data_comes_first(report):
+    text = report.read_text(encoding="utf-8")
+    assert text.index("tau_m3 has the other sign") < text.index("<h1>")
+    assert '<ul class="checks">' in text
 
 
 def test_text_is_escaped_and_the_page_is_one_file(report):
@@ -100,6 +107,26 @@ def test_plots_of_one_recording_zoom_together(tab, report):
         f"Plotly.relayout({canvases}[0], {{'xaxis.range[0]': 5, 'xaxis.range[1]': 7}}).then(() => 1)"
     )
     tab.wait(f"JSON.stringify({canvases}[1].layout.xaxis.range) === '[5,7]'")
+
+
+@needs_browser
+def test_paper_hides_nothing(tab, report):
+    tab.open(report)
+    tab.evaluate("document.querySelectorAll('tbody tr')[1].hidden = true")
+    tab.evaluate("dispatchEvent(new Event('beforeprint'))")
+    assert tab.evaluate("document.querySelectorAll('details:not([open])').length") == 0
+    assert tab.evaluate("document.querySelectorAll('.canvas svg.main-svg').length") >= 3
+    tab.send("Emulation.setEmulatedMedia", media="print")
+    paper = {"width": 680, "height": 1000, "deviceScaleFactor": 1, "mobile": False}
+    tab.send("Emulation.setDeviceMetricsOverride", **paper)
+    parts = "[...document.querySelectorAll('tbody tr, td, figure')]"
+    assert tab.evaluate(f"{parts}.filter((part) => !part.getClientRects().length).length") == 0
+    assert tab.evaluate("document.documentElement.scrollWidth") <= 680
+    tab.send("Emulation.setEmulatedMedia", media="")
+    tab.evaluate("dispatchEvent(new Event('afterprint'))")
+    assert tab.evaluate("document.querySelectorAll('details:not([open])').length") == 1
+    printed = tab.send("Page.printToPDF")["data"]
+    assert len(printed) > 10_000 and tab.problems == []
 
 
 @needs_browser
