@@ -33,7 +33,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "checks": [check.document() for check in checks_of(result)],
         "robot": columns.model.robot_name,
         "model": result.study.model,
-        "base_parameters": len(columns.parameters) - sum(len(term.names) for term in result.terms),
+        "base_parameters": len(columns.parameters),
         "essential_parameters": estimate.b,
         "parameters": _parameters(result, interval_factor(free)),
         "relative_error_percent": result.relative_error,
