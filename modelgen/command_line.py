@@ -114,7 +114,8 @@ def show_version(wanted: bool) -> None:
 
 def robot_names(incomplete: str) -> list[str]:
     """Built-in robots, for completion."""
-    names = (path.stem for path in Path(__file__).parent.joinpath("robots").glob("*.yaml"))
+    files = Path(__file__).parent.joinpath("robots").iterdir()
+    names = (path.stem for path in files if path.suffix in (".yaml", ".urdf"))
     return sorted(name for name in names if name.startswith(incomplete))
 
 

@@ -54,7 +54,9 @@ def agrees_with_the_numeric_rank(robot, models="AB", payloads=(None,)):
 def test_counts_of_built_in_robots(name):
     robot = load_robot(name)
     agrees_with_the_numeric_rank(robot)
-    assert len(kept(robot)) == {7: 43, 6: 36}[robot.n]  # as the READMEs of the recordings found numerically
+    # as the READMEs of the recordings found numerically; the others have the rank alone
+    if name not in ("scara", "two_armed_torso"):
+        assert len(kept(robot)) == {7: 43, 6: 36}[robot.n]
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -65,10 +65,15 @@ def test_built_in_robots():
         "rokae_xmate3pro",
         "staubli_tx40",
         "ur10e",
+        "ur5e",
+        "kuka_iiwa7",
+        "scara",
+        "two_armed_torso",
     }
     for name in built_in_names():
         robot = load_robot(name)
-        assert robot.name == name and robot.n in (6, 7) and len(robot.source_sha256) == 64
+        assert robot.name == name and robot.n in (4, 6, 7) and len(robot.source_sha256) == 64
+        assert robot.remarks == ()
     lwr = load_robot("kuka_lwr4p")
     assert lwr.payloads == {"L": 7} and lwr.constants == {
         "rl3": sp.Rational(2, 5),
