@@ -47,7 +47,7 @@ class SignalColumns:
 def signal_columns(study: Study, entry: RecordingEntry, need: Need, table: Table) -> SignalColumns:
     """Find the columns of a study's signals in one of its tables. Raises RecordingError, StudyError."""
     said = {**study.columns, **entry.columns}
-    maps = {**_by_name(study, entry, need, table), **_by_study(study, need, table, said)}
+    maps = {**_by_name(study, entry, need, table), **_by_study(study, entry, need, said)}
     names: list[str] = []
     factors: list[float] = []
     offsets: list[float] = []
@@ -133,10 +133,15 @@ def _by_name(study: Study, entry: RecordingEntry, need: Need, table: Table) -> d
     return maps
 
 
-def _by_study(study: Study, need: Need, table: Table, said: Mapping[str, ColumnMap]) -> dict[str, ColumnMap]:
+def _by_study(
+    study: Study, entry: RecordingEntry, need: Need, said: Mapping[str, ColumnMap]
+) -> dict[str, ColumnMap]:
     """The study's maps under numbered signals: `tau_m_elbow` is tau_m2; `q: observation.state` is one map a
     joint."""
-    known = {"t"} | {f"{kind}{j}" for kind in KINDS for j in need.joints}
+    effort = entry.effort or study.effort
+    meant = EFFORT[effort] if effort else "effort"
+    said = {re.sub("^effort", meant, key): column for key, column in said.items()}
+    known = {"t"} | {f"{kind}{j}" for kind in (*KINDS, "effort") for j in need.joints}
     named = {
         f"{kind}{mark}{name}": f"{kind}{j}"
         for j, name in zip(need.joints, joint_names(study, need))
@@ -145,7 +150,7 @@ def _by_study(study: Study, need: Need, table: Table, said: Mapping[str, ColumnM
     }
     maps: dict[str, ColumnMap] = {}
     for key, column in said.items():
-        if key in KINDS and isinstance(column.column, str):
+        if key in (*KINDS, "effort") and isinstance(column.column, str):
             for k, j in enumerate(need.joints, 1):
                 maps.setdefault(f"{key}{j}", column.model_copy(update={"column": f"{column.column}{k}"}))
         elif key in known or key in named:
@@ -188,19 +193,28 @@ def _stated(table: Table, signal: str, where: str, column: ColumnMap) -> tuple[s
 def _effort_is_known(
     study: Study, entry: RecordingEntry, need: Need, table: Table, has: Callable[[str], bool]
 ) -> None:
-    """Raises StudyError where a torque could only be a JointState's effort and nobody said what that is."""
-    if entry.effort or study.effort or not any(name.startswith("effort.") for name in table.columns):
+    """Raises StudyError where a torque could only be a driver's effort, and that is unknown or not it."""
+    effort = entry.effort or study.effort
+    places = (*table.columns, *study.columns, *entry.columns)
+    if not any(re.match(r"effort(\.|\d*$)", name) for name in places):
         return
     wanted = [(f"tau_m{need.joints[k]}", f"i{need.joints[k]}") for k in need.motor]
     wanted += [(f"tau_l{need.joints[k]}",) for k in need.sensor]
     if all(any(has(signal) for signal in signals) for signals in wanted):
         return
-    raise StudyError(
-        str(study.file),
-        "effort",
-        f"{entry.file} holds effort, whose meaning depends on the driver; add effort: motor_torque, "
-        "effort: motor_current (Universal Robots) or effort: joint_torque (Franka, sensors after the gear)",
-    )
+    if effort is None:
+        raise StudyError(
+            str(study.file),
+            "effort",
+            f"{entry.file} holds effort, whose meaning depends on the driver; add effort: motor_torque, "
+            "effort: motor_current (Universal Robots) or effort: joint_torque (Franka, behind the gear)",
+        )
+    if need.motor and effort == "joint_torque":
+        raise StudyError(
+            str(study.file), "effort", "joint_torque is measured behind the gear; write model: B"
+        )
+    if need.sensor and effort != "joint_torque":
+        raise StudyError(str(study.file), "effort", f"{effort} is measured at the motor; write model: A")
 
 
 def _missing(table: Table, signal: str, where: str, mapped: bool) -> RecordingError:

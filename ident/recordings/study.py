@@ -34,6 +34,7 @@ from pydantic import (
 
 from ident.errors import StudyError
 from ident.recordings import study_checks
+from ident.recordings.fill_in import refuse_marks
 from modelgen.errors import ModelgenError, shortened
 from modelgen.geometry import strict_yaml
 
@@ -328,6 +329,7 @@ def study_from(data: Any, file: Path) -> Study:
         )
     if "file" in data:
         raise StudyError(str(file), "file", "unknown key; did you mean recordings?")
+    refuse_marks(data, file)
     try:
         return Study(**{str(key): value for key, value in data.items()}, file=file)
     except ValidationError as error:

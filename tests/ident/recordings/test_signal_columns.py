@@ -79,7 +79,7 @@ def test_effort_is_never_guessed(tmp_path):
     for model in ("A", "B"):
         with pytest.raises(IdentError, match=r"effort: motor_current \(Universal Robots\)"):
             find(tmp_path, bag("position", "effort"), model)
-    with pytest.raises(IdentError, match=r"tau_l1 is missing|tau_l1"):
+    with pytest.raises(IdentError, match="write model: A"):
         find(tmp_path, bag("position", "effort"), "B", effort="motor_torque")
     columns = {"tau_m1": "effort.shoulder", "tau_m2": {"column": "effort.elbow"}}
     assert find(tmp_path, bag("position", "effort"), columns=columns).names[3:] == (
@@ -156,3 +156,27 @@ def study_of(tmp_path, file, **keys):
     from ident.recordings.study import load_study
 
     return load_study(write_study(tmp_path, [{"file": file, "use": "identify"}], **keys))
+
+
+def test_a_list_of_efforts_is_what_the_study_says(tmp_path):
+    table = open_table({"t": np.ones(5), "q": np.ones((5, 2)), "tau": np.ones((5, 2))})
+    columns = {"effort": "tau"}
+    assert find(tmp_path, table, columns=columns, effort="motor_torque").names[3:] == ("tau1", "tau2")
+    assert find(tmp_path, table, "B", columns=columns, effort="joint_torque").signals[3:] == (
+        "tau_l1",
+        "tau_l2",
+    )
+    with pytest.raises(IdentError, match="Franka"):
+        find(tmp_path, table, columns=columns)
+    with pytest.raises(IdentError, match="write model: B"):
+        find(tmp_path, table, columns=columns, effort="joint_torque")
+
+
+def test_what_is_to_be_filled_in_holds_the_study_back(tmp_path):
+    for keys, key in (
+        ({"drive_gains": "FILL IN"}, "drive_gains"),
+        ({"columns": {"t": {"column": "x", "scale": "FILL IN"}}}, "columns.t.scale"),
+        ({"entry": {"rate_hz": "fill in"}}, r"recordings\[1\].rate_hz"),
+    ):
+        with pytest.raises(IdentError, match=f"{key}: is still to be filled in"):
+            find(tmp_path, open_table(ROWS), **keys)
