@@ -49,6 +49,66 @@ def test_fit_writes_what_the_contract_says_and_is_quiet_in_a_pipe(study, tmp_pat
     assert sorted(p.name for p in (tmp_path / "out").iterdir() if p.name.startswith(".")) == []
 
 
+def test_fit_ends_by_what_is_left_and_begins_with_what_was_found(study, tmp_path):
+    done = ident("fit", study, "-o", tmp_path / "out")
+    lines = done.stdout.splitlines()
+    assert lines[-2].startswith("What is left: ") and "ident diagnose looks for" in lines[-2]
+    assert lines[-1] == f"wrote {tmp_path / 'out' / 'report.html'}; next: ident diagnose {study} -o RESULTS"
+    assert next(iter(json.loads((tmp_path / "out" / "fit.json").read_text()))) == "checks"
+
+
+def test_simulate_takes_duration_rate_and_noise_and_no_folder_of_somebody_else(study, tmp_path):
+    robot = study.parent / "small.yaml"
+    options = ["--duration", 6, "--rate", 100, "--noise", 0, "--seed", 3, "-o", tmp_path / "twin"]
+    done = ident("simulate", robot, *options)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[1].split("\t") == ["run1.parquet", "identify", "", "6", "601"]
+    before = {p.name: p.read_bytes() for p in (tmp_path / "twin").iterdir()}
+    assert ident("simulate", robot, *options).returncode == 0  # the same seed writes the same files
+    assert {p.name: p.read_bytes() for p in (tmp_path / "twin").iterdir()} == before
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "run1.parquet").write_text("an hour of recording")
+    done = ident("simulate", robot, *options[:-1], tmp_path / "mine")
+    assert done.returncode == 2 and "run1.parquet, which was not written" in done.stderr
+    done = ident("simulate", robot, *options[:-1], robot.parent, "--overwrite")
+    assert done.returncode == 2 and "small.yaml is an input of this command" in done.stderr
+    assert robot.read_text() == ARM
+    done = ident("simulate", robot, "-o", tmp_path / "x", "--rate", 1)
+    assert done.returncode == 2 and "rate_hz is 1; give 20 to 20000 Hz" in done.stderr
+
+
+def test_robot_writes_a_robot_file_once(study, tmp_path):
+    robot = study.parent / "small.yaml"
+    done = ident("robot", robot, "-o", tmp_path / "again.yaml")
+    assert done.returncode == 0, done.stderr
+    assert (
+        ident("simulate", tmp_path / "again.yaml", "--duration", 5, "-o", tmp_path / "twin").returncode == 0
+    )
+    for target in (tmp_path / "again.yaml", robot):
+        done = ident("robot", robot, "-o", target)
+        assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert robot.read_text() == ARM
+
+
+@pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
+@pytest.mark.parametrize("command", ["fit", "simulate"])
+def test_a_full_disk_is_one_sentence_and_the_old_result_stays(study, tmp_path, command):
+    def full() -> None:
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+
+    robot = [study.parent / "small.yaml", "--duration", 20] if command == "simulate" else [study]
+    arguments = [command, *robot, "-o", tmp_path / "out"]
+    assert ident(*arguments).returncode == 0
+    before = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+    done = ident(*arguments, preexec_fn=full)
+    assert done.returncode == 2 and "make room, or name another folder with -o" in done.stderr
+    errors = [line for line in done.stderr.splitlines() if line.startswith("ident: ")]
+    assert len(errors) == 1 and "Traceback" not in done.stderr
+    assert {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()} == before
+
+
 def test_fit_of_several_models_compares_them(study, tmp_path):
     done = ident("fit", study, "--models", "a,B", "-o", tmp_path)
     assert done.returncode == 0, done.stderr
