@@ -42,6 +42,7 @@ class Question:
     payload: str | None = None
     effects: tuple[str, ...] = ()
     gravity: tuple[float, float, float] | None = None
+    own_effects: str = ""  # fingerprint of those among the effects that a user registered
 
 
 def _after_fork() -> None:
@@ -69,12 +70,20 @@ def load(
     if model not in MODELS:
         raise GeneratedError(f"there is no model {model!r}; choose A, B, C or D.")
     effects = (effects,) if isinstance(effects, str) else tuple(effects)
-    question = Question(*_robot_file(robot), model, payload, effects, _gravity(gravity))
+    question = Question(*_robot_file(robot), model, payload, effects, _gravity(gravity), _own(effects))
     with _lock:
         found = _loaded.get(question)
         if found is None:
             found = _loaded[question] = _load(question)
         return found
+
+
+def _own(effects: tuple[str, ...]) -> str:
+    if not effects:
+        return ""
+    from modelgen.effects import fingerprint
+
+    return fingerprint(effects)
 
 
 def _gravity(given: Any) -> tuple[float, float, float] | None:
@@ -173,7 +182,14 @@ def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
         (place / "model.c").write_text(c_code.source(derived, made_of))
 
     q = question
-    asked: tuple[bytes | str, ...] = (q.data, q.model, repr(q.payload), repr(q.gravity), *q.effects)
+    asked: tuple[bytes | str, ...] = (
+        q.data,
+        q.model,
+        repr(q.payload),
+        repr(q.gravity),
+        *q.effects,
+        q.own_effects,
+    )
     place = cache.entry("model-" + cache.key(*asked, _generator())[:40], build)
     return json.loads((place / "model.json").read_text()), (place / "model.c").read_text()
 

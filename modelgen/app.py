@@ -36,7 +36,7 @@ def regenerate_model(
             autocompletion=robot_names,
             show_default=False,
         ),
-    ],
+    ] = "",
     model: Annotated[
         list[str] | None,
         typer.Option(
@@ -55,6 +55,15 @@ def regenerate_model(
             show_default=False,
         ),
     ] = None,
+    effects_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--effects-folder", help="Folder of your own effects, one file each.", show_default=False
+        ),
+    ] = None,
+    list_effects: Annotated[
+        bool, typer.Option("--list-effects", help="List the effects: term, parameters, units, source; leave.")
+    ] = False,
     output: Annotated[
         Path | None,
         typer.Option(
@@ -90,6 +99,15 @@ def regenerate_model(
     """
     from modelgen.errors import ModelgenError
 
+    if effects_folder is not None:
+        from modelgen.effects import register_folder
+
+        register_folder(effects_folder)
+    if list_effects:
+        _list_effects(as_json)
+        raise typer.Exit(0)
+    if not robot:
+        raise ModelgenError("Missing argument 'ROBOT': give a built-in name or a robot file")
     if as_json + markdown + latex > 1:
         raise ModelgenError("--json, --markdown and --latex exclude each other; choose one")
     if rules_only and (check or output):
@@ -132,3 +150,11 @@ def regenerate_model(
         if problem:
             print(f"not compiled: {problem}", file=sys.stderr)
     raise typer.Exit(status)
+
+
+def _list_effects(as_json: bool) -> None:
+    import json
+
+    from modelgen.effects import listing
+
+    print(json.dumps(listing.as_json(), indent=1) if as_json else listing.as_text())

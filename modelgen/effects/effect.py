@@ -78,6 +78,7 @@ class Effect:
     signature: str  # what it looks like in a residual
     source: str  # who described it
     remedy: str = "add its term to the model, or find and mend its cause"  # what a person does about it
+    equation: str = ""  # for a reader, where `terms` do not say it
     terms: Mapping[str, sp.Expr] = {}  # linear parameter -> expression
     linear: tuple[LinearParameter, ...] = ()
     nonlinear: tuple[NonlinearParameter, ...] = ()  # shape parameters

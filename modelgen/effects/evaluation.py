@@ -33,6 +33,8 @@ def derivatives(effect: Effect, values: Mapping[str, Array], theta: Mapping[str,
 
 def told(effect: Effect, values: Mapping[str, float], covariance: Array) -> tuple[Array, Array]:
     """Values and standard deviations of the reported quantities: var f = f' C f'^T, C over `told_names`."""
+    if not effect.quantities:
+        return np.zeros(0), np.zeros(0)
     inputs = [values.get(n, 0.0) for n in told_names(effect)]
     function, jacobian = _compiled_report(effect)
     with np.errstate(divide="ignore", invalid="ignore"):

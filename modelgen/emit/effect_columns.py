@@ -17,6 +17,7 @@ import sympy as sp
 
 from modelgen.dynamics.models import Model
 from modelgen.effects import Effect, catalogue
+from modelgen.effects.parameters import STATES
 from modelgen.errors import ModelgenError
 from modelgen.geometry.robot import Robot
 
@@ -51,18 +52,22 @@ def effect_columns(
     """
     columns: list[EffectColumn] = []
     used = set(taken)
-    owners: dict[str, str] = {}  # extra input that only one effect uses -> its request
-    for request in dict.fromkeys(requests):
+    owners: dict[str, tuple[str, int]] = {}  # extra input that only one effect uses -> its request
+    times: dict[tuple[str, str], int] = {}  # how often an effect stands on a joint
+    for request in requests:
         effect, k, source, channel = _parse(request, robot)
         families = _families(effect, channel, model, request)
+        count = times[effect.name, k] = times.get((effect.name, k), 0) + 1
         for suffix, channels in families:
             for name, term in effect.terms.items():
-                column, extra = _term(effect, term, k, source, request, owners)
+                column, extra = _term(effect, term, k, source, (request, count), owners)
                 label = f"{name}{suffix}{k}"
-                if label in used:
+                if label in used and count == 1:
                     label = f"{label}_{effect.name}"
+                if label in used or count > 1:  # two of a kind on one joint are two effects
+                    label = f"{label}_{count}"
                 if label in used:
-                    raise ModelgenError(f"the effect {request} is there twice; leave one out")
+                    label = f"{name}{suffix}{k}_{effect.name}_{count}"
                 used.add(label)
                 row = robot.joint_labels.index(k)
                 rows = tuple((f * robot.n + row, sign) for f, sign in channels)
@@ -80,7 +85,7 @@ def _parse(request: str, robot: Robot) -> tuple[Effect, str, str | None, str]:
         hint = f"did you mean {close[0]}?" if close else f"effects are {', '.join(known)}."
         raise ModelgenError(f"--effect {request}: no effect is called {name!r}; {hint}")
     effect = known[name]
-    if effect.kind != "column":
+    if effect.kind != "column" or not effect.terms:
         raise ModelgenError(
             f"--effect {request}: {name} {WHAT[effect.kind]}, it is no column of a regressor; "
             "use it in ident simulate or ident diagnose"
@@ -135,11 +140,17 @@ def _families(
 
 
 def _term(
-    effect: Effect, term: sp.Expr, k: str, source: str | None, request: str, owners: dict[str, str]
+    effect: Effect,
+    term: sp.Expr,
+    k: str,
+    source: str | None,
+    request: tuple[str, int],
+    owners: dict[str, tuple[str, int]],
 ) -> tuple[sp.Expr, tuple[str, ...]]:
     """The term over the model's inputs, and the extra inputs it needs.
 
-    A parameter or state whose name another effect of the joint has taken gets the effect's name, too.
+    A parameter or state whose name another effect of the joint has taken gets the effect's name, too; of the
+    second effect of a kind on a joint (`request` counts them) it gets the number: wavenumber4_2.
     """
 
     def symbol(name: str) -> sp.Symbol:
@@ -151,13 +162,15 @@ def _term(
         name = str(found)
         if name in OWN:
             replacements[found] = symbol(OWN[name] + k)
-        elif name in ("dq_source", "ddq_source"):
+        elif name in ("q_source", "dq_source", "ddq_source"):
             replacements[found] = symbol(name.removesuffix("_source") + str(source))
         elif name == "sign_sum":
             replacements[found] = sp.sign(symbol(f"dq{k}") + symbol(f"dq{source}"))
         else:
             label = name if name == "t" else f"tau{source}" if name == "tau_source" else f"{name}{k}"
-            own = name == "z" or name in effect.nonlinear_names
+            own = name in STATES or name in effect.nonlinear_names
+            if own and request[1] > 1:
+                label = f"{label}_{request[1]}"
             if own and owners.setdefault(label, request) != request:
                 label = f"{label}_{effect.name}"
             extra.append(label)

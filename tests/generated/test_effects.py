@@ -68,3 +68,12 @@ def test_pairs_name_their_source():
 def test_two_effects_of_a_joint_keep_their_own_nonlinear_parameters():
     m = generated.load("kuka_lwr4p", "A", effects=("torque_ripple:2", "position_dependent_friction:2"))
     assert m.extra_inputs == ("wavenumber2", "wavenumber2_position_dependent_friction")
+
+
+def test_two_effects_of_a_kind_on_a_joint_are_two_effects():
+    m = generated.load("kuka_lwr4p", "D", effects=("torque_ripple:2", "torque_ripple:2"))
+    assert m.extra_inputs == ("wavenumber2", "wavenumber2_2")
+    q, dq, ddq = np.random.default_rng(1).normal(size=(3, 5, 7))
+    W = m.regressor(q, dq, ddq, extra={"wavenumber2": 12.0, "wavenumber2_2": 30.0})
+    for name, wave in (("As2", 12.0), ("As2_2", 30.0)):
+        np.testing.assert_allclose(W[:, 1, m.parameters.index(name)], np.sin(wave * q[:, 1]), atol=1e-14)

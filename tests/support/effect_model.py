@@ -1,4 +1,4 @@
-"""A small arm as the model that an effect may ask, and as the truth that it acts on: standard parameters, NumPy.
+"""A small arm as the model that an effect may ask and the truth that it acts on: standard parameters, NumPy.
 
 Nothing is derived or compiled: torques are the standard regressor's columns times numbers written here.
 """
@@ -133,7 +133,9 @@ def values_of(e: Effect, context: Mapping[str, float] | None = None, **reported:
     return {**linear, **nonlinear}
 
 
-def simulated(model: ArmModel, m: Motion, e: Effect | None, place: Place, values: Mapping[str, float]) -> Truth:
+def simulated(
+    model: ArmModel, m: Motion, e: Effect | None, place: Place, values: Mapping[str, float]
+) -> Truth:
     """The truth of a recording whose motor follows `m`, played through all stages."""
     state, zero = (m.q, m.dq, m.ddq), np.zeros_like(m.q)
     sensors = replace(model, channels=tuple(Channel(j, "sensor") for j in range(model.robot.n)))
@@ -163,7 +165,9 @@ def added(model: ArmModel, m: Motion, e: Effect, place: Place, values: Mapping[s
     )
 
 
-def contribution(e: Effect, place: Place, values: Mapping[str, float], m: Motion, model: ArmModel, memory=None):
+def contribution(
+    e: Effect, place: Place, values: Mapping[str, float], m: Motion, model: ArmModel, memory=None
+):
     """(N, C) columns @ size, at the effect's own size."""
     size = np.array([values[name] for name in e.parameters_of(place)])
     theta = {name: values[name] for name in e.nonlinear_names}
@@ -182,7 +186,7 @@ def first_place(e: Effect, model: ArmModel, joint: int | None = 1, source: int |
 
 
 def check_report(name: str, context: Mapping[str, float] | None = None, rel: float = 0.15) -> None:
-    """The told standard deviations are those of random draws with the covariance; 400 draws: 3.5 % one sigma."""
+    """The told standard deviations are those of 400 draws with the covariance (3.5 % one sigma)."""
     e = effect(name)
     values = values_of(e, context)
     centre = np.array(list(values.values()))

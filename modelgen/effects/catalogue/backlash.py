@@ -39,6 +39,7 @@ class Backlash(MotionEffect):
     summary = "the link rests while the motor crosses the free play of the gear after each reversal"
     signature = "short pulses after reversals; position torques shift by half the gap with the direction"
     source = "Nordin and Gutman, Controlling mechanical systems with backlash: a survey, Automatica 38, 2002"
+    equation = "q_link = q - gap z/2, z the place in the gap; tau -= drop tau_link while it is crossed"
     remedy = "adjust or replace the gear; until then approach positions from one side"
     terms = {
         "gap": -SIGNALS.z / 2,  # q_link - q

@@ -27,6 +27,7 @@ class BendingCrosstalk(RecordingEffect):
     summary = "a torque sensor also sees the bending moment across its axis"
     signature = "the residual of one sensor follows the weight of the arm beyond it, across its axis"
     source = "Aghili, Buehler, Hollerbach, Design of a hollow hexaform torque sensor, IJRR 20(12), 2001"
+    equation = "recorded += gain_x n_x + gain_y n_y, n the moment at the joint in its frame"
     remedy = "calibrate the sensor under bending, or support its bearing so that bending passes beside it"
     linear = (
         LinearParameter("gain_x", "-", -0.3, 0.3),

@@ -24,6 +24,7 @@ class CableCoupling(Effect):
     summary = "a cable or hose over two joints pulls on each by the position of the other"
     signature = "a straight line against the other joint's position, the same slope on both joints"
     source = "elastic potential of two coordinates: Goldstein, Classical Mechanics, 2nd ed. 1980, ch. 6"
+    equation = "tau_joint += k_own q + k_cross q_source, tau_source += k_cross q + k_source q_source"
     remedy = "lay the hose with more slack, or add its three stiffnesses to the model"
     linear = (
         LinearParameter("k_cross", "N m/rad", -500.0, 500.0),

@@ -24,6 +24,7 @@ class CurrentSaturation(RecordingEffect):
     summary = "the recorded torque does not go beyond a limit"
     signature = "the largest torques are missing, flat tops in the recording; nothing elsewhere"
     source = "IEEE Std 1241, Terminology and test methods for analog-to-digital converters (clipping)"
+    equation = "recorded = tau + share (clip(tau, -limit, limit) - tau)"
     remedy = "leave the saturated samples out, move more gently, or widen the range of the current sensor"
     # clip(tau) - tau = (|tau + limit| - |tau - limit|)/2 - tau
     terms = {"share": (sp.Abs(tau + limit) - sp.Abs(tau - limit)) / 2 - tau}

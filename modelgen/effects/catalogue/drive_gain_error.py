@@ -29,6 +29,7 @@ class DriveGainError(RecordingEffect):
         "Gautier and Briot, Global identification of joint drive gains and dynamic parameters of robots, "
         "J. Dyn. Sys. Meas. Control 136(5), 2014"
     )
+    equation = "recorded = gain tau"
     remedy = "divide the channel by the gain: `columns` with a scale, or the drive's gain in the study"
     terms = {"excess": SIGNALS.tau}
     linear = (LinearParameter("excess", "-", -0.5, 0.5),)

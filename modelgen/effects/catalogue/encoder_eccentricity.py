@@ -30,6 +30,7 @@ class EncoderEccentricity(MotionEffect):
         "Sys. Meas. "
         "Control 108(1), 1986 (periodic errors of a joint)"
     )
+    equation = "recorded q = q + e sin(q + phi)"
     remedy = "centre the disc, read it with two opposite heads, or take e sin(q + phi) off the positions"
     terms = {"es": -sp.sin(SIGNALS.q), "ec": -sp.cos(SIGNALS.q)}  # true - recorded
     linear = (LinearParameter("es", "rad", -0.02, 0.02), LinearParameter("ec", "rad", -0.02, 0.02))

@@ -27,6 +27,7 @@ class ExternalForce(LoadEffect):
     summary = "a constant force acts on the last link for part of a recording"
     signature = "all joints at once through the arm's Jacobian, beginning and ending abruptly"
     source = "Haddadin, De Luca, Albu-Schaeffer, Robot collisions: a survey, IEEE T-RO 33(6), 2017"
+    equation = "tau += J(q)^T (force at a point of a link) between two moments of a recording"
     remedy = "leave that stretch of the recording out, or record it again without contact"
     terms = dict.fromkeys(WRENCH, SIGNALS.gate)
     linear = (

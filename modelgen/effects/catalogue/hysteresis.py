@@ -27,6 +27,7 @@ class Hysteresis(Effect):
     summary = "dry friction builds up over a small travel after each reversal instead of jumping"
     signature = "a decaying lag after every reversal, a function of the travel since then and not of the rate"
     source = "Dahl, A solid friction model, Aerospace Corp. TOR-0158(3107-18)-1, 1968"
+    equation = "tau += Fc (z - sign(dq)), dz/dq = (1 - z sign(dq)) sigma/Fc"
     remedy = "compensate with this term at reversals, or avoid small reversing motions in what is fitted"
     terms = {"Fc": SIGNALS.z - SIGNALS.sign_dq}  # instead of the sign that the model has
     linear = (LinearParameter("Fc", "N m", 0.0, 200.0, "positive"),)

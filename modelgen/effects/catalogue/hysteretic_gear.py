@@ -29,6 +29,7 @@ class HystereticGear(MotionEffect):
         "Dhaouadi, Ghorbel, Gandhi, A new dynamic model of hysteresis in harmonic drives, "
         "IEEE Trans. Ind. Electron. 50(6), 2003; Seyfferth, Maghzal, Angeles, ICRA 1995"
     )
+    equation = "q_link = q - compliance tau_link - lost z, dz/dtau = (1 - z sign(dtau))/width"
     remedy = "measure the link's position, or approach positions under a load from one side"
     terms = {"compliance": -SIGNALS.tau_link, "lost": -SIGNALS.z}
     linear = (

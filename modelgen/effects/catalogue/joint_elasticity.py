@@ -31,6 +31,7 @@ class JointElasticity(MotionEffect):
         "Spong, Modeling and control of elastic joint robots, J. Dyn. Sys. Meas. Control 109, 1987; "
         "appendix 2 of Jubien, Gautier, Janot 2014"
     )
+    equation = "q_link = q - tau_link/k"
     remedy = "add the joint's stiffness to the model and the controller, or measure the link's position"
     terms = {"compliance": -SIGNALS.tau_link}  # q_link - q
     linear = (LinearParameter("compliance", "rad/(N m)", 1e-7, 5e-2, "positive"),)

@@ -29,6 +29,7 @@ class MaxwellSlip(Effect):
         "Al-Bender, Lampaert, Swevers, The generalized Maxwell-slip model: a novel model for friction "
         "simulation and compensation, IEEE Trans. Autom. Control 50(11), 2005"
     )
+    equation = "tau += Wa za + Wb zb + Wc zc - (Wa + Wb + Wc) sign(dq), each z = clip(z + dq/width, -1, 1)"
     remedy = "compensate with this term at reversals, or avoid small reversing motions in what is fitted"
     terms = {
         "Wa": SIGNALS.za - SIGNALS.sign_dq,

@@ -36,6 +36,7 @@ class PayloadChange(LoadEffect):
         "Khalil, Gautier, Lemoine, Identification of the payload inertial parameters of industrial "
         "manipulators, ICRA 2007"
     )
+    equation = "tau += columns of a body (M, MX .. ZZ) on a link, from a moment on or in a recording"
     remedy = "declare the load: `payload: LABEL` in the recordings that carry it"
     terms = dict.fromkeys((*WEIGHT, *INERTIA), SIGNALS.gate)
     linear = (

@@ -16,6 +16,7 @@ class SensorCrosstalk(RecordingEffect):
     summary = "a torque sensor also sees a part of another joint's torque"
     signature = "the residual of one sensor is a scaled copy of another sensor's torque"
     source = "Aghili, Buehler, Hollerbach, Design of a hollow hexaform torque sensor, IJRR 20(12), 2001"
+    equation = "recorded += gain tau_link of the source joint"
     remedy = "calibrate the sensors together, and take the share of the other joint off this channel"
     terms = {"gain": SIGNALS.tau_source}
     linear = (LinearParameter("gain", "-", -0.5, 0.5),)

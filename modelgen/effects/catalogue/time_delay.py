@@ -24,6 +24,7 @@ class TimeDelay(RecordingEffect):
     summary = "the torque is recorded a fixed time after the position, or before it"
     signature = "the residual follows the torque's own derivative, most at reversals where friction jumps"
     source = "Gautier, Dynamic identification of robots with power model, ICRA 1997 (phase shifts)"
+    equation = "recorded(t) = tau(t - delay)"
     remedy = "shift the torque's time stamps back by the delay, or record both with one clock"
     terms = {"delay": -SIGNALS.dtau}  # first order; columns and simulator shift exactly
     linear = (LinearParameter("delay", "s", -0.1, 0.1),)

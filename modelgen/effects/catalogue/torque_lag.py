@@ -25,6 +25,7 @@ class TorqueLag(RecordingEffect):
     summary = "the recorded torque follows the true one with a first-order lag"
     signature = "the residual follows the torque's own derivative; steps of friction are rounded, not shifted"
     source = "Ljung, System Identification: Theory for the User, 2nd ed. 1999, ch. 14 (prefilters)"
+    equation = "time_constant d recorded/dt = tau - recorded"
     remedy = "record the torque before the drive's low-pass, or filter the positions with the same lag"
     terms = {"time_constant": -SIGNALS.dtau}  # first order; columns and simulator filter exactly
     linear = (LinearParameter("time_constant", "s", 0.0, 0.2, "positive"),)

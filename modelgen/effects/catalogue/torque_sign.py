@@ -22,6 +22,7 @@ class TorqueSign(RecordingEffect):
     summary = "a torque is recorded with the other sign"
     signature = "friction and rotor inertia of the joint come out negative, and its neighbours disagree"
     source = "Khalil and Dombre, Modeling, identification and control of robots, 2002 (signs of joints)"
+    equation = "recorded = -tau"
     remedy = "give the channel its sign: `columns: {NAME: {sign: -1}}`"
     changes_model = True
     common = False

@@ -38,6 +38,7 @@ CONTRACT = {  # contract 7: name -> reported parameters that it asks for
 }
 EVERY = sorted(catalogue())
 WITH_TERMS = [name for name in EVERY if effect(name).terms]
+OWN_PATH = {"hysteretic_gear", "maxwell_slip"}  # states with a test of their own
 # what a C generator understands; Heaviside, Piecewise and the like it does not
 C_FUNCTIONS = (sp.exp, sp.sin, sp.cos, sp.tanh, sp.sign, sp.Abs)
 
@@ -66,7 +67,8 @@ def test_every_file_of_the_folder_that_defines_an_effect_is_found():
 def test_an_effect_answers_its_questions(name):
     e = effect(name)
     assert len(e.summary) > 20 and len(e.signature) > 20 and len(e.source) > 10
-    assert set(e.terms) == set(e.linear_names)
+    assert set(e.terms) in (set(e.linear_names), set()) and len(e.remedy) > 20
+    assert e.terms or e.equation
     assert e.needs <= {s.name for s in vars(SIGNALS).values() if isinstance(s, sp.Symbol)}
     for p in (*e.linear, *e.nonlinear):
         assert p.unit and p.low < p.high
@@ -89,7 +91,7 @@ def test_terms_can_become_c(name):
         assert isinstance(node, (*C_FUNCTIONS, sp.Add, sp.Mul, sp.Pow, sp.Symbol, sp.Number)), node
 
 
-@pytest.mark.parametrize("name", WITH_TERMS)
+@pytest.mark.parametrize("name", sorted({*WITH_TERMS} - OWN_PATH))
 def test_columns_are_the_symbolic_terms(name):
     """Sample by sample substitution into the SymPy expression: the slow twin of numpy_columns."""
     e = effect(name)
@@ -108,7 +110,7 @@ def test_columns_are_the_symbolic_terms(name):
             assert value == pytest.approx(float(exact[p]), rel=1e-9, abs=1e-12)  # 53 bits against 30 digits
 
 
-@pytest.mark.parametrize("name", [n for n in WITH_TERMS if effect(n).nonlinear])
+@pytest.mark.parametrize("name", [n for n in WITH_TERMS if effect(n).nonlinear and n not in OWN_PATH])
 def test_derivatives_are_those_of_the_columns(name):
     e = effect(name)
     signals, theta = some_signals(e), e.complete(None)
@@ -133,7 +135,7 @@ def test_reported_values_come_back(name):
         assert told[key]["std"] == 0.0
 
 
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", [n for n in EVERY if effect(n).quantities])
 def test_reported_spread_is_the_spread_of_random_draws(name):
     """Delta method against Monte Carlo with small covariances: second order terms are 1e-4 of the first."""
     e = effect(name)
@@ -177,6 +179,11 @@ def test_mistakes_are_told():
         effect("thermal_friction").report({"aFv": 1.0, "T": 10.0})
     with pytest.raises(EffectError, match="has no parameter amplitude"):
         effect("torque_ripple").values_from_reported({"amplitude": 1.0})
+
+
+def test_every_effect_has_a_test_file_of_its_own():
+    folder = Path(__file__).parent
+    assert [name for name in EVERY if not (folder / f"test_{name}.py").is_file()] == []
 
 
 # What the signatures say.

@@ -7,10 +7,10 @@ from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, NonlinearP
 T, a, Fc, aFc = sp.symbols("T a Fc aFc", real=True)
 
 
-class CoulombWarmUp(Effect):
+class ThermalCoulombFriction(Effect):
     """a Fc exp(-t/T) sign(dq), t since the recording's first sample: every recording starts cold."""
 
-    name = "coulomb_warm_up"
+    name = "thermal_coulomb_friction"
     summary = "dry friction is higher by a fraction a at the start and falls with time constant T"
     signature = "steps at every reversal that become smaller over the recording"
     source = (
@@ -30,4 +30,4 @@ class CoulombWarmUp(Effect):
     common = False
 
 
-EFFECT = CoulombWarmUp()
+EFFECT = ThermalCoulombFriction()

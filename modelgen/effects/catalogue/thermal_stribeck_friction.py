@@ -7,13 +7,13 @@ from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, NonlinearP
 T, vs = sp.symbols("T vs", real=True)
 
 
-class StribeckWarmUp(Effect):
+class ThermalStribeckFriction(Effect):
     """Fs exp(-t/T) exp(-(dq/vs)^2) sign(dq), t since the recording's first sample.
 
-    With T far beyond the recording it is `stribeck_friction`, with vs beyond its rates `coulomb_warm_up`.
+    T far beyond the recording makes it `stribeck_friction`, vs beyond its rates `thermal_coulomb_friction`.
     """
 
-    name = "stribeck_warm_up"
+    name = "thermal_stribeck_friction"
     summary = "friction rises below a sliding speed while the joint is cold, and less as it warms"
     signature = "bumps of the sign of the rate around reversals that become smaller over the recording"
     source = (
@@ -32,4 +32,4 @@ class StribeckWarmUp(Effect):
     common = False
 
 
-EFFECT = StribeckWarmUp()
+EFFECT = ThermalStribeckFriction()
