@@ -115,11 +115,13 @@ def _by_name(study: Study, entry: RecordingEntry, need: Need, table: Table) -> d
     present = set(table.columns)
     bare = {re.sub(r"\s*[\[(].*", "", name): name for name in table.columns if name in table.units}
     effort = entry.effort or study.effort
+    known = {"t"} | {f"{kind}{j}" for kind in KINDS for j in need.joints}  # numbers go before names
     found: dict[str, str] = {}
     for j, name in zip(need.joints, joint_names(study, need)):
         for kind in KINDS:
             ways = [f"{kind}{j}", f"{kind}.{name}", f"{kind}_{name}"]
             ways += [f"{QUANTITIES[kind]}.{name}"] if kind in QUANTITIES else []
+            ways += [name] if kind == "q" and name not in known else []
             ways += [f"effort.{name}"] if effort is not None and EFFORT[effort] == kind else []
             column = next((bare.get(way, way) for way in ways if bare.get(way, way) in present), None)
             if column is not None and column != f"{kind}{j}":
@@ -148,6 +150,7 @@ def _by_study(
         for kind in KINDS
         for mark in "._"
     }
+    named |= {name: f"q{j}" for j, name in zip(need.joints, joint_names(study, need)) if name not in known}
     maps: dict[str, ColumnMap] = {}
     for key, column in said.items():
         if key in (*KINDS, "effort") and isinstance(column.column, str):

@@ -58,6 +58,16 @@ def test_joints_by_their_own_names(tmp_path):
     assert found.signals == ("t", "q1", "q2", "tau_m1", "tau_m2") and found.factors[3] == -1
 
 
+def test_a_joint_s_own_name_alone_is_its_position(tmp_path):
+    given = {"t": "t", "q1": "shoulder", "q2": "elbow", "tau_m1": "tau_m1", "tau_m2": "tau_m2"}
+    table = open_table({given[name]: values for name, values in ROWS.items()})
+    assert find(tmp_path, table).names[1:3] == ("shoulder", "elbow")
+    mapped = find(tmp_path, table, columns={"elbow": {"column": "shoulder", "sign": -1}})
+    assert mapped.names[1:3] == ("shoulder", "shoulder") and list(mapped.factors[1:3]) == [1, -1]
+    # a URDF's joint may be called q2 and be the first: numbers go before names
+    assert find(tmp_path, open_table(ROWS), robot_names=("q2", "q1")).names[1:3] == ("q1", "q2")
+
+
 @pytest.mark.parametrize(
     ("effort", "model", "signals"),
     [
