@@ -236,6 +236,52 @@ def export(
     kept_fits.export(fit, c, float32, name, urdf, mjcf, overwrite)
 
 
+@app.command(
+    epilog="Example: [bold]ident inspect monday.mcap --robot arm.urdf -o study.yaml[/bold]\n\n"
+    "What a JointState's effort is, by driver: Universal Robots motor_current; Franka, KUKA LBR, Kinova Gen3 "
+    "joint_torque; simulators motor_torque. The study says it (effort:), nothing guesses it."
+)
+def inspect(
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="RECORDING...",
+            help="Parquet, CSV, NPZ, MAT, HDF5, ROS bags (file or folder) of one robot.",
+            show_default=False,
+        ),
+    ],
+    robot: Annotated[
+        str | None,
+        typer.Option(
+            "--robot",
+            help="Built-in name, robot file or URDF.",
+            autocompletion=robot_names,
+            show_default=False,
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            parser=folder,
+            metavar="FILE",
+            help="First study (YAML), and a page (HTML) beside it.",
+            show_default=False,
+        ),
+    ] = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """Look into logs before anything is fitted: signals, clock, what is wrong, what the motion shows.
+
+    Writes a first study in which what could not be known is marked FILL IN; ident fit waits until it is.
+    """
+    from ident.command_line import inspecting
+
+    inspecting.inspect(recordings, robot, output, overwrite, verbose)
+
+
 @app.command(epilog="Example: [bold]ident robot arm.urdf -o arm.yaml[/bold]")
 def robot(
     file: Annotated[

@@ -1,0 +1,44 @@
+"""`ident inspect`: tables on the terminal, a first study and a page beside it."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from ident.command_line.terminal import print_table, progress_bar
+
+
+def inspect(
+    recordings: Sequence[Path], robot: str | None, output: Path | None, overwrite: bool, verbose: bool
+) -> None:
+    """Look, say what was seen, write the study (and its page) where a file is named."""
+    from ident.inspection import page as shown
+    from ident.inspection.inspection import inspect_recordings
+    from ident.output import OutputError, write_file
+    from ident.report.render import render
+
+    beside = output.with_suffix(".html") if output is not None else None
+    for target in (output, beside):
+        if target is not None and target.exists() and not overwrite:
+            raise OutputError(f"{target} is there already; name another file, or give --overwrite")
+        if target is not None and any(target.resolve() == path.resolve() for path in recordings):
+            raise OutputError(f"{target} is an input of this command; name another file with -o")
+    folder = output.parent if output is not None else Path()
+    with progress_bar(verbose) as progress:
+        inspection = inspect_recordings(recordings, robot, folder, progress)
+    for text, _ in shown.remarks(inspection):
+        print(text, file=sys.stderr)
+    header, rows = shown.log_rows(inspection)
+    print_table("recordings", header, rows, numbers=range(1, len(header)))
+    for log in inspection.logs:
+        header, rows = shown.column_rows(log)
+        print_table(log.label, header, rows, numbers=range(2, len(header)))
+    if inspection.excitation is not None:
+        print(inspection.excitation.sentence)
+        print_table("parameters shown least", *shown.excitation_rows(inspection), numbers=(1,))
+    if output is None or beside is None:
+        print(inspection.study)
+        return
+    write_file(output, inspection.study, overwrite=overwrite)
+    write_file(beside, render(shown.page(inspection, output.name)), overwrite=overwrite)
+    print(f"wrote {output} and {beside}")
+    print(shown.next_step(inspection, str(output)))

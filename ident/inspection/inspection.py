@@ -1,0 +1,164 @@
+"""`ident inspect` as a value: every log's columns and clock, what is wrong with it, what its motion shows.
+
+A trial study stands in for what is not known yet (effort as motor torque, gains of one), so that the checks
+that fit uses, and the regressor, can be asked before anything is filled in; no torque of it is believed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ident.errors import IdentError, StudyError
+from ident.examination.check import Check, worst_first
+from ident.inspection.excitation import Excitation, excitation
+from ident.inspection.profile import TableProfile, profile
+from ident.inspection.proposal import Proposal, propose
+from ident.inspection.study_text import study_text, trial_text
+from ident.progress import Progress, silent
+from ident.recordings.recording import RecordingStream, Survey
+from ident.recordings.study import Study, study_from
+from ident.recordings.tables import open_table
+
+DRAWN = 1500  # samples of a curve on the page
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """One recording. `survey` and `curves` are None and empty where it could not be opened as the study has
+    it; `refusal` then is the sentence that says why. curves: {signal: (t, values)} in SI."""
+
+    label: str
+    file: str
+    table: TableProfile
+    survey: Survey | None
+    notes: tuple[str, ...]
+    checks: tuple[Check, ...]
+    refusal: str
+    curves: dict[str, tuple[np.ndarray, np.ndarray]]
+
+    @property
+    def rest_s(self) -> float:
+        segments = self.survey.segments if self.survey else ()
+        return sum(s.move_start - s.start + s.end - s.move_end for s in segments)
+
+    @property
+    def length_s(self) -> float:
+        return self.survey.segments[-1].end - self.survey.segments[0].start if self.survey else float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class Inspection:
+    """What `ident inspect` found, and the study file it would write."""
+
+    robot: str
+    logs: tuple[Log, ...]
+    proposal: Proposal
+    excitation: Excitation | None
+    excitation_refusal: str
+    study: str
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        return worst_first(check for log in self.logs for check in log.checks)
+
+    @property
+    def questions(self) -> tuple[str, ...]:
+        """Lines of the study that are still to be filled in."""
+        return tuple(line.strip() for line in self.study.splitlines() if "FILL IN" in line.split("#")[0])
+
+
+def inspect_recordings(
+    files: Sequence[Path], robot: str | None, folder: Path, progress: Progress = silent
+) -> Inspection:
+    """Look into logs, with a robot (built-in name, robot file, URDF) or without; `folder` is where the study
+    will stand. Raises IdentError for a file that is no table."""
+    names: tuple[str, ...] = ()
+    if robot is not None:
+        from modelgen.geometry.robot_file import load_robot
+
+        progress("reading the robot")
+        loaded = load_robot(robot)
+        names = tuple(loaded.joint_names)
+    tables = []
+    for k, file in enumerate(files):
+        progress(f"reading {file.name}", k / len(files))
+        tables.append(profile(open_table(file)))
+    proposal = propose(tables[0], names, len(names))
+    seconds = [_seconds(table) for table in tables]
+    text = study_text(files, seconds, proposal, robot, folder)
+    logs = tuple(Log(file.stem, str(file), table, None, (), (), "", {}) for file, table in zip(files, tables))
+    inspection = Inspection(robot or "", logs, proposal, None, "", text)
+    return inspection if robot is None else _tried(inspection, robot, files, folder, progress)
+
+
+def _seconds(table: TableProfile) -> float:
+    """Length by a column that is called t, else NaN."""
+    t = table.column("t")
+    return t.highest - t.lowest if t else float("nan")
+
+
+def _tried(
+    inspection: Inspection, robot: str, files: Sequence[Path], folder: Path, progress: Progress
+) -> Inspection:
+    """Open the logs as a study would, and ask the regressor."""
+    from ident.equations.prepared import columns_of, prepare_study
+    from ident.recordings.opening import open_recording
+
+    text = trial_text(inspection.study, inspection.proposal)
+    try:
+        study = study_from(yaml.safe_load(text), folder / "study.yaml")
+        columns = columns_of(study)
+    except StudyError as error:
+        return replace(inspection, excitation_refusal=str(error))
+    logs, good = [], []
+    for k, log in enumerate(inspection.logs):
+        progress(f"examining {log.label}", k / len(files))
+        entries = [e for e in study.recordings if study.recording_path(e).resolve() == files[k].resolve()]
+        try:
+            whole = entries[0].model_copy(update={"from_s": None, "to_s": None, "name": log.label})
+            stream = open_recording(study, whole, columns.need, columns.model.prismatic)
+        except IdentError as error:
+            logs.append(replace(log, refusal=str(error)))
+            continue
+        good += entries
+        drawn = _curves(stream)
+        logs.append(
+            replace(log, survey=stream.survey, notes=stream.notes, checks=stream.checks, curves=drawn)
+        )
+    progress("evaluating the regressor")
+    found, refusal = None, "no recording could be opened"
+    if any(entry.use == "identify" for entry in good):
+        try:
+            found, refusal = excitation(prepare_study(_with(study, good))), ""
+        except IdentError as error:
+            refusal = str(error)
+    return replace(inspection, logs=tuple(logs), excitation=found, excitation_refusal=refusal)
+
+
+def _with(study: Study, entries: list[Any]) -> Study:
+    return study.with_(recordings=tuple(entries))
+
+
+def _curves(stream: RecordingStream) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """A few samples a signal, spread over the whole recording."""
+    signals = [f"q{j}" for j in stream.need.joints]
+    signals += [f"tau_m{stream.need.joints[k]}" for k in stream.need.motor]
+    signals += [f"tau_l{stream.need.joints[k]}" for k in stream.need.sensor]
+    every = max(stream.survey.rows // DRAWN, 1)
+    times, rows, seen = [], [], 0
+    for segment, blocks in stream.segments():
+        at = segment.start
+        for values in blocks:
+            picks = np.arange(-seen % every, len(values), every)
+            times.append(at + picks / stream.rate_hz)
+            rows.append(values[picks])
+            at += len(values) / stream.rate_hz
+            seen += len(values)
+    t, values = np.concatenate(times), np.concatenate(rows)
+    return {name: (t, values[:, k]) for k, name in enumerate(signals[: values.shape[1]])}

@@ -1,0 +1,97 @@
+"""A first study as YAML text with comments; what could not be known is marked and holds `ident fit` back."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from ident.inspection.proposal import Proposal
+from ident.recordings.fill_in import FILL_IN
+
+HELD_OUT = 0.3  # of a single recording, for validation
+LEAST_S = 20.0  # a shorter one is not cut
+OPENING = f"""# A first study, written by ident inspect. Lines with {FILL_IN} hold ident fit back until they
+# say what is asked beside them; everything else was read off the recordings and may be changed.
+"""
+
+
+def study_text(
+    files: Sequence[Path], seconds: Sequence[float], proposal: Proposal, robot: str | None, folder: Path
+) -> str:
+    """The whole file. `seconds`: length of each recording where its time is known, else NaN."""
+    lines = [OPENING]
+    if robot is None:
+        lines.append(f"robot: {FILL_IN}   # a built-in name, a robot file (YAML) or a URDF")
+    else:
+        lines.append(f"robot: {_quoted(_relative(Path(robot), folder) if Path(robot).is_file() else robot)}")
+    effort = any(line.key == "effort" for line in proposal.lines)
+    said = "B where effort is joint_torque" if effort else "torques: A motor, B joint sensor, C both"
+    lines += [f"model: {proposal.model}   # {said}", "recordings:"]
+    lines += [f"  - {entry}" for entry in _entries(files, seconds, proposal, folder)]
+    mapped = dict(proposal.columns)
+    asked = {
+        line.key.removeprefix("columns."): line for line in proposal.lines if line.key.startswith("columns.")
+    }
+    if mapped or asked:
+        lines.append("columns:")
+        lines += [
+            f"  {key}: {value if value.startswith('{') else _quoted(value)}" for key, value in mapped.items()
+        ]
+        lines += [f"  {key}: {line.value}   # {line.why}" for key, line in asked.items()]
+    for line in proposal.lines:
+        if not line.key.startswith("columns."):
+            lines.append(f"{line.key}: {line.value}   # {line.why}")
+    return "\n".join(lines) + "\n"
+
+
+def trial_text(text: str, proposal: Proposal) -> str:
+    """The same study with stand-ins for what only the torque's meaning depends on."""
+    ones = f"[{', '.join(['1'] * max(proposal.n, 1))}]"
+    text = re.sub(rf"^effort: {FILL_IN}.*$", "effort: motor_torque", text, flags=re.MULTILINE)
+    return re.sub(rf"^drive_gains: {FILL_IN}.*$", f"drive_gains: {ones}", text, flags=re.MULTILINE)
+
+
+def _entries(files: Sequence[Path], seconds: Sequence[float], proposal: Proposal, folder: Path) -> list[str]:
+    """One recording is cut in two, the last of several is held out."""
+    counted = f", rate_hz: {FILL_IN}" if proposal.counted else ""
+    ask = "   # samples a second: the table has no time" if proposal.counted else ""
+    names = [_quoted(_relative(file, folder)) for file in files]
+    if len(files) == 1:
+        if not math.isfinite(seconds[0]) or seconds[0] < LEAST_S or proposal.counted:
+            return [f"{{file: {names[0]}, use: identify{counted}}}{ask}"]
+        cut = f"{(1 - HELD_OUT) * seconds[0]:.4g}"
+        return [
+            f"{{file: {names[0]}, name: first, use: identify, to: {cut}}}",
+            f"{{file: {names[0]}, name: last, use: validate, from: {cut}}}",
+        ]
+    uses = ["identify"] * (len(files) - 1) + ["validate"]
+    stems = [file.stem for file in files]
+    extra = [f", name: run{k + 1}" if stems.count(stem) > 1 else "" for k, stem in enumerate(stems)]
+    return [
+        f"{{file: {name}{more}, use: {use}{counted}}}{ask}" for name, more, use in zip(names, extra, uses)
+    ]
+
+
+def _relative(path: Path, folder: Path) -> str:
+    """As seen from the study's folder."""
+    try:
+        return Path(os.path.relpath(path.resolve(), folder.resolve())).as_posix()
+    except ValueError:  # another drive
+        return path.resolve().as_posix()
+
+
+def _quoted(text: str) -> str:
+    """As it is where YAML takes it for the same text."""
+    plain = re.fullmatch(r"[A-Za-z_./][\w./-]*", text) and text.lower() not in (
+        "y",
+        "n",
+        "yes",
+        "no",
+        "on",
+        "off",
+    )
+    return text if plain and text.lower() not in ("true", "false", "null") else json.dumps(text)
