@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN     = $(VENV)/bin
 
-.PHONY: demo test lint regenerate bench docs notebooks picture clean
+.PHONY: demo test reliability lint regenerate bench docs notebooks picture clean
 
 demo: $(VENV)/.installed
 	$(BIN)/ident demo
@@ -19,6 +19,10 @@ regenerate: $(VENV)/.installed
 
 bench: $(VENV)/.installed-test
 	$(BIN)/python benchmarks/regressor_speed.py
+
+# Mutated robot files, studies, recordings, command lines, kills; N="--robots 20000 --kills 0" says how many.
+reliability: $(VENV)/.installed-test
+	$(BIN)/python -m tests.reliability $(N)
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -W error -m pdoc --math -o build/docs modelgen generated ident

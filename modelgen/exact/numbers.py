@@ -88,7 +88,6 @@ class Exact:
     def __init__(self, expressions: Iterable[sp.Expr], constants: Mapping[str, sp.Expr]) -> None:
         self.generators = tuple(sorted(set().union(*map(_generators, expressions)), key=_nested_first))
         self._constants = {sp.Symbol(name, real=True): value for name, value in constants.items()}
-        self._values = [self._value(g) for g in self.generators]
         self._field: Any = FracField(self.generators, QQ, sp.lex) if self.generators else None
         self._relations = self._known_relations() if self.generators else []
         # their leading terms are squares of these generators; without one, a form is as short as it gets
@@ -117,11 +116,14 @@ class Exact:
             return int(expression)
         if expression.is_Rational:
             return QQ(expression.p, expression.q)
+        value = self._value(expression)
+        if abs(value) <= CANCELLED:  # a named length that is zero, or the difference of two equal ones
+            return 0
         try:
             form = self._field.from_expr(expression)
         except (AttributeError, ValueError):  # digits, or roots that SymPy multiplied into another, sqrt(10)
             form = None
-        return Real(self._value(expression), form, self)
+        return Real(value, form, self)
 
     def real(self, rational: Number) -> Real:
         """A rational as a Real."""
@@ -163,7 +165,8 @@ class Exact:
         return polynomial.as_expr() * squares
 
     def _value(self, expression: sp.Expr) -> Any:
-        return MP.make_mpf(sp.N(expression.xreplace(self._constants), DIGITS)._mpf_)
+        value = sp.N(expression.xreplace(self._constants), DIGITS)
+        return MP.make_mpf(value._mpf_) if value.is_Float else MP.mpf(int(value))
 
 
 def digits(number: Number) -> Any:

@@ -81,3 +81,10 @@ def test_span_is_sympy_s_rank_and_null_space(vectors):
 def test_pivots_are_the_leftmost_possible(vectors):
     span = Span(4, [[QQ(x) for x in v] for v in vectors])
     assert tuple(sorted(span.rows)) == sp.Matrix(len(vectors), 4, [x for v in vectors for x in v]).rref()[1]
+
+
+def test_a_named_length_of_zero_and_the_difference_of_equal_ones_are_zero():
+    exact = field(RL3, RL5, RL3 - RL5, C, rl3="0", rl5="0")
+    assert [exact.number(x) for x in (RL3, RL3 - RL5, RL3 * C)] == [0, 0, 0]
+    exact = field(RL3, RL5, RL3 - RL5, rl3="0.4", rl5="0.4")
+    assert exact.number(RL3 - RL5) == 0 and isinstance(exact.number(RL3), Real)
