@@ -17,6 +17,7 @@ from ident.output import staged, write_file
 from ident.progress import watched
 
 Progress = Callable[..., Any] | bool | None
+Titled = tuple[str, Sequence[str], Sequence[Sequence[str]]]
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -80,6 +81,20 @@ class Fit:
         from ident.report.files import fit_document
 
         return fit_document(self.result)
+
+    @property
+    def fits(self) -> dict[str, Fit]:
+        """This fit under its model's name, as of a `Comparison`."""
+        return {self.result.study.model: self}
+
+    def tables(self) -> list[Titled]:
+        """Title, header and rows of what the command prints."""
+        from ident.report.files import error_table, parameter_table
+
+        return [
+            ("essential parameters", *parameter_table(self.result)),
+            ("relative error", *error_table(self.result)),
+        ]
 
     def to_frame(self) -> Any:
         """One row a base parameter: name, value, std, relative std, essential, unit, what it regroups."""
@@ -148,8 +163,10 @@ class Fit:
             raise IdentError("q, dq and ddq have different numbers of rows; give arrays of one length")
         rows = len(given[0])
         still, bent = np.zeros(n), self.result.study.turn_over
-        sign = smooth_sign(given[1], still, None if bent is None else np.array(bent))
-        block = FilteredBlock(np.arange(float(rows)), *given, sign, None, None, still, np.ones((rows, n)))
+        q, dq, ddq = given
+        sign = smooth_sign(dq, still, None if bent is None else np.array(bent))
+        t, all_of_it = np.arange(float(rows)), np.ones((rows, n))
+        block = FilteredBlock(t, q, dq, ddq, sign, None, None, still, all_of_it)
         return modelled_torque(columns, self.result.estimate.chi, payload, block)
 
     def _recorded(self, data: Any, payload: str | None) -> Any:
@@ -243,17 +260,21 @@ class Comparison:
     def warnings(self) -> tuple[str, ...]:
         return tuple(f"model {m}: {text}" for m, result in self.results.items() for text in result.warnings)
 
-    def to_frame(self) -> Any:
+    def tables(self) -> list[Titled]:
+        """Title, header and rows of what the command prints."""
         from ident.report.files import comparison_table
 
-        header, rows = comparison_table(self.results)
+        return [("parameters", *comparison_table(self.results))]
+
+    def to_frame(self) -> Any:
+        ((_, header, rows),) = self.tables()
         return frame({name: [row[k] for row in rows] for k, name in enumerate(header)})
 
     def summary(self) -> str:
-        from ident.report.files import comparison_table
         from ident.report.summary import text_table
 
-        return text_table(*comparison_table(self.results))
+        ((_, header, rows),) = self.tables()
+        return text_table(header, rows)
 
     def write(self, folder: Path) -> None:
         from ident.report.writing import write_fits

@@ -59,7 +59,7 @@ class Simulation:
 
     def table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         """Header and rows of the runs."""
-        rows = []
+        rows: list[tuple[str, ...]] = []
         for its in self.result.recordings:
             t = its.columns["t"]
             rows.append((its.label, its.use, its.payload or "", f"{t[-1] - t[0]:.0f}", str(len(t))))

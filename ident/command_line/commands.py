@@ -31,25 +31,23 @@ def fit(study_file: Path, output: Path, models: tuple[str, ...], overwrite: bool
     study = ident.load(study_file)  # before the slower imports: a slip is told at once
     staging = staged(output, "ident fit", overwrite=overwrite, inputs=inputs_of(study))
     with staging as stage, progress_bar(verbose) as progress:
-        result = (
-            ident.compare(study, models, progress=progress) if models else ident.fit(study, progress=progress)
-        )
+        result: ident.Fit | ident.Comparison
+        if models:
+            result = ident.compare(study, models, progress=progress)
+        else:
+            result = ident.fit(study, progress=progress)
         progress("writing tables, plots and report")
         result.write(stage)
-    from ident.report.files import comparison_table, error_table, parameter_table
     from ident.report.fit_report import left_over
 
-    fits = list(result.fits.values()) if models else [result]
-    say_checks(fits[0].document())
-    if models:
-        show("parameters", comparison_table(result.results))
-    else:
-        show("essential parameters", parameter_table(result.result))
-        show("relative error", error_table(result.result))
-    say_warnings([text for text in result.warnings if not _is_check(fits, text)])
-    for each in fits:
-        opening = f"Model {each.study.model}. " if models else ""
-        print(opening + left_over(each.document()))
+    documents = {model: each.document() for model, each in result.fits.items()}
+    say_checks(*documents.values())
+    for title, header, rows in result.tables():
+        show(title, header, rows)
+    checks = [check_sentence(check) for document in documents.values() for check in document["checks"]]
+    say_warnings([text for text in result.warnings if not any(told.endswith(text) for told in checks)])
+    for model, document in documents.items():
+        print((f"Model {model}. " if models else "") + left_over(document))
     print(f"wrote {output / 'report.html'}; next: ident diagnose {study_file} -o RESULTS")
 
 
@@ -68,7 +66,7 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
     for text in (verdict(document), *told(document), regenerated_sentence(document)):
         if text:
             print(text)
-    show("error in percent", before_and_after(document))
+    show("error in percent", *before_and_after(document))
     say_warnings(list(document.get("notes", ())))
     print(f"wrote {output / 'report.html'}")
 
@@ -99,25 +97,19 @@ def demo(output: Path, overwrite: bool, verbose: bool) -> None:
     print(f"What was hidden: {answer(recorded)}.")
 
 
-def show(title: str, table: tuple[Sequence[str], Sequence[Sequence[str]]]) -> None:
+def show(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table whose first column is a name and whose others are numbers, but for a unit and remarks."""
-    header, rows = table
     words = ("unit", "physics")
     print_table(title, header, rows, numbers=[k for k, name in enumerate(header) if k and name not in words])
 
 
-def say_checks(document: Mapping[str, Any]) -> None:
+def say_checks(*documents: Mapping[str, Any]) -> None:
     """What was found in the data, before anything else, on stderr."""
-    for check in document.get("checks", ()):
-        print(check_sentence(check), file=sys.stderr)
+    checks = [check_sentence(check) for document in documents for check in document.get("checks", ())]
+    for sentence in dict.fromkeys(checks):
+        print(sentence, file=sys.stderr)
 
 
 def say_warnings(warnings: Sequence[str]) -> None:
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
-
-
-def _is_check(fits: Sequence[Any], warning: str) -> bool:
-    return any(
-        check_sentence(c).endswith(f": {warning}") for f in fits for c in f.document().get("checks", ())
-    )

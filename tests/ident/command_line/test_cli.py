@@ -138,6 +138,6 @@ def test_control_c_is_status_130_and_leaves_nothing(tmp_path):
 def test_completion_offers_robots_and_effects():
     from modelgen.command_line import effect_names, model_names, robot_names
 
-    assert "kuka_lwr4p" in robot_names("kuka") and robot_names("ur") == ["ur10e"]
+    assert "kuka_lwr4p" in robot_names("kuka") and "ur10e" in robot_names("ur")
     assert "stribeck_friction" in effect_names("str")
     assert [name for name, _ in model_names("")] == ["A", "B", "C", "D"]
