@@ -177,8 +177,7 @@ def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
 
         derived, robot = _derive(question)
         made_of = c_code.provenance(robot.source_sha256)
-        outside = {"joint_names": robot.joint_names, "standard_values": dict(robot.standard_values)}
-        (place / "model.json").write_text(json.dumps({**c_code.described(derived, made_of), **outside}))
+        (place / "model.json").write_text(json.dumps(c_code.described(derived, made_of)))
         (place / "model.c").write_text(c_code.source(derived, made_of))
 
     q = question

@@ -55,8 +55,8 @@ class Model:
         self.unidentifiable: tuple[str, ...] = tuple(description["unidentifiable"])
         self.operations: dict[str, Any] = dict(description["operations"])
         self.extra_inputs: tuple[str, ...] = tuple(description["extra_inputs"])
-        labels = [f"q{joint['label']}" for joint in description["joints"]]
-        self.joint_names: tuple[str, ...] = tuple(description.get("joint_names", labels))
+        joints = description["joints"]
+        self.joint_names: tuple[str, ...] = tuple(j.get("name", f"q{j['label']}") for j in joints)
         self.standard_values: dict[str, float] = dict(description.get("standard_values", {}))
         self.n = len(description["joints"])
         nonzeros = description["nonzeros"]

@@ -252,7 +252,7 @@ def header(derived: Derived, made_of: Mapping[str, str]) -> str:
 
 /* q in rad (m), dq in rad/s, ddq in rad/s^2. W: {channels} x {b}, row after row; tau in N m (N).
    Rows: {", ".join(d["channels"])}.
-{extras}   Parameters chi:
+{_names(d)}{extras}   Parameters chi:
 {listed}
 */
 #ifdef __cplusplus
@@ -266,3 +266,9 @@ void {name}_torque({state}, const double chi[{b}], double tau[{channels}]);
 
 #endif
 """
+
+
+def _names(d: Mapping[str, Any]) -> str:
+    """A line of the joints' own names, which may be any text of a URDF but no end of a comment."""
+    named = [f"q{joint['label']} {joint['name']}" for joint in d["joints"] if "name" in joint]
+    return f"   Joints: {', '.join(named)}.\n".replace("*", "_") if named else ""

@@ -99,10 +99,7 @@ def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:
         "model": model.name,
         "payload": rules.payload,
         "effects": list(effects),
-        "joints": [
-            {"label": k, "prismatic": robot.link(j).sigma == 1}
-            for j, k in zip(robot.moving, robot.joint_labels)
-        ],
+        "joints": _joints(robot),
         "channels": list(rules.channels),
         "parameters": [*rules.parameters, *names],
         "standard_parameters": [*(p.name for p in rules.standard), *names],
@@ -119,8 +116,18 @@ def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:
         "nonzeros": sorted(nonzeros, key=lambda entry: (entry[0], entry[1])),
         "extra_inputs": list(dict.fromkeys(name for column in added for name in column.extra_inputs)),
         "operations": {**_count(columns.operations), "torque": _count(torque.operations)},
+        **({"standard_values": dict(robot.standard_values)} if robot.standard_values else {}),
     }
     return Derived(description, columns, tuple(terms), torque)
+
+
+def _joints(robot: Robot) -> list[dict[str, Any]]:
+    """Label and kind of each moving joint, and its own name where the robot file gives one."""
+    found: list[dict[str, Any]] = []
+    for j, k, name in zip(robot.moving, robot.joint_labels, robot.joint_names):
+        own = {} if name == f"q{k}" else {"name": name}
+        found.append({"label": k, "prismatic": robot.link(j).sigma == 1, **own})
+    return found
 
 
 def _count(operations: Operations) -> dict[str, int]:

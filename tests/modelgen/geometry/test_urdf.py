@@ -194,3 +194,14 @@ def test_a_urdf_is_known_by_its_content_too(tmp_path):
     (tmp_path / "robot_description").write_text(ARM)
     assert load_robot(tmp_path / "robot_description").joint_names[0] == "shoulder"
     assert parse_robot("\ufeff" + ARM).n == 3
+
+
+def test_the_c_of_a_urdf_names_its_joints(tmp_path):
+    from modelgen.emit import c_code
+    from modelgen.emit.description import derive
+
+    robot = parse_robot(ARM.replace("elbow", "el*/bow"), "arm.urdf")
+    derived = derive(robot, "B")
+    header = c_code.header(derived, c_code.provenance(robot.source_sha256))
+    assert "Joints: q1 shoulder, q2 el_/bow, q3 slide." in header
+    assert derived.description["standard_values"]["M3"] == 1.5
