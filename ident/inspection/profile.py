@@ -56,13 +56,11 @@ class TableProfile:
 
 def profile(table: Table) -> TableProfile:
     """Read a table once. Raises RecordingError where it holds no rows of numbers."""
-    text, names = [], []
-    for name in table.columns[:MOST_COLUMNS]:
-        try:
-            next(iter(table.blocks([name])), None)
-            names.append(name)
-        except RecordingError:
-            text.append(name)
+    names = list(table.columns[:MOST_COLUMNS])
+    text: list[str] = []
+    if not _is_readable(table, names):
+        text = [name for name in names if not _is_readable(table, [name])]
+        names = [name for name in names if name not in text]
     if not names:
         raise RecordingError(table.file, "holds no column of numbers; export numbers")
     excerpt = Excerpt()
@@ -92,6 +90,15 @@ def profile(table: Table) -> TableProfile:
         for k, name in enumerate(names)
     )
     return TableProfile(table.file, rows, columns, tuple(text), pieces, table.remarks)
+
+
+def _is_readable(table: Table, names: list[str]) -> bool:
+    """Whether the first rows of these columns are numbers."""
+    try:
+        next(iter(table.blocks(names)), None)
+    except RecordingError:
+        return False
+    return True
 
 
 def grid(pieces: list[np.ndarray]) -> float:

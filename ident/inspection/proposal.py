@@ -111,7 +111,7 @@ def _of_bag(present: Sequence[str], names: Sequence[str], n: int, kinds: dict[st
         if any(name.startswith(f"{quantity}.") for name in present):
             kinds[kind] = kinds["q"]
     if names and set(names) <= set(found):
-        return []
+        return [Line("joints", f"[{', '.join(names)}]", "the robot's own names, in its order")]
     numbers = {name: re.findall(r"\d+", name)[-1:] for name in found}
     ordered = sorted(found, key=lambda name: int((numbers[name] or ["0"])[0]))
     values = [int(numbers[name][0]) for name in ordered if numbers[name]]
@@ -160,6 +160,6 @@ def _time(table: TableProfile) -> tuple[dict[str, str], bool]:
         if unit == "s":
             return {"t": name}, False
         if unit is not None:
-            return {"t": f"{{column: {name}, scale: {SECONDS[unit]:g}}}"}, False
+            return {"t": f"{{column: {name}, scale: {SECONDS[unit]:.1e}}}"}, False
         return {"t": f"{{column: {name}, scale: {FILL_IN}}}"}, False
     return {}, True

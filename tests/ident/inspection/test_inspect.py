@@ -1,0 +1,129 @@
+"""`ident inspect`: the way from a URDF and a bag to a diagnosis; excitation against plain linear algebra."""
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from small_arm import ARM
+
+import generated
+from ident.command_line.cli import run
+from ident.inspection.excitation import of_matrix
+from ident.inspection.inspection import inspect_recordings
+
+URDF = """<robot name="lamp"><link name="base"/>
+<link name="upper"><inertial><mass value="3"/><origin xyz="0.1 0 0.05"/>
+  <inertia ixx="0.02" iyy="0.03" izz="0.03" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<link name="fore"><inertial><mass value="1.5"/><origin xyz="0.15 0.01 0"/>
+  <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><origin xyz="0 0 0.3"/>
+  <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/><origin xyz="0.3 0 0"/>
+  <axis xyz="0 1 0"/><limit lower="-3" upper="3" effort="50" velocity="5"/></joint></robot>
+"""
+
+
+def motion(seconds, rate=100, n=2, seed=0):
+    rng = np.random.default_rng(seed)
+    t = np.arange(round(seconds * rate)) / rate
+    q, dq, ddq = (np.zeros((len(t), n)) for _ in range(3))
+    for k in range(1, 6):
+        w = 2 * np.pi * 0.11 * k
+        a, phase = 0.8 / k * rng.normal(size=n), rng.uniform(0, 6, n)
+        q += a * np.sin(np.outer(t, [w] * n) + phase)
+        dq += a * w * np.cos(np.outer(t, [w] * n) + phase)
+        ddq -= a * w * w * np.sin(np.outer(t, [w] * n) + phase)
+    return t, q, dq, ddq
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """lamp.urdf, and two MCAP logs of it whose joints stand in another order."""
+    pytest.importorskip("rosbags")
+    from bags import write_bag
+
+    folder = tmp_path_factory.mktemp("lamp")
+    (folder / "lamp.urdf").write_text(URDF)
+    model = generated.load(str(folder / "lamp.urdf"), "A")
+    rng = np.random.default_rng(1)
+    chi = np.array([2.0 if name.startswith(("Fv", "Fc", "Ia")) else 0.6 for name in model.parameters])
+    for number, name in enumerate(("monday", "tuesday")):
+        t, q, dq, ddq = motion(40, seed=number)
+        tau = model.torque(q, dq, ddq, chi)
+        tau = tau + 0.1 * rng.standard_normal(tau.shape)
+        columns = {"t": t} | {f"q{k + 1}": q[:, k] for k in range(2)}
+        columns |= {f"dq{k + 1}": dq[:, k] for k in range(2)} | {f"tau_m{k + 1}": tau[:, k] for k in range(2)}
+        write_bag(folder / f"{name}_bag", "mcap", columns, ["shoulder", "elbow"])
+        next((folder / f"{name}_bag").glob("*.mcap")).rename(folder / f"{name}.mcap")
+    return folder
+
+
+def test_from_a_urdf_and_bags_to_a_diagnosis(folder, capsys):
+    logs = [str(folder / "monday.mcap"), str(folder / "tuesday.mcap")]
+    study = folder / "study.yaml"
+    assert run(["inspect", *logs, "--robot", str(folder / "lamp.urdf"), "-o", str(study)]) == 0
+    said = capsys.readouterr().out
+    assert "Fill in effort" in said and "base parameters" in said
+    assert "<html" in (folder / "study.html").read_text()[:200]
+
+    assert run(["fit", str(study), "-o", str(folder / "fit")]) == 2
+    assert "effort: is still to be filled in" in capsys.readouterr().err
+    text = study.read_text()
+    assert text.count("FILL IN") == 2  # in the opening comment, and one line
+    study.write_text(text.replace("effort: FILL IN", "effort: motor_torque"))
+    status = run(["diagnose", str(study), "-o", str(folder / "results")])
+    assert status == 0, capsys.readouterr().err
+    diagnosis = json.loads((folder / "results" / "diagnosis.json").read_text())
+    assert diagnosis["verdict"] == "none"
+    assert diagnosis["error_percent"]["after"]["validate"]["total"] < 5
+
+    assert run(["inspect", *logs, "-o", str(study)]) == 2
+    assert "is there already" in capsys.readouterr().err
+
+
+def test_one_log_is_cut_in_two_and_its_robot_may_be_unknown(folder):
+    found = inspect_recordings([folder / "monday.mcap"], None, folder)
+    study = yaml.safe_load(found.study)
+    assert study["robot"] == "FILL IN" and found.excitation is None
+    first, last = study["recordings"]
+    assert first["to"] == last["from"] == pytest.approx(28, abs=0.1) and last["use"] == "validate"
+    assert [question.split(":")[0] for question in found.questions] == ["robot", "joints", "effort"]
+
+
+def test_a_log_in_degrees_is_refused_with_the_scale_and_the_others_are_still_seen(tmp_path):
+    from recordings import write_parquet
+
+    (tmp_path / "arm.yaml").write_text(ARM)
+    t, q, _, _ = motion(30, n=3)
+    table = {"t": t} | {f"q{k + 1}": q[:, k] for k in range(3)}
+    table |= {f"tau_m{k + 1}": np.cos(t + k) for k in range(3)}
+    write_parquet(tmp_path / "good.parquet", table)
+    degrees = table | {name: np.degrees(10 * table[name]) for name in ("q1", "q2", "q3")}
+    write_parquet(tmp_path / "bad.parquet", degrees)
+    found = inspect_recordings(
+        [tmp_path / "good.parquet", tmp_path / "bad.parquet"], str(tmp_path / "arm.yaml"), tmp_path
+    )
+    good, bad = found.logs
+    assert good.survey is not None and good.survey.rate_hz == pytest.approx(100)
+    said = bad.refusal + "".join(check.sentence for check in bad.checks)
+    assert "0.0174533" in said
+    assert found.excitation is not None and found.questions == ()
+
+
+def test_inflation_is_that_of_the_textbook():
+    """sqrt(1 / (1 - R^2)) of one column on the others; a copy and a zero column are not shown."""
+    rng = np.random.default_rng(3)
+    W = rng.standard_normal((400, 3))
+    W[:, 2] = W[:, 0] + 0.1 * W[:, 2]
+    found = of_matrix(W, ("XX1", "Fv2", "Ia3"))
+    others = W[:, :2]
+    unexplained = W[:, 2] - others @ np.linalg.lstsq(others, W[:, 2], rcond=None)[0]
+    expected = np.linalg.norm(W[:, 2]) / np.linalg.norm(unexplained)
+    inflation = {weak.parameter: weak.inflation for weak in found.weakest}
+    assert inflation["Ia3"] == pytest.approx(expected, rel=1e-9) and found.rank == 3
+    assert found.condition == pytest.approx(np.linalg.cond(W / np.linalg.norm(W, axis=0)), rel=1e-9)
+    copied = of_matrix(np.column_stack([W[:, :2], W[:, 1], np.zeros(400)]), ("XX1", "Fvm2", "Fcm2", "MX3"))
+    assert copied.rank == 2 and "does not show 2 of 4" in copied.sentence
+    lost = {weak.parameter for weak in copied.weakest if np.isinf(weak.inflation)}
+    assert lost == {"Fvm2", "Fcm2", "MX3"}
