@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import sys
-from typing import Any
 
 from modelgen import command_line
 
 NAME = "regenerate-model"
 
 
-def _app() -> Any:
+def _app() -> object:
     from modelgen.app import app
 
     return app

@@ -11,10 +11,13 @@ import contextlib
 import os
 import signal
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from types import FrameType
-from typing import Any
+
+TYPE_CHECKING = False  # nothing that costs time: until this module is read, Ctrl-C finds nobody at home
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from types import FrameType
+    from typing import Any
 
 STOPPED = 130
 MODELS = {
@@ -114,6 +117,8 @@ def show_version(wanted: bool) -> None:
 
 def robot_names(incomplete: str) -> list[str]:
     """Built-in robots, for completion."""
+    from pathlib import Path
+
     files = Path(__file__).parent.joinpath("robots").iterdir()
     names = (path.stem for path in files if path.suffix in (".yaml", ".urdf"))
     return sorted(name for name in names if name.startswith(incomplete))
@@ -131,6 +136,8 @@ def effect_names(incomplete: str) -> list[str]:
 
 def folder(text: str) -> Path:
     """The value of -o. Raises OutputError for what names no folder."""
+    from pathlib import Path
+
     from modelgen.output import OutputError
 
     if not text.strip():

@@ -1,12 +1,11 @@
 """The command `ident`; what it takes stands in `app.py`, which is imported when Ctrl-C is heard."""
 
 import sys
-from typing import Any
 
 from modelgen import command_line
 
 
-def _app() -> Any:
+def _app() -> object:
     from ident.command_line.app import app
 
     return app

@@ -7,7 +7,8 @@ pyplot, so no display and no global state are involved.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -46,25 +47,27 @@ def histogram(normalised: np.ndarray, ax: Any) -> list[Any]:
 
 
 def draw_all(result: FitResult, folder: Path) -> None:
-    """torque_<recording>.svg for each recording, histogram.svg."""
+    """torque_<recording>.svg for each recording, histogram.svg; the same drawing gives the same file."""
+    import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
+    def drawn(name: str, size: tuple[float, float], draw: Callable[[Any], object]) -> None:
+        with matplotlib.rc_context({"svg.hashsalt": "dynident"}):
+            figure = Figure(figsize=size)
+            FigureCanvasSVG(figure)
+            draw(figure)
+            figure.savefig(folder / f"{name}.svg", metadata={"Date": None})
+
     folder.mkdir(parents=True, exist_ok=True)
     channels = result.columns.channels
+    columns = 2 if len(channels) > 7 else 1
+    rows = -(-len(channels) // columns)
     for curves in result.errors.curves:
-        if not len(curves.t):
-            continue
-        columns = 2 if len(channels) > 7 else 1
-        rows = -(-len(channels) // columns)
-        figure = Figure(figsize=(9 * columns, 1.7 * rows))
-        FigureCanvasSVG(figure)
-        _torques(figure, curves, channels, rows, columns)
-        figure.savefig(folder / f"torque_{_safe(curves.label)}.svg", metadata={"Date": None})
-    figure = Figure(figsize=(6, 4))
-    FigureCanvasSVG(figure)
-    histogram(result.normalised, figure.add_subplot())
-    figure.savefig(folder / "histogram.svg", metadata={"Date": None})
+        if len(curves.t):
+            torques = partial(_torques, curves=curves, channels=channels, rows=rows, columns=columns)
+            drawn(f"torque_{_safe(curves.label)}", (9 * columns, 1.7 * rows), torques)
+    drawn("histogram", (6, 4), lambda figure: histogram(result.normalised, figure.add_subplot()))
 
 
 def _torques(figure: Any, curves: Curves, channels: Sequence[str], rows: int, columns: int) -> None:
