@@ -12,6 +12,7 @@ import numpy as np
 
 from ident.errors import RecordingError
 from ident.recordings.tables import table as of
+from ident.recordings.tables.mat_file import numeric_arrays
 from ident.recordings.tables.table import Blocks, Table, flattened
 
 
@@ -27,12 +28,7 @@ def mat(path: Path) -> Table:
     with path.open("rb") as opened:
         if b"MATLAB 7.3" in opened.read(128):
             return hdf5(path)
-    import scipy.io
-
-    loaded = scipy.io.loadmat(path)
-    return flattened(
-        str(path), {name: np.asarray(value) for name, value in loaded.items() if not name.startswith("__")}
-    )
+    return flattened(str(path), numeric_arrays(path.read_bytes()))
 
 
 def hdf5(path: Path) -> Table:

@@ -1,5 +1,6 @@
 """Tables in memory and on disk give the same numbers; what is no table is one sentence."""
 
+import contextlib
 import os
 from collections import UserDict
 
@@ -151,3 +152,32 @@ def test_hdf5_datasets_that_end_alike_keep_their_path(tmp_path):
     table = open_table(tmp_path / "demo.h5")
     assert "data.demo_1.obs.joint_pos2" in table.columns and "t" in table.columns
     assert np.array_equal(values(table, "data.demo_1.obs.joint_pos2")[:, 0], 2 * Q[:, 1])
+
+
+@pytest.mark.parametrize("compressed", [True, False])
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i2", "u1", "i8"])
+def test_mat_files_as_scipy_writes_them(tmp_path, compressed, dtype):
+    import scipy.io
+
+    arrays = {"t": T, "q": (10 * Q).astype(dtype), "tau_m1": (10 * Q[:, :1]).astype(dtype)}
+    other = {"name": "run", "z": T * 1j, "s": {"a": T}, "c": np.array([1, "x"], object), "one": 3.0}
+    scipy.io.savemat(tmp_path / "run.mat", {**other, **arrays}, do_compression=compressed)
+    table = open_table(tmp_path / "run.mat")
+    assert set(table.columns) == {"t", "q1", "q2", "q3", "tau_m1"}
+    assert np.array_equal(values(table, "q2")[:, 0], arrays["q"][:, 1].astype(float))
+    assert np.array_equal(values(table, "tau_m1", "t"), np.column_stack([arrays["tau_m1"][:, 0], T]))
+
+
+def test_a_damaged_mat_file_is_one_sentence(tmp_path):
+    """Every byte of it wrong in turn; SciPy's reader ends the process for some of them."""
+    import scipy.io
+
+    path = tmp_path / "run.mat"
+    scipy.io.savemat(path, {"t": T[:9], "q": Q[:9]})
+    whole = path.read_bytes()
+    for k in range(126, len(whole)):
+        path.write_bytes(whole[:k] + bytes([whole[k] ^ 0xFF]) + whole[k + 1 :])
+        with contextlib.suppress(RecordingError):
+            list(open_table(path).blocks(["q1"]))
+    path.write_bytes(whole[:-30])
+    assert "truncated" in refusal(path)

@@ -1,0 +1,78 @@
+"""Numeric arrays of a MAT file (version 5 to 7), read with every length checked before it is used.
+
+A damaged file ends in a sentence; the usual reader, being C that trusts lengths, ends the process instead.
+Layout: MathWorks, "MAT-File Format", level 5. Structures, cells, text and complex arrays are passed over.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+import zlib
+from collections.abc import Iterator
+
+import numpy as np
+
+LARGEST = 1 << 31  # bytes of one array
+COMPRESSED, MATRIX = 15, 14
+TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+NUMERIC = range(6, 16)  # classes double, single, int8 .. uint64
+COMPLEX, LOGICAL = 0x800, 0x200
+
+
+def numeric_arrays(data: bytes) -> dict[str, np.ndarray]:
+    """{name: array}. Raises ValueError for what is no such file, or a damaged one."""
+    marks = {b"IM": "<", b"MI": ">"}
+    if len(data) < 128 or data[126:128] not in marks:
+        raise ValueError("not a MAT file of version 5 or later; save it with -v7")
+    order = marks[data[126:128]]
+    found: dict[str, np.ndarray] = {}
+    position = 128
+    while position < len(data):
+        kind, size = struct.unpack_from(order + "II", _part(data, position, 8))
+        body = _part(data, position + 8, size)
+        position += 8 + size
+        if kind == COMPRESSED:
+            body = zlib.decompressobj().decompress(body, LARGEST)
+            kind, size = struct.unpack_from(order + "II", _part(body, 0, 8))
+            body = _part(body, 8, size)
+        if kind == MATRIX:
+            found |= _matrix(body, order)
+    return found
+
+
+def _part(data: bytes, start: int, size: int) -> bytes:
+    if size < 0 or start + size > len(data):
+        raise ValueError("it ends inside an array")
+    return data[start : start + size]
+
+
+def _elements(body: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """(type, data) of the parts of an array; short ones share a word with their tag."""
+    position = 0
+    while position < len(body):
+        (word,) = struct.unpack(order + "I", _part(body, position, 4))
+        if word >> 16:
+            yield word & 0xFFFF, _part(body, position + 4, min(word >> 16, 4))
+            position += 8
+        else:
+            (size,) = struct.unpack(order + "I", _part(body, position + 4, 4))
+            yield word, _part(body, position + 8, size)
+            position += 8 + -(-size // 8) * 8
+
+
+def _matrix(body: bytes, order: str) -> dict[str, np.ndarray]:
+    parts = _elements(body, order)
+    try:
+        (_, flags), (_, shape), (_, name), (kind, real) = (next(parts) for _ in range(4))
+    except (StopIteration, RuntimeError):
+        return {}  # empty, or of a class without numbers
+    (word,) = struct.unpack(order + "I", _part(flags, 0, 4))
+    if word & 0xFF not in NUMERIC or word & COMPLEX or kind not in TYPES:
+        return {}
+    dimensions = struct.unpack(f"{order}{len(shape) // 4}i", _part(shape, 0, len(shape) // 4 * 4))
+    dtype = np.dtype(order + TYPES[kind])
+    if min(dimensions, default=-1) < 0 or math.prod(dimensions) * dtype.itemsize != len(real):
+        raise ValueError("an array's size does not fit its shape")
+    values = np.frombuffer(real, dtype).reshape(dimensions, order="F")
+    return {name.decode("ascii", "replace"): values.astype(bool) if word & LOGICAL else values.astype(float)}
