@@ -69,7 +69,9 @@ def load(
     """
     if model not in MODELS:
         raise GeneratedError(f"there is no model {model!r}; choose A, B, C or D.")
-    effects = (effects,) if isinstance(effects, str) else tuple(effects)
+    if not isinstance(payload, str | None):
+        raise GeneratedError(f"the payload is {payload!r}; give its label as text, for example 'L'.")
+    effects = _effects(effects)
     question = Question(*_robot_file(robot), model, payload, effects, _gravity(gravity), _own(effects))
     with _lock:
         found = _loaded.get(question)
@@ -84,6 +86,17 @@ def _own(effects: tuple[str, ...]) -> str:
     from modelgen.effects import fingerprint
 
     return fingerprint(effects)
+
+
+def _effects(given: Any) -> tuple[str, ...]:
+    try:
+        effects = (given,) if isinstance(given, str) else tuple(given)
+    except TypeError:
+        effects = (given,)
+    for effect in effects:
+        if not isinstance(effect, str):
+            raise GeneratedError(f"the effect {effect!r} is no text; give for example 'stribeck_friction:2'.")
+    return effects
 
 
 def _gravity(given: Any) -> tuple[float, float, float] | None:
@@ -119,8 +132,9 @@ def _robot_file(robot: str | os.PathLike[str]) -> tuple[str, bytes]:
             return text, stream.read(LARGEST_FILE)
     except (OSError, ValueError):  # ValueError: a null character in the path
         names = ", ".join(sorted(built_in))
+        shown = text if len(text) < 200 else f"{text[:200]} ..."
         raise GeneratedError(
-            f"{text} is neither a readable robot file nor a built-in robot; built in are {names}."
+            f"{shown} is neither a readable robot file nor a built-in robot; built in are {names}."
         ) from None
 
 

@@ -267,7 +267,8 @@ class Model:
             )
         if array.dtype == np.float64 and array.flags.aligned and not any(s % 8 for s in array.strides):
             return array
-        return np.array(array, dtype=np.float64, order="C")
+        with np.errstate(over="ignore"):  # what is too large becomes infinite, and is refused as that
+            return np.array(array, dtype=np.float64, order="C")
 
     def _extra(self, given: Mapping[str, Any], rows: int) -> Array:
         if not isinstance(given, Mapping):

@@ -232,6 +232,10 @@ def test_wrong_parameters_and_names_are_refused():
         (("no_such_robot",), "built in are"),
         (("kuka_lwr4p", "A", "LR"), "label"),
         ((3,), "3 is no robot"),
+        (("x" * 5000,), r"x \.\.\. is neither a readable robot file"),
+        (("kuka_lwr4p", "A", 3), "the payload is 3"),
+        (("kuka_lwr4p", "A", None, (3,)), "the effect 3 is no text"),
+        (("kuka_lwr4p", "A", None, 3), "the effect 3 is no text"),
         (("",), "'' is no robot"),
     ):
         with pytest.raises(GeneratedError, match=says):
