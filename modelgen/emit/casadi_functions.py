@@ -38,15 +38,15 @@ def to_casadi(expression: sp.Expr, known: Mapping[str, Any]) -> Any:
         return known[expression.name]
     if expression.is_number:
         return float(expression)
-    arguments = [to_casadi(a, known) for a in expression.args]
     if expression.is_Add:
-        total = arguments[0]
-        for term, value in zip(expression.args[1:], arguments[1:]):
+        total = to_casadi(expression.args[0], known)
+        for term in expression.args[1:]:
             if term.is_Mul and term.args[0] == -1 and len(term.args) == 2:
                 total = total - to_casadi(term.args[1], known)
             else:
-                total = total + value
+                total = total + to_casadi(term, known)
         return total
+    arguments = [to_casadi(a, known) for a in expression.args]
     if expression.is_Mul:
         product = arguments[0]
         for value in arguments[1:]:
@@ -69,11 +69,15 @@ def to_casadi(expression: sp.Expr, known: Mapping[str, Any]) -> Any:
 
 def program_outputs(program: Program, inputs: Mapping[str, Any], terms: Sequence[sp.Expr] = ()) -> Any:
     """The outputs of a program, then `terms`, on CasADi symbols: a column vector."""
-    named, outputs = program.intermediates()
-    known = dict(inputs)
-    for symbol, expression in named:
-        known[symbol.name] = to_casadi(expression, known)
-    values = [to_casadi(e, known) for e in (*outputs, *terms)]
+    nodes, names = program.values(inputs), program.shared()
+    known = {**inputs, **{name: nodes[index] for index, name in names.items()}}
+    values = []
+    for index, negative in program.outputs:
+        if negative and index not in names:  # SymPy takes a minus inside
+            values.append(to_casadi(-program.expression(index, names), known))
+        else:
+            values.append(-nodes[index] if negative else nodes[index])
+    values += [to_casadi(e, known) for e in terms]
     return ca.vertcat(*values) if values else ca.SX(0, 1)
 
 

@@ -243,6 +243,11 @@ class Program:
 
     def evaluate(self, inputs: Mapping[str, object], number: Callable[[Number], object] = float) -> list:
         """Run the program on whatever `inputs` holds: floats, arrays, CasADi symbols, exact rationals."""
+        values = self.values(inputs, number)
+        return [-values[index] if negative else values[index] for index, negative in self.outputs]
+
+    def values(self, inputs: Mapping[str, object], number: Callable[[Number], object] = float) -> list:
+        """As `evaluate`, of every node."""
         values: list = []
         for node in self.nodes:
             match node.kind:
@@ -258,22 +263,35 @@ class Program:
                     values.append(values[node.a] * values[node.b])
                 case kind:
                     raise NotImplementedError(f"node {kind}")
-        return [-values[index] if negative else values[index] for index, negative in self.outputs]
+        return values
 
-    def intermediates(self) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], tuple[sp.Expr, ...]]:
-        """The program in SymPy: named intermediates (single uses stay in place) and the outputs."""
+    def shared(self) -> dict[int, str]:
+        """Names of the intermediates that are used more than once, by node: x0, x1, ..."""
         uses = [0] * len(self.nodes)
         for node in self.nodes:
             for operand in _operands(node):
                 uses[operand] += 1
         for index, _ in self.outputs:
             uses[index] += 1
+        often = (i for i, node in enumerate(self.nodes) if node.kind in "+-*" and uses[i] > 1)
+        return {index: f"x{k}" for k, index in enumerate(often)}
+
+    def expression(self, index: int, names: Mapping[int, str]) -> sp.Expr:
+        """A node in SymPy, with the symbols of `names` in place of shared intermediates."""
+        if index in names:
+            return sp.Symbol(names[index], real=True)
+        node = self.nodes[index]
+        return _sympy(node, {operand: self.expression(operand, names) for operand in _operands(node)})
+
+    def intermediates(self) -> tuple[tuple[tuple[sp.Symbol, sp.Expr], ...], tuple[sp.Expr, ...]]:
+        """The program in SymPy: named intermediates (single uses stay in place) and the outputs."""
+        names = self.shared()
         expressions: list[sp.Expr] = []
         named: list[tuple[sp.Symbol, sp.Expr]] = []
         for index, node in enumerate(self.nodes):
             expression = _sympy(node, expressions)
-            if node.kind in "+-*" and uses[index] > 1:
-                symbol = sp.Symbol(f"x{len(named)}", real=True)
+            if index in names:
+                symbol = sp.Symbol(names[index], real=True)
                 named.append((symbol, expression))
                 expression = symbol
             expressions.append(expression)
@@ -282,7 +300,7 @@ class Program:
         )
 
 
-def _sympy(node: Node, known: Sequence[sp.Expr]) -> sp.Expr:
+def _sympy(node: Node, known: Sequence[sp.Expr] | Mapping[int, sp.Expr]) -> sp.Expr:
     match node.kind:
         case "input":
             return sp.Symbol(str(node.a), real=True)
