@@ -57,7 +57,7 @@ def name(text: str | None) -> str | None:
 
 def path(text: str | None) -> str | None:
     """What may be the path of a file or folder."""
-    if text is not None and (not text.strip() or len(text) > 4000 or not text.isprintable()):
+    if text is not None and (not text.strip() or len(text) > 1000 or not text.isprintable()):
         raise ValueError(f"{shortened(repr(text))} is no path of a file; correct it")
     return text
 
