@@ -270,6 +270,10 @@ def inspect(
             show_default=False,
         ),
     ] = None,
+    topic: Annotated[
+        str | None,
+        typer.Option("--topic", help="Topic to read of bags with several joint states.", show_default=False),
+    ] = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
 ) -> None:
@@ -279,7 +283,7 @@ def inspect(
     """
     from ident.command_line import inspecting
 
-    inspecting.inspect(recordings, robot, output, overwrite, verbose)
+    inspecting.inspect(recordings, robot, output, topic, overwrite, verbose)
 
 
 @app.command(epilog="Example: [bold]ident robot arm.urdf -o arm.yaml[/bold]")

@@ -8,7 +8,12 @@ from ident.command_line.terminal import print_table, progress_bar
 
 
 def inspect(
-    recordings: Sequence[Path], robot: str | None, output: Path | None, overwrite: bool, verbose: bool
+    recordings: Sequence[Path],
+    robot: str | None,
+    output: Path | None,
+    topic: str | None,
+    overwrite: bool,
+    verbose: bool,
 ) -> None:
     """Look, say what was seen, write the study (and its page) where a file is named."""
     from ident.inspection import page as shown
@@ -24,7 +29,7 @@ def inspect(
             raise OutputError(f"{target} is an input of this command; name another file with -o")
     folder = output.parent if output is not None else Path()
     with progress_bar(verbose) as progress:
-        inspection = inspect_recordings(recordings, robot, folder, progress)
+        inspection = inspect_recordings(recordings, robot, folder, progress, topic)
     for text, _ in shown.remarks(inspection):
         print(text, file=sys.stderr)
     header, rows = shown.log_rows(inspection)

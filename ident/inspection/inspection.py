@@ -74,10 +74,14 @@ class Inspection:
 
 
 def inspect_recordings(
-    files: Sequence[Path], robot: str | None, folder: Path, progress: Progress = silent
+    files: Sequence[Path],
+    robot: str | None,
+    folder: Path,
+    progress: Progress = silent,
+    topic: str | None = None,
 ) -> Inspection:
     """Look into logs, with a robot (built-in name, robot file, URDF) or without; `folder` is where the study
-    will stand. Raises IdentError for a file that is no table."""
+    will stand, `topic` the one to read of bags that have several. Raises IdentError for what is no table."""
     names: tuple[str, ...] = ()
     if robot is not None:
         from modelgen.geometry.robot_file import load_robot
@@ -88,10 +92,10 @@ def inspect_recordings(
     tables = []
     for k, file in enumerate(files):
         progress(f"reading {file.name}", k / len(files))
-        tables.append(profile(open_table(file)))
+        tables.append(profile(open_table(file, topic=topic)))
     proposal = propose(tables[0], names, len(names))
     seconds = [_seconds(table) for table in tables]
-    text = study_text(files, seconds, proposal, robot, folder)
+    text = study_text(files, seconds, proposal, robot, folder, topic)
     logs = tuple(Log(file.stem, str(file), table, None, (), (), "", {}) for file, table in zip(files, tables))
     inspection = Inspection(robot or "", logs, proposal, None, "", text)
     return inspection if robot is None else _tried(inspection, robot, files, folder, progress)

@@ -20,7 +20,12 @@ OPENING = f"""# A first study, written by ident inspect. Lines with {FILL_IN} ho
 
 
 def study_text(
-    files: Sequence[Path], seconds: Sequence[float], proposal: Proposal, robot: str | None, folder: Path
+    files: Sequence[Path],
+    seconds: Sequence[float],
+    proposal: Proposal,
+    robot: str | None,
+    folder: Path,
+    topic: str | None = None,
 ) -> str:
     """The whole file. `seconds`: length of each recording where its time is known, else NaN."""
     lines = [OPENING]
@@ -31,7 +36,7 @@ def study_text(
     effort = any(line.key == "effort" for line in proposal.lines)
     said = "B where effort is joint_torque" if effort else "torques: A motor, B joint sensor, C both"
     lines += [f"model: {proposal.model}   # {said}", "recordings:"]
-    lines += [f"  - {entry}" for entry in _entries(files, seconds, proposal, folder)]
+    lines += [f"  - {entry}" for entry in _entries(files, seconds, proposal, folder, topic)]
     mapped = dict(proposal.columns)
     asked = {
         line.key.removeprefix("columns."): line for line in proposal.lines if line.key.startswith("columns.")
@@ -55,9 +60,12 @@ def trial_text(text: str, proposal: Proposal) -> str:
     return re.sub(rf"^drive_gains: {FILL_IN}.*$", f"drive_gains: {ones}", text, flags=re.MULTILINE)
 
 
-def _entries(files: Sequence[Path], seconds: Sequence[float], proposal: Proposal, folder: Path) -> list[str]:
+def _entries(
+    files: Sequence[Path], seconds: Sequence[float], proposal: Proposal, folder: Path, topic: str | None
+) -> list[str]:
     """One recording is cut in two, the last of several is held out."""
     counted = f", rate_hz: {FILL_IN}" if proposal.counted else ""
+    counted += f", topic: {_quoted(topic)}" if topic else ""
     ask = "   # samples a second: the table has no time" if proposal.counted else ""
     names = [_quoted(_relative(file, folder)) for file in files]
     if len(files) == 1:
@@ -65,8 +73,8 @@ def _entries(files: Sequence[Path], seconds: Sequence[float], proposal: Proposal
             return [f"{{file: {names[0]}, use: identify{counted}}}{ask}"]
         cut = f"{(1 - HELD_OUT) * seconds[0]:.4g}"
         return [
-            f"{{file: {names[0]}, name: first, use: identify, to: {cut}}}",
-            f"{{file: {names[0]}, name: last, use: validate, from: {cut}}}",
+            f"{{file: {names[0]}, name: first, use: identify, to: {cut}{counted}}}",
+            f"{{file: {names[0]}, name: last, use: validate, from: {cut}{counted}}}",
         ]
     uses = ["identify"] * (len(files) - 1) + ["validate"]
     stems = [file.stem for file in files]

@@ -127,3 +127,23 @@ def test_inflation_is_that_of_the_textbook():
     assert copied.rank == 2 and "does not show 2 of 4" in copied.sentence
     lost = {weak.parameter for weak in copied.weakest if np.isinf(weak.inflation)}
     assert lost == {"Fvm2", "Fcm2", "MX3"}
+
+
+def test_bags_in_folders_with_two_arms_on_two_topics(folder, tmp_path, capsys):
+    """A sqlite3 folder; the topic is asked for once and stands in the study, whose fit then reads it."""
+    from bags import START, BagWriter
+
+    t, q, dq, ddq = motion(30)
+    with BagWriter(tmp_path / "log", "sqlite3") as bag:
+        for row, stamp in enumerate(np.rint(t * 1e9).astype(int).tolist()):
+            for side, sign in (("left", 1), ("right", -1)):
+                values = {"position": sign * q[row], "effort": np.sign(dq[row]) + ddq[row] + dq[row]}
+                bag.joints(f"/{side}/joint_states", START + stamp, ["shoulder", "elbow"], **values)
+    call = ["inspect", str(tmp_path / "log"), "--robot", str(folder / "lamp.urdf")]
+    assert run(call) == 2
+    assert "say which with topic:" in capsys.readouterr().err
+    study = tmp_path / "study.yaml"
+    assert run([*call, "--topic", "/left/joint_states", "-o", str(study)]) == 0
+    study.write_text(study.read_text().replace("effort: FILL IN", "effort: motor_torque"))
+    assert run(["fit", str(study), "-o", str(tmp_path / "fit")]) == 0
+    assert len(json.loads((tmp_path / "fit" / "fit.json").read_text())["parameters"]) > 5
