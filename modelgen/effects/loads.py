@@ -83,32 +83,42 @@ def _gravity_torque(arm: Frames, standard: Mapping[str, float], g: Array) -> Arr
 def tilted(gravity: Array, roll: float, pitch: float) -> Array:
     """(3,) (Ry(pitch) Rx(roll))^T g: gravity in the axes of a base that is rolled and pitched.
 
-    Where the file's gravity lies mainly along x (y), the axes are the two that follow: y and z (z and x), so
-    that small angles always turn it and every direction can be reached.
+    x and y are the base's own for a gravity along z, else the two axes of :func:`across`.
     """
     g = np.asarray(gravity, dtype=float)
-    turn = (int(np.argmax(np.abs(g))) + 1) % 3  # first axis of the two; 0 for gravity along z
     cr, sr, cp, sp = np.cos(roll), np.sin(roll), np.cos(pitch), np.sin(pitch)
     Rx = np.array([[1.0, 0.0, 0.0], [0.0, cr, -sr], [0.0, sr, cr]])
     Ry = np.array([[cp, 0.0, sp], [0.0, 1.0, 0.0], [-sp, 0.0, cp]])
-    return np.roll((Ry @ Rx).T @ np.roll(g, -turn), turn)
+    A = across(g)
+    return A @ (Ry @ Rx).T @ A.T @ g
+
+
+def across(gravity: Array) -> Array:
+    """(3, 3) rotation whose third column lies along +-g; its first two are the axes of roll and pitch.
+
+    For a gravity along z the identity, along x (y) the columns y, z, x (z, x, y); for an oblique one these,
+    made perpendicular to it. Small angles always turn gravity and every direction can be reached.
+    """
+    size = np.linalg.norm(gravity)
+    if size == 0:
+        return np.eye(3)
+    main = int(np.argmax(np.abs(gravity)))
+    third = gravity / size * np.sign(gravity[main])
+    first = np.eye(3)[(main + 1) % 3]
+    first = first - third * (third @ first)
+    first /= np.linalg.norm(first)
+    return np.stack([first, np.cross(third, first), third], axis=1)
 
 
 def tilt_of(gravity: Array, found: Array) -> tuple[float, float]:
     """(roll, pitch) with tilted(gravity, roll, pitch) along `found`; the inverse of `tilted`.
 
-    With g = (0, 0, -G) in the turned axes: g' = G (sin p, -sin r cos p, -cos r cos p). A gravity of the file
-    that is not along an axis is met by Gauss-Newton from there.
+    In the axes of `across` g = (0, 0, -G) and g' = G (sin p, -sin r cos p, -cos r cos p).
     """
-    from scipy.optimize import least_squares
-
     g, found = np.asarray(gravity, dtype=float), np.asarray(found, dtype=float)
-    g, found = g / np.linalg.norm(g), found / np.linalg.norm(found)
-    turn = (int(np.argmax(np.abs(g))) + 1) % 3
-    x, y, z = np.roll(found, -turn) * -np.sign(np.roll(g, -turn)[2])
-    start = [np.arctan2(-y, -z), np.arcsin(np.clip(x, -1.0, 1.0))]
-    roll, pitch = least_squares(lambda a: tilted(g, *a) - found, start, xtol=1e-15, gtol=1e-15).x
-    return float(roll), float(pitch)
+    A = across(g)
+    x, y, z = A.T @ found / np.linalg.norm(found) * -np.sign((A.T @ g)[2])
+    return float(np.arctan2(-y, -z)), float(np.arcsin(np.clip(x, -1.0, 1.0)))
 
 
 def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: float, pitch: float) -> Array:
@@ -124,9 +134,7 @@ def tilt_columns(robot: Robot, q: Array, standard: Mapping[str, float], arm: Fra
     """
     g = np.array([float(robot.value(x)) for x in robot.gravity])
     arm = frames(robot, q) if arm is None else arm
-    turn = (int(np.argmax(np.abs(g))) + 1) % 3
-    axes = np.roll(np.eye(3), -turn, axis=0)[:2]
-    return np.stack([_gravity_torque(arm, standard, -np.cross(axis, g)) for axis in axes], axis=-1)
+    return np.stack([_gravity_torque(arm, standard, -np.cross(axis, g)) for axis in across(g).T[:2]], axis=-1)
 
 
 def body_columns(robot: Robot, q: Array, dq: Array, ddq: Array, row: int, kinds: tuple[str, ...]) -> Array:

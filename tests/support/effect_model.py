@@ -127,7 +127,9 @@ def motion(model: ArmModel, seconds: float = 6.0, rate: float = 500.0, seed: int
     return Motion("run1", None, t, q, dq, ddq, np.sign(dq), None, rate)
 
 
-def values_of(e: Effect, context: Mapping[str, float] | None = None, **reported: float) -> dict[str, float]:
+def values_of(
+    e: Effect, context: Mapping[str, float] | None = None, /, **reported: float
+) -> dict[str, float]:
     """Linear and nonlinear parameters of a usual case, or of these reported values."""
     linear, nonlinear = e.values_from_reported({**e.typical, **reported}, context or {})
     return {**linear, **nonlinear}
@@ -208,3 +210,15 @@ def split_agrees(e: Effect, place: Place, values: Mapping[str, float], m: Motion
         arrays = {n: getattr(m, n)[rows] for n in ("t", "q", "dq", "ddq", "sign_dq")}
         parts.append(contribution(e, place, values, replace(m, **arrays), model, memory))
     return float(np.abs(np.concatenate(parts) - whole).max())
+
+
+def as_recorded_by(e: Effect, model: ArmModel, m: Motion, place: Place, values: Mapping[str, float]):
+    """(motion that the encoder records, torque recorded less the rigid model there)."""
+    truth = simulated(model, m, e, place, values)
+    q, dq, ddq = truth.motor
+    if truth.encoder is not None and not np.array_equal(truth.encoder, q):
+        q, dt = truth.encoder, m.t[1] - m.t[0]
+        dq = np.gradient(q, dt, axis=0)
+        ddq = np.gradient(dq, dt, axis=0)
+    seen = replace(m, q=q, dq=dq, ddq=ddq, sign_dq=np.sign(dq))
+    return seen, recorded(model, truth) - model.torque(seen)

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 import sympy as sp
 
-from modelgen.effects.effect import Array, NonlinearParameter, Quantity
+from modelgen.effects.effect import Array, NonlinearParameter, Quantity, Report
 from modelgen.effects.gravity_search import directions, newly_visible
 from modelgen.effects.kinds import LoadEffect
 from modelgen.effects.loads import gravity_columns, tilt_of, tilt_torque, tilted
@@ -32,8 +32,8 @@ class BaseTilt(LoadEffect):
     `regressor_change`, exact for any angle and linear in chi. Only `columns` of first moments that the file's
     gravity did not show (of link 1 of an upright arm) are new. `starts` finds the direction in the measured
     torque itself: small angles from a wrong gravity do not reach a quarter turn. The base stands at
-    Ry(pitch) Rx(roll) from where the file has it (about the two axes after the one that its gravity lies
-    along).
+    Ry(pitch) Rx(roll) from where the file has it (of a file whose gravity is not
+    along z: about the axes of `loads.across`).
     """
 
     name = "base_tilt"
@@ -108,6 +108,27 @@ class BaseTilt(LoadEffect):
     def context_of(self, place: Place, model: Model) -> dict[str, float]:
         """The file's gravity."""
         return dict(zip(self.context, file_gravity(model.robot).tolist()))
+
+    def report(
+        self,
+        values: Mapping[str, float],
+        covariance: Array | None = None,
+        context: Mapping[str, float] | None = None,
+        place: Place | None = None,
+    ) -> Report:
+        """roll, pitch and the gravity to paste; `covariance` ends with the two angles."""
+        C = None if covariance is None else np.asarray(covariance)[-2:, -2:]
+        told = super().report(values, C, context, place)
+        file = np.array([(context or {})[name] for name in self.context])
+        angles, h = np.array([values["roll"], values["pitch"]]), 1e-6
+        J = np.stack(
+            [(tilted(file, *(angles + d)) - tilted(file, *(angles - d))) / (2 * h) for d in h * np.eye(2)],
+            axis=1,
+        )
+        std = np.zeros(3) if C is None else np.sqrt(np.maximum(np.diag(J @ C @ J.T), 0.0))
+        for name, value, spread in zip(("gx", "gy", "gz"), tilted(file, *angles), std):
+            told[name] = {"value": float(value), "std": float(spread), "unit": "m/s^2"}
+        return told
 
     def simulate(self, truth: Truth, place: Place, values: Mapping[str, float]) -> Truth:
         held = tilt_torque(truth.robot, truth.link[0], truth.standard, values["roll"], values["pitch"])

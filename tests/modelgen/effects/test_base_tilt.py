@@ -1,0 +1,84 @@
+"""base_tilt: turned gravity by any angle is exact, is found from any angle, and is told with its vector."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from effect_model import added, arm_model, check_report, layout, motion, recorded, simulated, values_of
+
+from modelgen.effects import effect
+from modelgen.effects.gravity_search import newly_visible, standard_columns, with_gravity
+from modelgen.effects.loads import tilt_of, tilted
+from modelgen.geometry.robot_file import load_robot
+
+E = effect("base_tilt")
+DOWN = np.array([0.0, 0.0, -9.81])
+CONTEXT = dict(zip(E.context, DOWN))
+ANGLES = [(0.03, -0.04), (np.pi / 2, 0.0), (0.0, np.pi / 2), (np.pi, 0.0), (-1.2, 0.7), (2.8, -0.2)]
+
+
+def place_of(model):
+    (place,) = E.places(layout(model))
+    return place
+
+
+@pytest.mark.parametrize("roll, pitch", ANGLES)
+def test_the_changed_regressor_is_that_of_turned_gravity(roll, pitch):
+    model = arm_model(("motor", "sensor"))
+    m, v = motion(model, 1.0), {"roll": roll, "pitch": pitch}
+    change = E.regressor_change(place_of(model), v, m, model)
+    chi = list(model.standard.values())
+    seen = sum(part * chi[number] for number, part in change.items())
+    turned = replace(model, robot=with_gravity(model.robot, tilted(DOWN, roll, pitch)))
+    assert seen == pytest.approx(turned.torque(m) - model.torque(m), abs=1e-10)
+    assert added(model, m, E, place_of(model), v) == pytest.approx(seen, abs=1e-10)
+
+
+@pytest.mark.parametrize("roll, pitch", ANGLES)
+def test_any_direction_is_found_in_the_measured_torque(roll, pitch):
+    """With 1 % noise; the study believes gravity is down."""
+    model = arm_model(("motor",))
+    m = motion(model, 20.0, rate=50.0)
+    tau = recorded(model, simulated(model, m, E, place_of(model), {"roll": roll, "pitch": pitch}))
+    noise = 0.01 * tau.std(axis=0) * np.random.default_rng(0).normal(size=tau.shape)
+    starts = E.starts(place_of(model), [replace(m, measured=tau + noise)], [], model)
+    found = tilted(DOWN, **starts[0])
+    assert found == pytest.approx(tilted(DOWN, roll, pitch), abs=0.1)  # m/s^2: 0.6 degrees
+
+
+@pytest.mark.parametrize("file", [DOWN, -DOWN, DOWN[[2, 0, 1]], DOWN[[0, 2, 1]], np.array([3.0, -2.0, -9.0])])
+def test_every_direction_can_be_reached_from_the_files(file):
+    rng = np.random.default_rng(3)
+    for wanted in [*rng.normal(size=(20, 3)), file, -file]:
+        wanted = wanted / np.linalg.norm(wanted) * np.linalg.norm(file)
+        assert tilted(file, *tilt_of(file, wanted)) == pytest.approx(wanted, abs=1e-6)
+    assert np.linalg.norm(tilted(file, 1e-3, 0) - file) > 5e-3 < np.linalg.norm(tilted(file, 0, 1e-3) - file)
+
+
+@pytest.mark.parametrize("name", ["ur10e", "kuka_lwr4p", "staubli_tx40"])
+def test_a_turned_arm_shows_two_moments_of_link_1_and_no_more(name):
+    robot = load_robot(name)
+    names = newly_visible(robot)
+    assert names == ("MX1", "MY1")
+    rng = np.random.default_rng(5)
+    q, dq, ddq = rng.uniform(-2, 2, (300, robot.n)), *rng.normal(size=(2, 300, robot.n))
+    ranks = [
+        np.linalg.matrix_rank(W.reshape(-1, W.shape[2]), rtol=1e-9)
+        for W in (standard_columns(r, q, dq, ddq) for r in (robot, with_gravity(robot, (3, -4, -7))))
+    ]
+    assert ranks[1] - ranks[0] == len(names)
+
+
+def test_it_tells_the_gravity_to_paste():
+    told = E.report(values_of(E, CONTEXT, roll=0.0, pitch=np.pi / 2), None, CONTEXT)
+    assert [told[f"g{axis}"]["value"] for axis in "xyz"] == pytest.approx([9.81, 0, 0], abs=1e-12)
+    check_report("base_tilt", CONTEXT)
+    wall = dict(zip(E.context, (9.81, 0.0, 0.0)))
+    told = E.report({"roll": 0.1, "pitch": -0.2}, 1e-4 * np.eye(2), wall)
+    assert [told[f"g{axis}"]["value"] for axis in "xyz"] == pytest.approx(tilted((9.81, 0, 0), 0.1, -0.2))
+
+
+def test_a_difference_of_torques_does_not_show_it():
+    assert not list(E.places(layout(arm_model(("drive",)))))
+    model = arm_model()
+    assert E.context_of(place_of(model), model) == CONTEXT
