@@ -56,11 +56,11 @@ def staged(
     `inputs` are replaced by nothing, whatever `overwrite` says. A folder inside a stage is written to as it
     is. Raises OutputError.
     """
+    if any(stage in (folder, *folder.parents) for stage in _open):  # a part of what is being written
+        folder.mkdir(parents=True, exist_ok=True)
+        yield folder
+        return
     with _as_sentence(folder):
-        if any(stage in (folder, *folder.parents) for stage in _open):  # a part of what is being written
-            folder.mkdir(parents=True, exist_ok=True)
-            yield folder
-            return
         made = _make(folder)
         try:
             _heal(folder)

@@ -121,9 +121,9 @@ from ident.output import OutputError, staged, write_file
 resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
 for folder in (Path("out"), Path("new")):
     try:
-        with staged(folder) as stage:
+        with staged(folder) as stage, staged(stage / "part") as part:
             (stage / "a").write_text("2")
-            (stage / "b").write_text(20_000 * "b")
+            (part / "b").write_text(20_000 * "b")
     except OutputError as error:
         print(error)
 try:
@@ -140,6 +140,10 @@ def test_a_full_disk_leaves_the_old_result(tmp_path):
     lines = done.stdout.splitlines()
     assert done.returncode == 0 and len(lines) == 3 and done.stderr == ""
     assert all("file too large; make room, or name another folder with -o" in line for line in lines)
+    said = [line.split(":")[0].removeprefix("cannot write into ") for line in lines]
+    assert said == ["out", "new", "."]
+        f"cannot write into {name}" for name in ("out", "new", ".")
+    ]
     assert set(content(tmp_path)) == {"out/a", f"out/{MANIFEST}"} and not (tmp_path / "new").exists()
 
 
