@@ -27,8 +27,8 @@ class Model:
     """One model of one robot, compiled. Rows are channels, columns base parameters; SI units, joint side.
 
     `joint_names` are the robot file's (q1, ... where it names none), `standard_values` the inertial
-    parameters that it gives. `nonzeros` (nnz, 2) holds the (channel, parameter) of the entries of W that are
-    not zero for all motions, in the order of `nonzero_blocks`.
+    parameters that it gives, `notes` what was rounded in reading it. `nonzeros` (nnz, 2) holds the (channel,
+    parameter) of the entries of W that are not zero for all motions, in the order of `nonzero_blocks`.
     """
 
     def __init__(
@@ -58,6 +58,7 @@ class Model:
         joints = description["joints"]
         self.joint_names: tuple[str, ...] = tuple(j.get("name", f"q{j['label']}") for j in joints)
         self.standard_values: dict[str, float] = dict(description.get("standard_values", {}))
+        self.notes: tuple[str, ...] = tuple(description.get("notes", ()))
         self.n = len(description["joints"])
         nonzeros = description["nonzeros"]
         self.nonzeros = np.array([entry[:2] for entry in nonzeros], dtype=np.intp).reshape(-1, 2)

@@ -117,6 +117,7 @@ def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:
         "extra_inputs": list(dict.fromkeys(name for column in added for name in column.extra_inputs)),
         "operations": {**_count(columns.operations), "torque": _count(torque.operations)},
         **({"standard_values": dict(robot.standard_values)} if robot.standard_values else {}),
+        **({"notes": list(robot.notes)} if robot.notes else {}),
     }
     return Derived(description, columns, tuple(terms), torque)
 

@@ -174,6 +174,7 @@ def test_a_payload_of_a_urdf_is_a_body_on_its_last_link(tmp_path):
     path.write_text(ARM)
     m = generated.load(path, "A", payload="L")
     assert m.joint_names == ("shoulder", "elbow", "slide") and m.prismatic == ("3",)
+    assert m.notes == load_robot(path).notes and len(m.notes) == 1
     q, dq, ddq = states(3, 12).reshape(3, 4, 3)
     # 2 kg at (0.1, 0.2, 0.3) of the slider's link, in axes of the frame above: (0.2, 0.3, 0.1)
     point = {"ML": 2.0, "MXL": 0.4, "MYL": 0.6, "MZL": 0.2}
