@@ -142,8 +142,6 @@ def test_a_full_disk_leaves_the_old_result(tmp_path):
     assert all("file too large; make room, or name another folder with -o" in line for line in lines)
     said = [line.split(":")[0].removeprefix("cannot write into ") for line in lines]
     assert said == ["out", "new", "."]
-        f"cannot write into {name}" for name in ("out", "new", ".")
-    ]
     assert set(content(tmp_path)) == {"out/a", f"out/{MANIFEST}"} and not (tmp_path / "new").exists()
 
 
