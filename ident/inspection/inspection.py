@@ -31,7 +31,7 @@ DRAWN = 1500  # samples of a curve on the page
 @dataclass(frozen=True, slots=True)
 class Log:
     """One recording. `survey` and `curves` are None and empty where it could not be opened as the study has
-    it; `refusal` then is the sentence that says why. curves: {signal: (t, values)} in SI."""
+    it; `refusal` then is the sentence that says why. curves: {"q" | "motor" | "sensor": {column: (t, x)}}."""
 
     label: str
     file: str
@@ -40,7 +40,7 @@ class Log:
     notes: tuple[str, ...]
     checks: tuple[Check, ...]
     refusal: str
-    curves: dict[str, tuple[np.ndarray, np.ndarray]]
+    curves: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]
 
     @property
     def rest_s(self) -> float:
@@ -149,11 +149,10 @@ def _with(study: Study, entries: list[Any]) -> Study:
     return study.with_(recordings=tuple(entries))
 
 
-def _curves(stream: RecordingStream) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """A few samples a signal, spread over the whole recording."""
-    signals = [f"q{j}" for j in stream.need.joints]
-    signals += [f"tau_m{stream.need.joints[k]}" for k in stream.need.motor]
-    signals += [f"tau_l{stream.need.joints[k]}" for k in stream.need.sensor]
+def _curves(stream: RecordingStream) -> dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]:
+    """A few samples a signal, spread over the whole recording, under the names of their columns."""
+    need = stream.need
+    kinds = ["q"] * len(need.joints) + ["motor"] * len(need.motor) + ["sensor"] * len(need.sensor)
     every = max(stream.survey.rows // DRAWN, 1)
     times, rows, seen = [], [], 0
     for segment, blocks in stream.segments():
@@ -165,4 +164,7 @@ def _curves(stream: RecordingStream) -> dict[str, tuple[np.ndarray, np.ndarray]]
             at += len(values) / stream.rate_hz
             seen += len(values)
     t, values = np.concatenate(times), np.concatenate(rows)
-    return {name: (t, values[:, k]) for k, name in enumerate(signals[: values.shape[1]])}
+    found: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
+    for k, (kind, name) in enumerate(zip(kinds, stream.names[-len(kinds) :])):
+        found.setdefault(kind, {})[name] = (t, values[:, k])
+    return found

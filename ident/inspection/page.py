@@ -9,7 +9,7 @@ from ident.inspection.inspection import Inspection, Log
 from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPage, Section, Table, Trace
 from ident.report.wording import check_sentence, number
 
-QUANTITIES = (("q", "position"), ("tau_m", "motor signal"), ("tau_l", "joint torque"))
+QUANTITIES = (("q", "Positions"), ("motor", "Motor signals"), ("sensor", "Joint torques"))
 
 
 def page(inspection: Inspection, study: str) -> ReportPage:
@@ -133,12 +133,12 @@ def _excitation(inspection: Inspection) -> tuple[Section, ...]:
 def _log(log: Log) -> Section:
     plots = []
     for kind, title in QUANTITIES:
-        curves = {name: curve for name, curve in log.curves.items() if name.rstrip("0123456789") == kind}
+        curves = log.curves.get(kind, {})
         if curves:
             panels = tuple(
                 Panel(name, (Trace(name, t, values, "measured"),)) for name, (t, values) in curves.items()
             )
-            plots.append(Plot(f"{title} of {log.label}", "t in s", panels, group=log.label))
+            plots.append(Plot(title, "t in s", panels, group=log.label))
     caption = (
         "Values as they stand in the file; step: of a grid that they lie on; noise: of what is not smooth."
     )
