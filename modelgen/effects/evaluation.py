@@ -7,31 +7,53 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 import sympy as sp
 
-if TYPE_CHECKING:  # an effect evaluates itself through here
-    from modelgen.effects.effect import Effect
+from modelgen.effects.parameters import LinearParameter, NonlinearParameter, Quantity
 
 Array = np.ndarray
 
 
-def columns(effect: Effect, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
+class Terms(Protocol):
+    """What is evaluated: an effect, by its parameters and terms."""
+
+    terms: Mapping[str, sp.Expr]
+    linear: tuple[LinearParameter, ...]
+    nonlinear: tuple[NonlinearParameter, ...]
+    context: tuple[str, ...]
+
+    def __hash__(self) -> int: ...
+
+    @property
+    def linear_names(self) -> tuple[str, ...]: ...
+
+    @property
+    def nonlinear_names(self) -> tuple[str, ...]: ...
+
+    @property
+    def quantities(self) -> tuple[Quantity, ...]: ...
+
+    @property
+    def needs(self) -> frozenset[str]: ...
+
+
+def columns(effect: Terms, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
     """(N, n_linear) of the terms."""
     parts = _compiled(effect)(values, theta)
     return np.stack([np.broadcast_to(part, rows) for part in parts], axis=1).astype(float)
 
 
-def derivatives(effect: Effect, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
+def derivatives(effect: Terms, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
     """(n_nonlinear, N, n_linear) of the columns with respect to the shape parameters."""
     parts = [np.broadcast_to(d, rows) for d in _compiled_derivatives(effect)(values, theta)]
     shape = (len(effect.nonlinear), len(effect.linear), rows)
     return np.asarray(parts, dtype=float).reshape(shape).transpose(0, 2, 1)
 
 
-def told(effect: Effect, values: Mapping[str, float], covariance: Array) -> tuple[Array, Array]:
+def told(effect: Terms, values: Mapping[str, float], covariance: Array) -> tuple[Array, Array]:
     """Values and standard deviations of the reported quantities: var f = f' C f'^T, C over `told_names`."""
     if not effect.quantities:
         return np.zeros(0), np.zeros(0)
@@ -44,12 +66,12 @@ def told(effect: Effect, values: Mapping[str, float], covariance: Array) -> tupl
         return numbers, np.sqrt(np.maximum(variance, 0.0))
 
 
-def told_names(effect: Effect) -> tuple[str, ...]:
+def told_names(effect: Terms) -> tuple[str, ...]:
     """What reported quantities are made of, in the order of their covariance."""
     return (*effect.linear_names, *effect.nonlinear_names, *effect.context)
 
 
-def _lambdify(effect: Effect, expressions: list[sp.Expr]) -> Callable[..., list[Array]]:
+def _lambdify(effect: Terms, expressions: list[sp.Expr]) -> Callable[..., list[Array]]:
     names = sorted(effect.needs) + list(effect.nonlinear_names)
     function = sp.lambdify([sp.Symbol(n, real=True) for n in names], expressions, modules="numpy", cse=True)
 
@@ -60,19 +82,19 @@ def _lambdify(effect: Effect, expressions: list[sp.Expr]) -> Callable[..., list[
 
 
 @cache
-def _compiled(effect: Effect) -> Callable[..., list[Array]]:
+def _compiled(effect: Terms) -> Callable[..., list[Array]]:
     return _lambdify(effect, [effect.terms[name] for name in effect.linear_names])
 
 
 @cache
-def _compiled_derivatives(effect: Effect) -> Callable[..., list[Array]]:
+def _compiled_derivatives(effect: Terms) -> Callable[..., list[Array]]:
     return _lambdify(
         effect, [effect.terms[name].diff(p.symbol) for p in effect.nonlinear for name in effect.linear_names]
     )
 
 
 @cache
-def _compiled_report(effect: Effect) -> tuple[Callable, Callable]:
+def _compiled_report(effect: Terms) -> tuple[Callable, Callable]:
     inputs = [sp.Symbol(n, real=True) for n in told_names(effect)]
     quantities = sp.Matrix([q.expression for q in effect.quantities])
     return (

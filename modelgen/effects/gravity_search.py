@@ -35,7 +35,7 @@ def standard_columns(robot: Robot, q: Array, dq: Array, ddq: Array) -> Array:
     return out
 
 
-def with_gravity(robot: Robot, g: Sequence[float]) -> Robot:
+def with_gravity(robot: Robot, g: Sequence[float] | Array) -> Robot:
     """The robot under another gravity."""
     return replace(robot, gravity=tuple(sp.Float(float(x)) if x else sp.Integer(0) for x in g))  # type: ignore[arg-type]
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from modelgen.effects.effect import Array, Columns, Effect
+from modelgen.effects.effect import Array, ChannelKind, Columns, Effect
 from modelgen.effects.memory import Memory
 from modelgen.effects.place import Layout, Model, Motion, Place, PlaceSide
 from modelgen.effects.truth import Stage, Truth
@@ -32,7 +32,7 @@ class RecordingEffect(Effect):
     """What is recorded is not the torque that acts. One stage of the recorder, `stage`."""
 
     kind = "measurement"
-    channel = "any"
+    channel: ChannelKind = "any"
     stage: Stage = "gain"
 
     def sides(self, layout: Layout) -> tuple[PlaceSide, ...]:

@@ -171,11 +171,13 @@ def joint_moments(
                     moments[j][axis] += value * n[axis]
         a = T.row.antecedent
         if a >= 0 and j >= row:
-            f = np.array([x + np.zeros(len(q)) for x in T.to_antecedent(tuple(forces[j]))])
-            n = np.array([x + np.zeros(len(q)) for x in T.to_antecedent(tuple(moments[j]))])
+            force, moment = (
+                np.array([x + np.zeros(len(q)) for x in T.to_antecedent((v[0], v[1], v[2]))])
+                for v in (forces[j], moments[j])
+            )
             lever = np.array([x + np.zeros(len(q)) for x in T.p])
-            forces[a] += f
-            moments[a] += n + np.cross(lever, f, axis=0)
+            forces[a] += force
+            moments[a] += moment + np.cross(lever, force, axis=0)
     return moments[row - 1].T
 
 

@@ -122,9 +122,18 @@ class Motion:
 class Model(Protocol):
     """What an effect may ask of the model that is being fitted, at its current estimate."""
 
-    robot: Robot  # with the study's gravity
-    channels: tuple[Channel, ...]
-    parameters: tuple[str, ...]  # b names of the rigid model
+    @property
+    def robot(self) -> Robot:
+        """With the study's gravity."""
+        ...
+
+    @property
+    def channels(self) -> tuple[Channel, ...]: ...
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """b names of the rigid model."""
+        ...
 
     def torque(
         self, motion: Motion, q: Array | None = None, dq: Array | None = None, ddq: Array | None = None
