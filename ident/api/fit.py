@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -137,7 +138,8 @@ class Fit:
         With q, dq, ddq (N, n), or a mapping of these three: (N, channels) for exactly this motion. With a
         recording (path, data frame, Arrow table, dict with t and q or q1..): positions are filtered and
         differentiated as in the fit, the torque smoothed like them; a table of t and the channels, without
-        the ends that the filter makes up. Raises ident.Error.
+        the ends that the filter makes up. A recording needs no torques, unless effects of the model read
+        them. Raises ident.Error.
         """
         with one_family():
             if dq is None and isinstance(motion, dict) and set(motion) == {"q", "dq", "ddq"}:
@@ -152,6 +154,10 @@ class Fit:
 
         columns = self.result.columns
         self._check_payload(payload)
+        if self._terms:
+            raise IdentError(
+                "the fit has effects that need a history; predict a recording with t, q and torques"
+            )
         n = len(columns.need.joints)
         given = []
         for name, values in (("q", q), ("dq", dq), ("ddq", ddq)):
@@ -171,28 +177,44 @@ class Fit:
 
     def _recorded(self, data: Any, payload: str | None) -> Any:
         from ident.api.study import Recording
-        from ident.equations.comparison import by_segment, low_pass_blocks, modelled_torque
+        from ident.equations.comparison import low_pass_blocks
         from ident.recordings.opening import open_recording
         from ident.signals.filtering import filter_stream, prepare
 
-        columns = self.result.columns
+        need = self.result.columns.need
         self._check_payload(payload)
         study = self.result.study.with_(trim_rest=False)
         entry = data if isinstance(data, Recording) else Recording(data, payload=payload)
-        sensor = columns.need.sensor if study.positions == "joint" else ()
-        stream = open_recording(study, entry, replace(columns.need, motor=(), sensor=sensor))
+        if not self._terms:  # effects may read the measured torque
+            need = replace(need, motor=(), sensor=need.sensor if study.positions == "joint" else ())
+        stream = open_recording(study, entry, need)
         bank = prepare(stream, study.filter, study.turn_over)
         t: list[np.ndarray] = []
         values: list[np.ndarray] = []
+        for _, stretch in itertools.groupby(filter_stream(stream, bank), key=lambda item: item[0]):
+            torques = self._modelled(stream, (block for _, block in stretch), t)
+            values += [rows for _, rows in low_pass_blocks(torques, bank.position)]
+        return frame(arrays(t, values, self.channels))
 
-        def torques(blocks: Iterable[Any]) -> Iterator[np.ndarray]:
+    @property
+    def _terms(self) -> tuple[Any, ...]:
+        """Effects that are part of the fitted model."""
+        return tuple(getattr(self.result, "terms", ()))
+
+    def _modelled(self, stream: Any, blocks: Iterable[Any], t: list[np.ndarray]) -> Iterator[np.ndarray]:
+        """Torque (N, channels) of the blocks of one stretch; their times go into `t`."""
+        from ident.equations import comparison
+
+        columns, chi = self.result.columns, self.result.estimate.chi
+        if not self._terms:
             for block in blocks:
                 t.append(block.t)
-                yield modelled_torque(columns, self.result.estimate.chi, entry.payload, block)
-
-        for blocks in by_segment(filter_stream(stream, bank)):
-            values += [rows for _, rows in low_pass_blocks(torques(blocks), bank.position)]
-        return frame(arrays(t, values, self.channels))
+                yield comparison.modelled_torque(columns, chi, stream.payload, block)
+            return
+        fitted = comparison.Fitted(self.result.model, chi, self._terms)
+        for block, _, (torque,) in comparison.fitted_torques(columns, stream, blocks, (fitted,)):
+            t.append(block.t)
+            yield torque
 
     def _check_payload(self, payload: str | None) -> None:
         known = [label for label in self.result.columns.sources if label]
