@@ -24,10 +24,12 @@ class StudyError(IdentError):
 
 
 class RecordingError(IdentError):
-    """A recording that cannot be read or believed: the file, where in it, and the remedy."""
+    """A recording that cannot be read or believed: the file, where in it, and the remedy.
 
-    def __init__(self, file: str, problem: str) -> None:
-        self.file = file
+    `checks`: what the examination found until then (ident/examination/check.py)."""
+
+    def __init__(self, file: str, problem: str, checks: tuple = ()) -> None:
+        self.file, self.checks = file, checks
         super().__init__(f"{file}: {problem}")
 
 

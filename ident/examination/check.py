@@ -64,9 +64,9 @@ def worst_first(checks: Iterable[Check]) -> tuple[Check, ...]:
 
 def refuse(file: str, checks: Iterable[Check]) -> None:
     """Raises RecordingError with the first refusal, if there is one."""
-    for check in worst_first(checks):
-        if check.outcome == "refused":
-            raise RecordingError(file, f"{check.message.rstrip('.')}; {check.remedy}")
+    ranked = worst_first(checks)
+    if ranked and ranked[0].outcome == "refused":
+        raise RecordingError(file, f"{ranked[0].message.rstrip('.')}; {ranked[0].remedy}", ranked)
 
 
 def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, float]]) -> str:

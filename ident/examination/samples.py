@@ -10,7 +10,7 @@ A spike of one or two samples stands off the median of its five neighbours while
 fails elsewhere by far less. The median follows every monotone stretch exactly (fast motion, a reversal's
 step of friction), the prediction's own scatter is noise, quantisation and curvature at once (Hampel 1974,
 with the scale taken from the prediction because a median's deviation is zero on a ramp). Its scale is the
-90 % quantile over some 300 samples, so that up to several per cent of spikes do not hide each other.
+90 % quantile over 200 samples, at most three times the 75 %, so that spikes do not hide each other.
 Torques jump honestly (dry friction in one sample at 100 Hz reaches 0.6 of their range on the measured
 robots): there a spike must also be as large as the signal's range.
 """
@@ -155,10 +155,10 @@ class Mender:
         self._count("spike", rows, spikes & fresh[:, None])
         bad |= spikes
         filled = _filled(t, values, bad)
-        self._leaps(rows, t, filled, fresh)
         here = bad & fresh[:, None]
         drop = _long_gaps(t, bad[:, : self.n]) & fresh
         drop |= self._frozen(rows, t, filled, begun, done)
+        self._leaps(rows, t, filled, fresh & ~np.roll(drop, 1))
         if here.any():
             at, column = np.nonzero(here)
             self._found.append((rows[at], column, filled[at, column]))
@@ -186,10 +186,7 @@ class Mender:
             turns[(np.abs(turns) > 1) | (np.abs(step + 2 * np.pi * turns) > 1.0)] = 0.0
             jumps = np.flatnonzero(turns)
             if len(jumps) and np.quantile(np.abs(step), 0.95) > 1.0:  # no positions in rad at all
-                turns[:], jumps = 0.0, jumps[:0]
-            for at in jumps:  # there and back at once is a glitch
-                if turns[at] and turns[at + 1 : at + 4].sum() == -turns[at]:
-                    turns[at : at + 4] = 0.0
+                turns[:] = 0.0
             column += 2 * np.pi * (self._turns[k] + np.concatenate([[0.0], np.cumsum(turns)]))
             for at in np.flatnonzero(turns):
                 if begun <= at + 1 < done:
@@ -297,11 +294,12 @@ def is_spike(x: np.ndarray, position: bool) -> np.ndarray:
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0]
     smallest = np.quantile(changes, 0.1) if len(changes) else np.inf
-    least = max(0.3 * np.quantile(miss, 0.9), smallest)
+    usual = np.quantile(miss, [0.75, 0.9])
+    least = max(0.3 * min(usual[1], 3 * usual[0]), smallest)
     factor = SPIKE if position else TORQUE_SPIKE
     for at in np.flatnonzero(candidates & (off > factor * least)):
-        near = miss[max(0, at - STRETCH) : at + STRETCH]
-        none[at] = off[at] > factor * np.quantile(near, 0.9)
+        near = np.quantile(miss[max(0, at - STRETCH) : at + STRETCH], [0.75, 0.9])
+        none[at] = off[at] > factor * min(near[1], 3 * near[0])
     return none
 
 

@@ -126,11 +126,13 @@ def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
 
 def position_steps(columns: Columns, mender: Mender) -> Iterator[Check]:
     """A position that leaps and stays is an encoder that slipped, or rows that are gone."""
-    if not mender.steps:
+    spikes = mender.counts.get("spike", np.zeros(len(columns.signals)))
+    steps = [step for step in mender.steps if spikes[step[1]] < 20]  # what is left of spikes is no step
+    if not steps:
         return
-    row, k, size = mender.steps[0]
+    row, k, size = steps[0]
     unit = "m" if columns.prismatic[k] else "rad"
-    names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in mender.steps))
+    names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
     yield Check(
         "position_step",
         columns.recording,
@@ -184,7 +186,7 @@ def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     for k, name in enumerate(columns.signals):
         values = excerpt.column(k)
         distinct = np.unique(values[:: max(1, len(values) // 2000)])
-        if len(distinct) == 2 and set(distinct) <= {0.0, 1.0} and len(np.unique(values)) == 2:
+        if len(distinct) == 2 and len(values) > 200 and len(np.unique(values)) == 2:
             out = f", or leave it out with {columns.without([name])}" if k >= columns.n else ""
             yield Check(
                 "flag_column",
@@ -192,7 +194,8 @@ def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
                 (name,),
                 None,
                 "refused",
-                f"{name} holds only 0 and 1: a switch, not a measurement",
+                f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: a switch, not a "
+                "measurement",
                 f"map the right column with columns: {{{name}: {{column: ...}}}}{out}",
             )
 

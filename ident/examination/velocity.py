@@ -149,25 +149,28 @@ def _read(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """t (N,), q and dq (N, k) of the joints that have both, from the first rows that move."""
     timed = stream.counted_rate_hz is None
-    first = 1 if timed else 0
-    places = [first + columns.labels.index(j) for j in has]
-    names = [*([stream.names[0]] if timed else []), *(stream.names[p] for p in places)]
-    names += [where for where, _, _ in has.values()]
+    n, m = len(columns.labels), len(stream.signal_joints)
+    mine = [columns.labels.index(j) for j in has]
     parts, count, row = [], 0, 0
-    for block in table.blocks(names):
-        t = (
-            block[:, 0] * stream.factors[0] + stream.offsets[0]
-            if timed
-            else stream.counted_from_s + np.arange(row, row + len(block)) / (stream.counted_rate_hz or 1.0)
-        )
+    for block in table.blocks([*stream.names, *(where for where, _, _ in has.values())]):
+        rows = np.arange(row, row + len(block))
         row += len(block)
-        q = block[:, first : first + len(has)] * stream.factors[places] + stream.offsets[places]
-        dq = block[:, first + len(has) :] * [s for _, s, _ in has.values()] + [o for _, _, o in has.values()]
+        plain = block[:, : len(stream.names)] * stream.factors + stream.offsets
+        t = plain[:, 0] if timed else stream.counted_from_s + rows / (stream.counted_rate_hz or 1.0)
         inside = (t >= stream.window[0]) & (t < stream.window[1])
-        parts.append((t[inside], q[inside], dq[inside]))
-        if np.isfinite(q[inside]).any() and np.nanmax(np.ptp(q[inside], axis=0), initial=0.0) > 1e-3:
-            count += int(inside.sum())
+        if not inside.any():
+            continue
+        dq = block[:, len(stream.names) :] * [s for _, s, _ in has.values()] + [o for _, _, o in has.values()]
+        values = np.hstack([plain[:, -m:], dq])[inside]
+        joints = np.concatenate([stream.signal_joints, np.zeros(len(has), int)])
+        t, values, _ = stream.survey.mending.apply(rows[inside], t[inside], values, n, joints)
+        q = values[:, mine]
+        parts.append((t, q, values[:, m:]))
+        if len(q) and np.ptp(q, axis=0).max() > 1e-3:
+            count += len(q)
         if count >= ROWS:
             break
+    if not parts:
+        return np.zeros(0), np.zeros((0, len(has))), np.zeros((0, len(has)))
     t, q, dq = (np.concatenate(part) for part in zip(*parts))
     return t, q, dq

@@ -22,6 +22,7 @@ from ident.examination.check import refuse, worst_first
 from ident.examination.clock import time_stamps, uniform_clock
 from ident.examination.signals import Columns, of_table
 from ident.examination.velocity import velocity_agrees
+from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
 from ident.recordings.need import need_of as need_of
 from ident.recordings.recording import RecordingStream, Survey
@@ -90,8 +91,10 @@ def open_recording(
     )
     survey = seen.survey
     checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, survey.rows)
-    checks += velocity_agrees(columns, stream, table)
     refuse(stream.file, checks)
+    checks += velocity_agrees(columns, replace(stream, survey=survey), table)
+    refuse(stream.file, checks)
+    study_checks.check_rates(study, stream.label, stream.counted_rate_hz or seen.rate_hz)
     notes = (
         *(f"{stream.label}: {text}" for text in (*table.remarks, *found.remarks)),
         *notes_on(stream.label, survey),

@@ -13,7 +13,6 @@ from ident.examination.clock import BURSTS, time_unit
 from ident.examination.excerpt import Excerpt
 from ident.examination.samples import Mender
 from ident.examination.signals import MOVED
-from ident.recordings import study_checks
 from ident.recordings.recording import (
     MIN_SAMPLES,
     RecordingStream,
@@ -35,6 +34,7 @@ class Surveyed:
     mender: Mender
     excerpt: Excerpt
     bursts: int
+    rate_hz: float  # as recorded, where the stamps are to be believed
 
 
 def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
@@ -115,7 +115,6 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
     uniform = uniform and repeated < 0.001 * rows
     jitter = float(np.sqrt(sums[2] / max(sums[0], 1)))
     rate = 1.0 / mean if uniform else settings.resample_hz or _round_rate(1.0 / first_interval)
-    study_checks.check_rates(study, stream.label, 1.0 / first_interval)
     marks = sorted(marks + mender.gaps)
     edges = [begin, *[edge for mark in marks for edge in mark], last_t]
     segments = _segments(edges, np.concatenate(coarse_t), np.concatenate(coarse_q), study.trim_rest, rate)
@@ -138,21 +137,20 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         missing,
         mender.mending(),
     )
-    return Surveyed(survey, mender, excerpt, bursts if bursts > BURSTS * rows else 0)
+    return Surveyed(survey, mender, excerpt, bursts if bursts > BURSTS * rows else 0, 1.0 / first_interval)
 
 
 def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The raw blocks, once their time is in seconds. Raises RecordingError where it is not."""
-    first = True
-    for rows, t, values in raw_blocks(stream):
-        steps = np.diff(t)
-        if first and (steps > 0).any() and stream.counted_rate_hz is None:
+    if stream.counted_rate_hz is None:
+        stamps = next(iter(stream.table.blocks(stream.names)), np.zeros((0, 1)))[:, 0]
+        steps = np.diff(stamps * stream.factors[0] + stream.offsets[0])
+        if (steps > 0).any():
             own = [e.columns for e in study.recordings if e.label == stream.label]  # none: a log to predict
             maps = {**study.columns, **(own[0] if own else {})}
             check = time_unit(stream.label, float(np.median(steps[steps > 0])), maps)
             refuse(stream.file, [check] if check else [])
-        first = False
-        yield rows, t, values
+    yield from raw_blocks(stream)
 
 
 def _refuse_time(stream: RecordingStream, t: np.ndarray, dt: np.ndarray, rows: np.ndarray) -> None:

@@ -1,0 +1,240 @@
+"""Every check of a study, in three stages, worst first; and the study with the gross faults undone.
+
+    open_recordings   each table: time, lost samples, units, dead and resting channels, logged velocities
+    examine_fit       a quick fit against physics: signs, scales, places of torques, gravity, the table's axes
+    fit               what only its result shows: parameters not seen or beyond what robots are
+
+Of the hypotheses of a quick fit the one that explains most is taken, applied, and the rest are asked again:
+a torque with the other sign is not a tilted base as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+import yaml
+
+from ident.equations.prepared import Prepared
+from ident.errors import IdentError
+from ident.examination.check import Check, column_line, refuse, worst_first
+from ident.examination.geometry import base_orientation, joint_axes, parts_of
+from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
+from ident.examination.torques import (
+    CLEARLY,
+    Hypothesis,
+    all_signs,
+    one_sign,
+    scales,
+    swapped,
+    swapped_positions,
+    unexplained,
+)
+from ident.recordings.study import Study
+
+FAULTS = 4  # at most, one after the other
+DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
+TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
+BAD = 0.25
+DEGREES = np.pi / 180
+UNDONE = ("torque_sign", "torque_scale", "swapped_signals", "position_sign", "base_orientation", "angle_unit")
+
+
+def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
+    """What was found in the recordings when they were opened."""
+    return worst_first(check for stream in prepared.streams for check in stream.checks)
+
+
+def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
+    """What a quick fit shows of signs, scales, places, gravity and axes. Raises RecordingError where no
+    number would mean anything (positions in degrees)."""
+    columns = prepared.columns
+    if columns.gain_columns:  # motor signals of unknown scale and sign: the gains' own fit judges them
+        return ()
+    samples = [
+        s for role in ("identify", "validate") for s in take(prepared.streams, prepared.banks, columns, role)
+    ]
+    if not any(s.role == "identify" for s in samples):
+        return ()
+    quick = quick_of(columns, samples)
+    if not (quick.identify.rows > 10).any():
+        return ()
+    maps, currents = dict(prepared.study.columns), _currents(prepared)
+    how, found = quick.plain(), []
+    for _ in range(FAULTS):
+        fit = quick.fit(how)
+        best = _best(prepared, quick, fit, how, maps, currents)
+        if best is None:
+            break
+        found.append(best.check)
+        if best.check.outcome == "refused":
+            stream = next(s for s in prepared.streams if s.role == "identify")
+            refuse(stream.file, [*examine_tables(prepared), *found])
+        if best.check.check in ("base_orientation", "joint_axis"):
+            return tuple(found)
+        how, quick = best.how, best.quick or quick
+    return (*_joined(found, maps), *unexplained(quick, quick.fit(how), currents))
+
+
+def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
+    """Warnings of a fit's result as checks."""
+    return tuple(Check(check, "", (), None, "warned", text, "") for text in texts)
+
+
+def _currents(prepared: Prepared) -> bool:
+    """Whether motor torques are computed from currents."""
+    study = prepared.study
+    if not isinstance(study.drive_gains, tuple):
+        return False
+    stream = prepared.streams[0]
+    number = f"i{stream.need.joints[0]}"
+    return number in study.columns or number in stream.names
+
+
+def _best(
+    prepared: Prepared, quick: Quick, fit: Fit, how: Assignment, maps: Mapping[str, Any], currents: bool
+) -> Hypothesis | None:
+    names = dict(maps)
+    everything = all_signs(quick, fit, how, names, currents)
+    if everything is not None:
+        return everything
+    error = fit.error[np.isfinite(fit.error)]
+    found = [*one_sign(quick, fit, how, names, currents)]
+    if error.max() > DOUBTFUL:
+        found += swapped(quick, fit, how, names, currents)
+        found += scales(quick, fit, how, names, currents)
+        found += _degrees(quick, fit, how, names)
+    if error.max() > BAD:
+        found += swapped_positions(quick, fit, how, names)
+    if error.max() > TURNED:
+        best = max((h.gain for h in found), default=0.0)
+        found += _geometry(prepared, quick, how, best, axes=error.max() > BAD)
+    return max(found, key=lambda h: h.gain, default=None)
+
+
+def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> Iterable[Hypothesis]:
+    """All positions in degrees."""
+    columns = quick.columns
+    turning = np.array([str(j) not in columns.model.prismatic for j in columns.need.joints])
+    if max(np.abs(s.q[:, turning]).max(initial=0.0) for s in quick.samples) < 2 * np.pi:
+        return
+    factor = np.where(turning, DEGREES, 1.0)
+    moved = quick.of(
+        [s.moved(columns, s.q * factor, s.dq * factor, s.ddq * factor, s.sign) for s in quick.samples]
+    )
+    other = moved.fit(how)
+    if other.gain_over(fit) > CLEARLY and other.holds_over(fit) > 0.5 * CLEARLY:
+        names = [f"q{j}" for j, turns in zip(columns.need.joints, turning) if turns]
+        check = Check(
+            "angle_unit",
+            "",
+            tuple(names),
+            None,
+            "refused",
+            "the positions are in degrees: taken so, the errors of the torques fall from "
+            f"{100 * np.nanmax(fit.error):.0f} to {100 * np.nanmax(other.error):.0f} % at most",
+            "write " + column_line(maps, {name: {"scale": 0.0174533} for name in names}),
+        )
+        yield Hypothesis(other.gain_over(fit), how, check, moved)
+
+
+def _geometry(
+    prepared: Prepared, quick: Quick, how: Assignment, prior: float, axes: bool
+) -> Iterable[Hypothesis]:
+    """Gravity and the axes of the table; asked last because they need the robot file read again."""
+    from modelgen.errors import ModelgenError
+    from modelgen.geometry.kinematics import geometry
+    from modelgen.geometry.robot_file import load_robot
+
+    study, columns = prepared.study, prepared.columns
+    try:
+        robot = load_robot(study.robot_source)
+    except (ModelgenError, OSError):
+        return
+    table = geometry(robot)
+    loads = [s.payload for s in quick.samples]
+    usual = max(set(loads), key=loads.count)
+    samples = [s for s in quick.samples if s.payload == usual]
+    fitted = [s for s in samples if s.role == "identify"]
+    if not fitted or len([row for row in table.rows if row.sigma != 2]) != quick.samples[0].q.shape[1]:
+        return
+    gravity = np.array(study.gravity if study.gravity is not None else [float(g) for g in table.gravity])
+    identify = parts_of(table, columns, fitted, how)
+    if identify is None:
+        return
+    validate = parts_of(table, columns, [s for s in samples if s.role == "validate"], how)
+    tilted = list(base_orientation(identify, validate, gravity, how))
+    yield from tilted
+    if axes and not tilted:
+        yield from joint_axes(table, columns, samples, gravity, how, prior)
+
+
+def _joined(found: list[Check], maps: Mapping[str, Any]) -> list[Check]:
+    """Several single signs as one check, so that one line undoes them all."""
+    signs = [c for c in found if c.check == "torque_sign" and len(c.signals) == 1]
+    if len(signs) < 2:
+        return found
+    names = tuple(c.signals[0] for c in signs)
+    message = f"{', '.join(names)} have the other sign: " + "; ".join(
+        c.message.split(": ", 1)[1] for c in signs
+    )
+    one = Check(
+        "torque_sign",
+        "",
+        names,
+        None,
+        "warned",
+        message,
+        column_line(maps, {name: {"sign": -1} for name in names}),
+    )
+    return [one, *(c for c in found if c not in signs)]
+
+
+def mended_study(study: Study, checks: Iterable[Check]) -> Study | None:
+    """The study with the remedies of its gross faults written in; None where there is nothing to undo.
+
+    A remedy is the study's own line (`columns: {tau_m3: {sign: -1}}`, `gravity: [9.81, 0, 0]`), so what is
+    applied here is what a person would paste. Maps that a recording has of its own change alike.
+    """
+    changes: dict[str, Any] = {}
+    columns, own = dict(study.columns), [dict(entry.columns) for entry in study.recordings]
+    for check in checks:
+        if check.check not in UNDONE or check.outcome != "warned" or not check.remedy:
+            continue
+        try:
+            line = yaml.safe_load(check.remedy)
+        except yaml.YAMLError:
+            continue
+        if not isinstance(line, dict) or not set(line) <= {"columns", "gravity"}:
+            continue
+        changes |= {key: tuple(value) for key, value in line.items() if key == "gravity"}
+        for name, value in line.get("columns", {}).items():
+            before = columns.get(name)
+            columns[name] = _column(name, value)
+            for maps in own:
+                if name in maps and before is not None:
+                    maps[name] = maps[name].model_copy(
+                        update={
+                            "sign": maps[name].sign * before.sign * columns[name].sign,
+                            "scale": maps[name].scale * columns[name].scale / before.scale,
+                        }
+                    )
+        changes["columns"] = columns
+    if not changes:
+        return None
+    if "columns" in changes and any(own):
+        changes["recordings"] = tuple(
+            entry.model_copy(update={"columns": maps}) for entry, maps in zip(study.recordings, own)
+        )
+    try:
+        return study.with_(**changes)
+    except (IdentError, ValueError):
+        return None
+
+
+def _column(name: str, value: Any) -> Any:
+    from ident.recordings.study import ColumnMap
+
+    plain = value if isinstance(value, dict) else {"column": value}
+    return ColumnMap(**({"column": name} | plain))

@@ -1,0 +1,313 @@
+"""Whether gravity is where the robot file says, and whether an axis of its table is turned.
+
+The standard parameters' regressor is evaluated as it stands in modelgen (Newton-Euler on arrays), gravity
+taken apart: tau = (W_0 + g_x W_x + g_y W_y + g_z W_z) chi. For a given g the best chi is a small solution of
+normal equations that are combined from sixteen blocks made once (variable projection), so that gravity can be
+sought over the whole sphere, and then in its size, where accelerations fix one. Other tables cost a new
+regressor each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ident.equations.columns import Columns
+from ident.examination.check import Check
+from ident.examination.quick import FLOOR, Assignment, Sample
+from ident.examination.torques import Hypothesis
+from modelgen.geometry.names import INERTIAL, ParameterName
+
+CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
+SAMPLES = 260
+AXES_SAMPLES = 160
+DIRECTIONS = 120
+LEAST_ANGLE = 8.0  # degrees; smaller tilts are the diagnosis's effect base_tilt
+ROUND_ANGLE = 4.0  # within it an axis of the base is meant
+RIDGE = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """Per channel: G (C, 4, 4, p, p), v (C, 4, p), yy (C,); of W_0 and own columns, W_x, W_y, W_z."""
+
+    G: np.ndarray
+    v: np.ndarray
+    yy: np.ndarray
+
+
+def parts_of(
+    table: Any,
+    columns: Columns,
+    samples: Sequence[Sample],
+    how: Assignment,
+    most: int = SAMPLES,
+    free: bool = True,
+) -> Parts | None:
+    """Blocks of these samples for one MDH table (modelgen's Geometry) and one hypothesis about torques.
+
+    free: gravity taken apart; else the table's own, and one block instead of four.
+    """
+    own = _own_columns(columns)
+    total = sum(len(s.q) for s in samples)
+    if not total:
+        return None
+    stride, K = max(1, total // most), 4 if free else 1
+    p = 10 * len(table.rows) + len(own)
+    C = len(columns.channels)
+    G, v, yy = np.zeros((C, K, K, p, p)), np.zeros((C, K, p)), np.zeros(C)
+    for s in samples:
+        thin = slice(None, None, stride)
+        W = standard(table, s.q[thin], s.dq[thin], s.ddq[thin], free)
+        for c in range(C):
+            weight = s.weight[thin, c]
+            y = how.factor[c] * s.Y[thin, how.order[c]]
+            wide = np.zeros((K, len(y), p))
+            if columns.need.model != "D":
+                wide[:, :, : 10 * len(table.rows)] = W[:, columns.joint_of[c]]
+            wide[0, :, 10 * len(table.rows) :] = s.W[c][thin][:, own]
+            flat = wide.transpose(1, 0, 2).reshape(len(y), K * p)
+            gram = (flat * weight[:, None]).T @ flat
+            G[c] += gram.reshape(K, p, K, p).transpose(0, 2, 1, 3)
+            v[c] += ((flat * weight[:, None]).T @ y).reshape(K, p)
+            yy[c] += weight @ y**2
+    return Parts(G, v, yy)
+
+
+def _own_columns(columns: Columns) -> np.ndarray:
+    """Parameters that are no body's: friction, rotors, offsets, drives; a payload's are left to bodies."""
+    kinds = [ParameterName.of(name) for name in columns.parameters]
+    return np.array([k for k, kind in enumerate(kinds) if kind is None or kind.kind not in INERTIAL], int)
+
+
+def standard(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, free: bool = True) -> np.ndarray:
+    """(4, n, N, 10 L): W_0 without gravity, then by each component of gravity, of every body's parameters;
+    (1, n, N, 10 L) with the table's gravity where it is not free."""
+    from modelgen.dynamics.newton_euler import regressor
+    from modelgen.geometry.kinematics import State
+
+    wanted = [(j, kind) for j in range(1, len(table.rows) + 1) for kind in INERTIAL]
+    n, N = q.shape[1], len(q)
+    out = np.zeros((4 if free else 1, n, N, len(wanted)))
+    shift = _constant_angles(table)
+    c, s = np.cos(q + shift), np.sin(q + shift)
+    for part in range(len(out)):
+        gravity = tuple(1.0 if part == k + 1 else 0 for k in range(3)) if free else table.gravity
+        motion = (dq.T, ddq.T) if part == 0 else (np.zeros((n, 1)), np.zeros((n, 1)))
+        state = State(tuple(c.T), tuple(s.T), tuple(q.T), tuple(motion[0]), tuple(motion[1]))
+        made = regressor(replace(table, gravity=gravity), state, wanted)
+        for k, column in enumerate(wanted):
+            for i, value in enumerate(made[column]):
+                out[part, i, :, k] = value
+    return out
+
+
+def _constant_angles(table: Any) -> np.ndarray:
+    return np.array([np.arctan2(float(r.s_theta), float(r.c_theta)) for r in table.rows if r.sigma != 2])
+
+
+def errors(
+    identify: Parts, validate: Parts | None, g: np.ndarray, turns: int = 2
+) -> tuple[np.ndarray, np.ndarray | None]:
+    """Relative errors (C,) of the channels on identify and on validate, with gravity g (3,)."""
+    factor = np.concatenate([[1.0], g]) if identify.G.shape[1] == 4 else np.ones(1)
+    G = np.einsum("a,b,cabij->cij", factor, factor, identify.G)
+    v = np.einsum("a,cai->ci", factor, identify.v)
+    seen = identify.yy > 0
+    scale = np.where(seen, 1.0 / np.maximum(identify.yy, 1e-300), 0.0)
+    error = np.ones(len(scale))
+    chi = np.zeros(G.shape[1])
+    for _ in range(turns):
+        normal, right = np.einsum("c,cij->ij", scale, G), scale @ v
+        length = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        normal = normal / np.outer(length, length)
+        normal[np.diag_indices_from(normal)] += RIDGE + (length <= 1e-140)
+        chi = np.linalg.solve(normal, right / length) / length
+        error = _relative(identify.yy, v, G, chi)
+        scale = np.where(
+            seen, 1.0 / np.maximum(identify.yy, 1e-300) / np.nan_to_num(np.maximum(error, 0.02)) ** 2, 0
+        )
+    if validate is None:
+        return error, None
+    held_G = np.einsum("a,b,cabij->cij", factor, factor, validate.G)
+    return error, _relative(validate.yy, np.einsum("a,cai->ci", factor, validate.v), held_G, chi)
+
+
+def _relative(yy: np.ndarray, v: np.ndarray, G: np.ndarray, chi: np.ndarray) -> np.ndarray:
+    left = yy - 2 * v @ chi + np.einsum("i,cij,j->c", chi, G, chi)
+    return np.where(yy > 0, np.sqrt(np.maximum(left, 0.0) / np.maximum(yy, 1e-300)), np.nan)
+
+
+def gain(before: np.ndarray | None, after: np.ndarray | None) -> float:
+    """Sum of ln(before / after) over the channels."""
+    if before is None or after is None:
+        return np.inf
+    return float(np.nansum(np.log(np.maximum(before, FLOOR) / np.maximum(after, FLOOR))))
+
+
+def base_orientation(
+    identify: Parts, validate: Parts | None, assumed: np.ndarray, how: Assignment
+) -> Iterator[Hypothesis]:
+    """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's."""
+    size = float(np.linalg.norm(assumed)) or 9.81
+    plain, held = errors(identify, validate, assumed)
+
+    def score(g: np.ndarray) -> float:
+        return gain(plain, errors(identify, None, g, 2)[0])
+
+    left = _coarse(identify, plain)
+    starts = sorted((size * d for d in _sphere(DIRECTIONS)), key=left)[:3]
+    best = min((_descended(left, g, size) for g in starts), key=left)
+    value = score(best)
+    axes = [size * np.sign(a) * np.eye(3)[k] for k in range(3) for a in (-1, 1)]
+    close = [a for a in axes if np.degrees(np.arccos(np.clip(a @ best / size**2, -1, 1))) < ROUND_ANGLE]
+    if close and score(close[0]) > value - max(0.3, 0.25 * value):
+        best, value = close[0], score(close[0])
+    for factor in (0.0, 9.81 / size):
+        other = factor * best
+        if abs(factor - 1) > 0.2 and score(other) > value + CLEARLY:
+            best, value = other, score(other)
+    now, after = errors(identify, validate, best)
+    norm = np.linalg.norm(best)
+    cosine = assumed @ best / (size * norm) if norm and np.any(assumed) else 0.0
+    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
+    if (
+        value < CLEARLY
+        or gain(held, after) < 0.5 * CLEARLY
+        or (norm and angle < LEAST_ANGLE and abs(norm / size - 1) < 0.2)
+    ):
+        return
+    line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
+    turned = f"turned by {angle:.0f} degrees against the robot file's" if norm else "absent"
+    yield Hypothesis(
+        value,
+        how,
+        Check(
+            "base_orientation",
+            "",
+            (),
+            None,
+            "warned",
+            f"gravity is {turned}: the base is mounted otherwise, or its frame is; so taken, the errors "
+            "of the torques "
+            f"fall from {_span(plain)} to {_span(now)}",
+            line,
+        ),
+    )
+
+
+def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:
+    """Sum of squares over all channels, each by what the plain fit leaves of it, as a function of gravity."""
+    scale = np.where(
+        parts.yy > 0, 1 / np.maximum(parts.yy * np.nan_to_num(np.maximum(error, 0.05)), 1e-300), 0.0
+    )
+    G, v = np.einsum("c,cabij->abij", scale, parts.G), np.einsum("c,cai->ai", scale, parts.v)
+    total = float(scale @ parts.yy)
+
+    def left(g: np.ndarray) -> float:
+        factor = np.concatenate([[1.0], g])
+        normal, right = np.tensordot(np.outer(factor, factor), G, 2), factor @ v
+        length = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        normal = normal / np.outer(length, length)
+        normal[np.diag_indices_from(normal)] += RIDGE + (length <= 1e-140)
+        right = right / length
+        return total - float(right @ np.linalg.solve(normal, right))
+
+    return left
+
+
+def _descended(left: Callable[[np.ndarray], float], g: np.ndarray, size: float) -> np.ndarray:
+    """The lowest point of the sphere near g, by a pattern search."""
+    value, step = left(g), 0.12 * size
+    while step > 0.004 * size:
+        u = np.cross(g, np.eye(3)[int(np.argmin(np.abs(g)))])
+        u = u / np.linalg.norm(u)
+        w = np.cross(g, u) / size
+        tries = [g + step * d for d in (u, -u, w, -w, u + w, u - w, -u + w, -u - w)]
+        tries = [size * x / np.linalg.norm(x) for x in tries]
+        values = [left(x) for x in tries]
+        k = int(np.argmin(values))
+        if values[k] < value:
+            g, value = tries[k], values[k]
+        else:
+            step /= 2
+    return g
+
+
+def _span(error: np.ndarray) -> str:
+    return f"{100 * np.nanmin(error):.0f} to {100 * np.nanmax(error):.0f} %"
+
+
+def _sphere(count: int) -> np.ndarray:
+    """(count + 6, 3) directions: a Fibonacci lattice and the six axes."""
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    r = np.sqrt(1 - z * z)
+    return np.vstack([np.column_stack([r * np.cos(turn), r * np.sin(turn), z]), np.eye(3), -np.eye(3)])
+
+
+def joint_axes(
+    table: Any,
+    columns: Columns,
+    samples: Sequence[Sample],
+    gravity: np.ndarray,
+    how: Assignment,
+    prior: float = 0.0,
+) -> Iterator[Hypothesis]:
+    """One entry of the table wrong by a quarter or half turn, or one axis reversed."""
+    fitted = [s for s in samples if s.role == "identify"]
+    held_out = [s for s in samples if s.role == "validate"]
+
+    def judged(other: Any) -> tuple[np.ndarray, np.ndarray | None]:
+        identify = parts_of(other, columns, fitted, how, AXES_SAMPLES, False)
+        assert identify is not None
+        return errors(identify, parts_of(other, columns, held_out, how, AXES_SAMPLES // 2, False), gravity)
+
+    table = replace(table, gravity=tuple(float(g) for g in gravity))
+    plain, held = judged(table)
+    found: list[tuple[float, int, str, np.ndarray]] = []
+    labels = iter(str(j) for j in columns.need.joints)
+    for j, row in enumerate(table.rows):
+        label = next(labels) if row.sigma != 2 else ""
+        for key, turn in product(("alpha", "theta"), (1, -1, 2)):
+            if key == "theta" and row.sigma == 0 and turn == 2 and j == 0:
+                continue
+            now, after = judged(replace(table, rows=_turned(table.rows, j, key, turn)))
+            if gain(plain, now) > CLEARLY and gain(held, after) > 0.5 * CLEARLY:
+                words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
+                text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
+                found.append((gain(plain, now), j, f"{text}", now))
+    if not found:
+        return
+    best = max(found, key=lambda item: item[0])
+    if best[0] < prior:
+        return
+    equal = [text for value, _, text, _ in found if value > 0.97 * best[0] and text != best[2]]
+    also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""
+    yield Hypothesis(
+        best[0],
+        how,
+        Check(
+            "joint_axis",
+            "",
+            (),
+            None,
+            "warned",
+            f"the robot file seems wrong: {best[2]}{also}; so turned, the errors of the torques fall "
+            f"from {_span(plain)} "
+            f"to {_span(best[3])}",
+            "correct the row in the robot file",
+        ),
+    )
+
+
+def _turned(rows: tuple[Any, ...], j: int, key: str, quarters: int) -> tuple[Any, ...]:
+    c, s = {1: (0, 1), -1: (0, -1), 2: (-1, 0)}[quarters]
+    row = rows[j]
+    a, b = getattr(row, f"c_{key}"), getattr(row, f"s_{key}")
+    new = replace(row, **{f"c_{key}": a * c - b * s, f"s_{key}": b * c + a * s})
+    return (*rows[:j], new, *rows[j + 1 :])

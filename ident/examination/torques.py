@@ -1,0 +1,318 @@
+"""Torques with another sign, another scale, or in another's place: what a quick fit shows.
+
+Where joints share links, a wrong torque contradicts the others and the fit says which. A joint that shares
+nothing fits as well either way; there friction decides: it takes energy out of the motion, and a moment of
+inertia is positive. Both are linear in the parameters, so they have a standard deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ident.examination.check import Check, column_line, listed
+from ident.examination.quick import Assignment, Fit, Quick, functional, model_columns, regressor
+from modelgen.geometry.names import ParameterName
+
+CLEARLY = 0.7  # gain: one channel's error is halved
+SWAPPED = 1.4
+SURE = 5.0  # standard deviations
+FRICTION = ("Fvm", "Fcm", "Fvl", "Fcl", "Fvc", "Fcc")
+FACTOR = 3.0
+NOTHING = 0.85  # error of a channel that the model does not explain
+CONFIGURATIONS = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """z values (C,) of the friction's power and of the moment of inertia, NaN where they are not seen."""
+
+    friction: np.ndarray
+    inertia: np.ndarray
+
+    def against(self, c: int) -> bool:
+        """This channel's torque puts energy in where friction takes it out, or its inertia is negative."""
+        f, i = self.friction[c], self.inertia[c]
+        if np.isfinite(f) and abs(f) > SURE:
+            return bool(f < -SURE and not i > SURE)
+        return bool(i < -SURE)
+
+    def speaks_for(self, c: int) -> bool:
+        f, i = self.friction[c], self.inertia[c]
+        if np.isfinite(f) and abs(f) > SURE:
+            return bool(f > SURE and not i < -SURE)
+        return bool(i > SURE)
+
+
+def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
+    """Power of friction and moment of inertia about each joint, in their standard deviations."""
+    columns = quick.columns
+    C, b = len(columns.channels), len(columns.parameters)
+    kinds = [ParameterName.of(name) for name in columns.parameters]
+    rubbing = np.array([kind is not None and kind.kind in FRICTION for kind in kinds])
+    friction, inertia = np.full(C, np.nan), np.full(C, np.nan)
+    s = max(quick.fitted, key=lambda s: len(s.q))
+    some = slice(None, None, max(1, len(s.q) // CONFIGURATIONS))
+    q = s.q[some]
+    none = np.zeros_like(q)
+    at_rest = regressor(columns, s.payload, q, none, none, none)
+    places = model_columns(columns, s.payload)
+    for c in range(C):
+        if not quick.identify.rows[c] > 10:
+            continue
+        j = int(columns.joint_of[c])
+        power = np.zeros(b)
+        for sample in quick.fitted:
+            weight = sample.weight[:, c] * sample.dq[:, j]
+            power += np.where(rubbing, weight @ sample.W[c], 0.0)
+        if np.any(power):
+            value, std = functional(quick, fit, how, power)
+            friction[c] = value / max(std, 1e-300)
+        ddq = none.copy()
+        ddq[:, j] = 1.0
+        h = np.zeros(b)
+        h[places] = (regressor(columns, s.payload, q, none, ddq, none) - at_rest)[c].mean(axis=0)
+        if np.any(h):
+            value, std = functional(quick, fit, how, h)
+            inertia[c] = value / max(std, 1e-300)
+    return Evidence(friction, inertia)
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """What would be different, how much better it fits, and the check that says so."""
+
+    gain: float
+    how: Assignment
+    check: Check
+    quick: Quick | None = None  # with other motions
+
+
+def signal_of(quick: Quick, c: int, currents: bool) -> str:
+    """The study's name of the signal behind a channel."""
+    name = quick.columns.channels[c]
+    return "i" + name[5:] if currents and name.startswith("tau_m") else name
+
+
+def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Hypothesis | None:
+    """Every torque of one side with the other sign: the fit is as good, and everything comes out negative."""
+    seen = evidence(quick, fit, how)
+    rows = np.flatnonzero(quick.identify.rows > 10)
+    against = [c for c in rows if seen.against(c)]
+    speaking = [c for c in rows if seen.speaks_for(c)]
+    if len(rows) < 2 or len(against) < 0.5 * len(rows) or len(speaking) > 0.2 * len(rows):
+        return None
+    flipped = how.times(range(len(how.order)), -1.0)
+    names = tuple(signal_of(quick, c, currents) for c in range(len(how.order)))
+    check = Check(
+        "torque_sign",
+        "",
+        names,
+        None,
+        "warned",
+        f"all torques have the other sign: friction or inertia of joints "
+        f"{listed(quick.columns.channels[c][5:] for c in against)} come out negative",
+        column_line(maps, {name: {"sign": -1} for name in names}),
+    )
+    return Hypothesis(np.inf, flipped, check)
+
+
+def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
+    """One torque with the other sign."""
+    seen = None
+    for c in np.flatnonzero(quick.identify.rows > 10):
+        flipped = how.times([int(c)], -1.0)
+        other = quick.fit(flipped)
+        gain, holds = other.gain_over(fit), other.holds_over(fit)
+        if gain < -0.05:
+            continue
+        seen = seen or evidence(quick, fit, how)
+        after = evidence(quick, other, flipped)
+        contradicts = gain > CLEARLY and holds > 0.5 * CLEARLY and not after.against(c)
+        alone = seen.against(c) and after.speaks_for(c)
+        if not contradicts and not alone:
+            continue
+        name, joint = signal_of(quick, int(c), currents), quick.columns.channels[c][5:]
+        why = (
+            f"friction or inertia of joint {joint} comes out negative"
+            if seen.against(c)
+            else f"with it turned the error of {quick.columns.channels[c]} falls from "
+            f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %"
+        )
+        yield Hypothesis(
+            gain + (1.0 if alone else 0.0),
+            flipped,
+            Check(
+                "torque_sign",
+                "",
+                (name,),
+                None,
+                "warned",
+                f"{name} has the other sign: {why}",
+                column_line(maps, {name: {"sign": -1}}),
+            ),
+        )
+
+
+def swapped(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
+    """Two torques of one side in each other's place."""
+    columns = quick.columns
+    for a, b in combinations(np.flatnonzero(quick.identify.rows > 10), 2):
+        if columns.need.channels[a].side != columns.need.channels[b].side:
+            continue
+        turned = how.swapped(int(a), int(b))
+        other = quick.fit(turned)
+        if other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED:
+            names = (signal_of(quick, int(a), currents), signal_of(quick, int(b), currents))
+            yield Hypothesis(
+                other.gain_over(fit),
+                turned,
+                _swap_check(
+                    names,
+                    maps,
+                    f"{columns.channels[a][5:]} and {columns.channels[b][5:]}",
+                    "torques",
+                    fit,
+                    other,
+                ),
+            )
+
+
+def swapped_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> Iterator[Hypothesis]:
+    """Two positions in each other's place, or one with the other sign."""
+    columns, n = quick.columns, len(quick.columns.need.joints)
+    labels = [str(j) for j in columns.need.joints]
+    for a, b in [*combinations(range(n), 2), *((a, a) for a in range(n))]:
+        order, sign = np.arange(n), np.ones(n)
+        order[[a, b]] = b, a
+        sign[a] = -1.0 if a == b else 1.0
+        samples = [
+            s.moved(columns, *(x[:, order] * sign for x in (s.q, s.dq, s.ddq, s.sign))) for s in quick.samples
+        ]
+        turned = quick.of(samples)
+        other = turned.fit(how)
+        if not (other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED):
+            continue
+        if a != b:
+            names = (f"q{labels[a]}", f"q{labels[b]}")
+            check = _swap_check(names, maps, f"{labels[a]} and {labels[b]}", "positions", fit, other)
+        else:
+            check = Check(
+                "position_sign",
+                "",
+                (f"q{labels[a]}",),
+                None,
+                "warned",
+                f"the position of joint {labels[a]} looks recorded with the other sign, or its axis in "
+                "the robot "
+                f"file points the other way: turned, {_falls(fit, other)}",
+                column_line(maps, {f"q{labels[a]}": {"sign": -1}}),
+            )
+        yield Hypothesis(other.gain_over(fit), how, check, turned)
+
+
+def _swap_check(names: tuple[str, str], maps: dict, which: str, what: str, fit: Fit, other: Fit) -> Check:
+    first, second = (str(maps[name].column) if name in maps else name for name in names)
+    return Check(
+        "swapped_signals",
+        "",
+        names,
+        None,
+        "warned",
+        f"the {what} of joints {which} look swapped; exchanged, {_falls(fit, other)}",
+        f"columns: {{{names[0]}: {second}, {names[1]}: {first}}}",
+    )
+
+
+def _falls(before: Fit, after: Fit) -> str:
+    a, b = (100 * float(np.sqrt(np.nanmean(x.error**2))) for x in (before, after))
+    return f"the error falls from {a:.0f} to {b:.0f} %"
+
+
+def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
+    """One torque off by a constant factor against the others."""
+    grid = np.geomspace(1e-5, 1e5, 61)
+    for c in np.flatnonzero(quick.identify.rows > 10):
+        fits = [quick.fit(how.times([int(c)], f)) for f in grid]
+        gains = np.array([other.gain_over(fit) for other in fits])
+        best = int(np.argmax(gains))
+        ends = max(gains[0], gains[-1])
+        if not (0 < best < len(grid) - 1) or gains[best] < CLEARLY or gains[best] - ends < 0.5 * CLEARLY:
+            continue
+        fine = np.geomspace(grid[best - 1], grid[best + 1], 41)
+        fits = [quick.fit(how.times([int(c)], f)) for f in fine]
+        place = int(np.argmax([other.gain_over(fit) for other in fits]))
+        factor, other = float(fine[place]), fits[place]
+        if 1 / FACTOR < factor < FACTOR or other.holds_over(fit) < 0.5 * CLEARLY:
+            continue
+        name = signal_of(quick, int(c), currents)
+        size = f"{1 / factor:.3g} times too large" if factor < 1 else f"{factor:.3g} times too small"
+        unit = "it looks like N mm" if abs(np.log(factor * 1000)) < 0.2 else "gear ratio, unit or drive gain"
+        yield Hypothesis(
+            other.gain_over(fit),
+            how.times([int(c)], factor),
+            Check(
+                "torque_scale",
+                "",
+                (name,),
+                None,
+                "warned",
+                f"{name} is {size} beside the other torques ({unit}): scaled, its error falls from "
+                f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %",
+                column_line(maps, {name: {"scale": float(f"{factor:.3g}")}}),
+            ),
+        )
+
+
+def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
+    """Channels, or all of them, of which the model explains nothing; validate runs that nothing predicts."""
+    seen = np.flatnonzero(np.isfinite(fit.error))
+    if not len(seen):
+        return
+    error = fit.error[seen]
+    empty = [int(c) for c in seen if fit.error[c] > NOTHING]
+    if (np.median(error) > 0.6 and len(seen) > 1) or (len(seen) == 1 and error[0] > NOTHING):
+        yield Check(
+            "wrong_robot",
+            "",
+            tuple(quick.columns.channels),
+            None,
+            "warned",
+            f"the model explains little of these torques (errors of {100 * error.min():.0f} to "
+            f"{100 * error.max():.0f} % of each): another robot's or another run's signals, or a wrong "
+            "robot file",
+            "check the robot, and that positions and torques belong to one run",
+        )
+        return
+    if empty and len(seen) > 1:
+        names = tuple(signal_of(quick, c, currents) for c in empty)
+        yield Check(
+            "unrelated_torque",
+            "",
+            names,
+            None,
+            "warned",
+            f"the model explains nothing of {listed(names)}: noise, another signal, or a joint that "
+            "carries next to "
+            "no torque",
+            "check the columns, or leave them out with channels: [...]",
+        )
+    if fit.validate is not None and np.isfinite(fit.validate).any():
+        held = fit.validate[np.isfinite(fit.validate)]
+        if np.median(held) > max(1.0, 3 * float(np.median(error))):
+            yield Check(
+                "wrong_robot",
+                ", ".join(s.label for s in quick.samples if s.role == "validate"),
+                tuple(quick.columns.channels),
+                None,
+                "warned",
+                f"what identify explains ({100 * np.median(error):.0f} % error) does not predict "
+                "validate at all "
+                f"({100 * np.median(held):.0f} %): another robot, load or unit there, or motions that "
+                "have nothing in "
+                "common",
+                "check that these recordings are of the same robot in the same state",
+            )

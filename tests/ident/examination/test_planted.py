@@ -1,0 +1,252 @@
+"""Everyday defects planted in measured recordings: each is named, and nothing is said of them as they are."""
+
+import os
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from ident.equations.prepared import prepare_study
+from ident.errors import RecordingError
+from ident.examination.examine import examine_fit, examine_tables, mended_study
+from ident.recordings.study import load_study
+
+DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[4] / "shared" / "data")
+pytestmark = [
+    pytest.mark.real_data,
+    pytest.mark.skipif(
+        not DATA.is_dir(), reason=f"the recordings are not at {DATA}; set DYNIDENT_DATA to their folder"
+    ),
+]
+
+
+def ur10e():
+    study = load_study(str(files("ident").joinpath("studies", "ur10e.yaml")))
+    keep = ("excite_a_50s", "excite_c_30s")
+    return study.with_(recordings=tuple(e for e in study.recordings if e.label in keep))
+
+
+def planted(folder, change):
+    study = ur10e()
+    for entry in study.recordings:
+        table = pq.read_table(study.recording_path(entry))
+        columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
+        pq.write_table(pa.table({k: pa.array(v) for k, v in change(columns).items()}), folder / entry.file)
+    return study.with_(folder=str(folder))
+
+
+def refused(study):
+    with pytest.raises(RecordingError) as caught:
+        prepared = prepare_study(study)
+        examine_fit(prepared)
+    return str(caught.value), {check.check for check in caught.value.checks if check.outcome == "refused"}
+
+
+def tables(study):
+    return examine_tables(prepare_study(study))
+
+
+def changed(name, values):
+    return lambda columns: columns | {name: values(columns[name])}
+
+
+def rows(x, at, values):
+    out = x.copy()
+    out[at] = values
+    return out
+
+
+@pytest.mark.parametrize("robot", ["ur10e", "kuka_kr300", "barrett_wam_2dof", "kinova_gen3_joint7_friction"])
+def test_nothing_is_said_of_measured_robots_as_they_are(robot):
+    path = DATA / robot / "study.yaml"
+    study = load_study(path if path.is_file() else str(files("ident").joinpath("studies", f"{robot}.yaml")))
+    prepared = prepare_study(study)
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    # the Kinova's current starts with up to five samples of thirty times its range
+    assert {check.check for check in said} == ({"spike"} if "kinova" in robot else set())
+
+
+def test_dead_sensors_of_the_dual_arm_are_refused_with_the_line_that_leaves_them_out():
+    text, checks = refused(load_study(DATA / "dualarm_v2_7dof" / "study.yaml"))
+    assert checks == {"dead_channel"} and "tau_l5, tau_l6, tau_l7" in text
+    assert text.endswith("tau_l1, tau_l2, tau_l3, tau_l4]")
+
+
+@pytest.mark.parametrize(("factor", "scale"), [(1e3, "0.001"), (1e6, "1e-06"), (1e9, "1e-09")])
+def test_time_in_another_unit(tmp_path, factor, scale):
+    text, checks = refused(planted(tmp_path, changed("t", lambda t: t * factor)))
+    assert checks == {"time_unit"} and f"t: {{scale: {scale}}}" in text
+
+
+@pytest.mark.parametrize(("factor", "words"), [(2.0, "2 times too slow"), (0.05, "20 times too fast")])
+def test_a_clock_that_contradicts_the_velocities(tmp_path, factor, words):
+    text, checks = refused(planted(tmp_path, changed("t", lambda t: t * factor)))
+    assert checks == {"clock_rate"} and "columns: {t: {scale:" in text
+
+
+def test_velocities_in_degrees(tmp_path):
+    text, checks = refused(
+        planted(tmp_path, lambda c: c | {f"dq{j}": np.degrees(c[f"dq{j}"]) for j in range(1, 7)})
+    )
+    assert checks == {"clock_rate"} and "degrees" in text
+
+
+def test_a_wrapped_encoder_is_made_continuous(tmp_path):
+    study = planted(tmp_path, changed("q1", lambda q: (q - 0.3) % (2 * np.pi) + 0.3))
+    prepared = prepare_study(study)
+    assert {c.check for c in examine_tables(prepared)} == {"wrap"}
+    assert examine_fit(prepared) == ()
+
+
+@pytest.mark.parametrize(("signal", "size"), [("q3", 0.2), ("i2", 400.0)])
+def test_spikes_are_masked(tmp_path, signal, size):
+    at = np.array([700, 1500, 2600])
+    study = planted(tmp_path, changed(signal, lambda x: rows(x, at, x[at] + size)))
+    streams = prepare_study(study).streams
+    check = streams[0].checks[0]
+    assert (check.check, check.outcome, check.signals, check.rows) == (
+        "spike",
+        "mended",
+        (signal,),
+        (701, 2601),
+    )
+    assert set(streams[0].survey.mending.rows) == set(at)
+
+
+def test_masked_samples_have_no_weight(tmp_path):
+    from ident.signals.filtering import filter_stream
+
+    study = planted(tmp_path, changed("i2", lambda x: rows(x, slice(2000, 2010), np.nan)))
+    prepared = prepare_study(study)
+    stream, bank = prepared.streams[0], prepared.banks[0]
+    t = pq.read_table(tmp_path / study.recordings[0].file)["t"].to_numpy()
+    for _, block in filter_stream(stream, bank):
+        inside = (block.t >= t[2000]) & (block.t <= t[2009])
+        assert inside.sum() > 5 and not block.certain[inside, 1].any() and block.certain[inside, 0].any()
+
+
+def test_many_spikes_are_refused(tmp_path):
+    text, checks = refused(
+        planted(tmp_path, changed("q3", lambda q: q + 0.3 * (np.arange(len(q)) % 40 == 0)))
+    )
+    assert checks == {"spike"} and "q3" in text
+
+
+@pytest.mark.parametrize("value", [9999.0, 1e300, np.nan])
+def test_marks_for_no_value_are_masked(tmp_path, value):
+    study = planted(tmp_path, changed("i3", lambda x: rows(x, slice(900, 905), value)))
+    checks = tables(study)
+    assert {(c.check, c.outcome, c.rows) for c in checks} == {("missing_values", "mended", (901, 905))}
+
+
+def test_a_last_row_that_is_not_whole(tmp_path):
+    checks = tables(planted(tmp_path, changed("i3", lambda x: rows(x, slice(-1, None), np.nan))))
+    assert {c.check for c in checks} == {"truncated"}
+
+
+def test_a_logger_that_stands_still_for_a_second(tmp_path):
+    def freeze(columns):
+        return {k: v if k == "t" else rows(v, slice(2000, 2095), v[2000]) for k, v in columns.items()}
+
+    checks = tables(planted(tmp_path, freeze))
+    assert {c.check for c in checks} == {"frozen"}
+
+
+def test_stamps_in_bursts_are_those_of_a_clock(tmp_path):
+    def burst(t):
+        k = np.arange(len(t))
+        return 0.0105 * np.minimum(k // 10 * 10 + 9, len(t) - 1)
+
+    streams = prepare_study(planted(tmp_path, changed("t", burst))).streams
+    assert streams[0].checks[0].check == "time_stamps"
+    assert abs(streams[0].rate_hz * 0.0105 - 1) < 1e-3
+
+
+def test_a_dead_torque_and_all_of_them(tmp_path):
+    text, checks = refused(planted(tmp_path, changed("i4", lambda x: 0 * x)))
+    assert checks == {"dead_channel"} and "tau_m3, tau_m5" in text and "i4" in text
+    text, checks = refused(planted(tmp_path, lambda c: c | {f"i{j}": 0 * c["t"] for j in range(1, 7)}))
+    assert checks == {"dead_channel"} and "no torque is recorded" in text
+
+
+@pytest.mark.parametrize(
+    ("signal", "change", "check"),
+    [
+        ("i4", lambda x: (x > 0).astype(float), "flag_column"),
+        ("q4", lambda x: x + 0.2 * (np.arange(len(x)) > 2500), "position_step"),
+        ("q4", lambda x: x * 1e5, "angle_unit"),
+    ],
+)
+def test_columns_that_are_no_measurement_are_refused(tmp_path, signal, change, check):
+    text, checks = refused(planted(tmp_path, changed(signal, change)))
+    assert check in checks and signal in text
+
+
+def test_a_clipped_torque(tmp_path):
+    checks = tables(planted(tmp_path, changed("i2", lambda x: np.clip(x, None, np.quantile(x, 0.85)))))
+    assert {(c.check, c.signals) for c in checks} == {("saturation", ("i2",))}
+
+
+@pytest.mark.parametrize("joint", range(1, 7))
+def test_one_torque_with_the_other_sign_is_named_and_undone(tmp_path, joint):
+    study = planted(tmp_path, changed(f"i{joint}", np.negative))
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.signals) for c in checks] == [("torque_sign", (f"i{joint}",))]
+    assert checks[0].remedy == f"columns: {{i{joint}: {{sign: -1}}}}"
+    mended = mended_study(study, checks)
+    assert mended is not None and mended.columns[f"i{joint}"].sign == -1
+    assert examine_fit(prepare_study(mended)) == ()
+
+
+def test_all_torques_with_the_other_sign(tmp_path):
+    study = planted(tmp_path, lambda c: c | {f"i{j}": -c[f"i{j}"] for j in range(1, 7)})
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, len(c.signals)) for c in checks] == [("torque_sign", 6)]
+
+
+@pytest.mark.parametrize("factor", [1000.0, 0.2])
+def test_one_torque_of_another_scale(tmp_path, factor):
+    study = planted(tmp_path, changed("i3", lambda x: x * factor))
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.signals) for c in checks if c.check != "base_orientation"] == [
+        ("torque_scale", ("i3",))
+    ]
+    mended = mended_study(study, checks)
+    assert mended is not None and abs(mended.columns["i3"].scale * factor - 1) < 0.3
+
+
+@pytest.mark.parametrize("kind", ["i", "q"])
+def test_two_signals_in_each_others_place(tmp_path, kind):
+    a, b = f"{kind}2", f"{kind}3"
+    study = planted(tmp_path, lambda c: {k: v for k, v in c.items() if k[:2] != "dq"} | {a: c[b], b: c[a]})
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, set(c.signals)) for c in checks] == [("swapped_signals", {a, b})]
+    mended = mended_study(study, checks)
+    assert mended is not None and examine_fit(prepare_study(mended)) == ()
+
+
+def test_a_torque_that_is_noise(tmp_path):
+    noise = np.random.default_rng(0).normal(size=10000)
+    checks = examine_fit(prepare_study(planted(tmp_path, changed("i4", lambda x: noise[: len(x)]))))
+    assert ("unrelated_torque", ("i4",)) in [(c.check, c.signals) for c in checks]
+
+
+def test_positions_of_another_run(tmp_path):
+    change = {f"q{j}" for j in range(1, 7)}
+    study = planted(
+        tmp_path, lambda c: {k: v[::-1] if k in change else v for k, v in c.items() if k[:2] != "dq"}
+    )
+    checks = examine_fit(prepare_study(study))
+    assert {"wrong_robot"} & {c.check for c in checks}
+
+
+@pytest.mark.parametrize("gravity", [(9.81, 0, 0), (0, -9.81, 0), (0, 0, 9.81), (0, 4.905, -8.496)])
+def test_a_base_that_is_not_as_the_file_says(gravity):
+    study = ur10e().with_(gravity=gravity)
+    checks = examine_fit(prepare_study(study))
+    assert [c.check for c in checks] == ["base_orientation"]
+    mended = mended_study(study, checks)
+    assert mended is not None and np.allclose(mended.gravity, (0, 0, -9.81), atol=0.7)
