@@ -55,7 +55,7 @@ def remarks(inspection: Inspection) -> list[tuple[str, bool]]:
 def log_rows(inspection: Inspection) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Header and rows of the table of recordings."""
     header = ("recording", "rows", "seconds", "Hz", "jitter ms", "parts", "rest s", "missing")
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for log in inspection.logs:
         survey = log.survey
         missing = sum(column.missing for column in log.table.columns)
@@ -80,7 +80,7 @@ def log_rows(inspection: Inspection) -> tuple[tuple[str, ...], list[tuple[str, .
 def column_rows(log: Log) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
     """Header and rows of the table of one recording's columns."""
     header = ("column", "unit", "lowest", "highest", "step", "noise", "missing")
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             column.name,
             column.unit,

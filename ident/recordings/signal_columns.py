@@ -130,8 +130,8 @@ def _by_name(study: Study, entry: RecordingEntry, need: Need, table: Table) -> d
     times = [name for name in table.columns if TIME.fullmatch(name)]
     if "t" not in present and len(times) == 1:
         unit = TIME.fullmatch(times[0])[1].lower()  # type: ignore[index]
-        scale = {} if times[0] in table.units else {"scale": SECONDS[unit]}
-        maps["t"] = ColumnMap(column=times[0], **scale)
+        stated = times[0] in table.units  # the unit is applied where units are
+        maps["t"] = ColumnMap(column=times[0]) if stated else ColumnMap(column=times[0], scale=SECONDS[unit])
     return maps
 
 
@@ -201,7 +201,7 @@ def _effort_is_known(
     places = (*table.columns, *study.columns, *entry.columns)
     if not any(re.match(r"effort(\.|\d*$)", name) for name in places):
         return
-    wanted = [(f"tau_m{need.joints[k]}", f"i{need.joints[k]}") for k in need.motor]
+    wanted: list[tuple[str, ...]] = [(f"tau_m{need.joints[k]}", f"i{need.joints[k]}") for k in need.motor]
     wanted += [(f"tau_l{need.joints[k]}",) for k in need.sensor]
     if all(any(has(signal) for signal in signals) for signals in wanted):
         return

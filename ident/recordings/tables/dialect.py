@@ -16,7 +16,22 @@ from dataclasses import dataclass
 
 from ident.errors import RecordingError
 
-NULLS = ("", "nan", "NaN", "NAN", "-nan", "NA", "N/A", "#N/A", "null", "NULL", "None", "none", "-", "--")
+NULLS: tuple[str, ...] = (
+    "",
+    "nan",
+    "NaN",
+    "NAN",
+    "-nan",
+    "NA",
+    "N/A",
+    "#N/A",
+    "null",
+    "NULL",
+    "None",
+    "none",
+    "-",
+    "--",
+)
 NULLS += ("nan(ind)", "-nan(ind)", "1.#QNAN", "-1.#IND", "1.#IND")
 DATE = re.compile(r"\d{4}-\d\d-\d\d[T ]\d\d:\d\d(:\d\d(\.\d{1,9})?)?(Z|[+-]\d\d:?\d\d)?")
 UNIT = re.compile(

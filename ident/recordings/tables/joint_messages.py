@@ -50,7 +50,7 @@ def controller_state(message: Any) -> Joints:
     for field, prefix in POINTS.items():
         point = getattr(message, field, None)
         for array, kind in QUANTITIES.items():
-            values = getattr(point, array, ())
+            values: Any = getattr(point, array, ())
             if len(values):
                 found.setdefault(prefix + kind, values)
     return list(message.joint_names), found
