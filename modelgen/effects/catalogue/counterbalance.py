@@ -1,8 +1,11 @@
 """A gas or coil spring between two points of neighbouring links: torque with a geometry in it."""
 
+from collections.abc import Iterable
+
 import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, NonlinearParameter
+from modelgen.effects.place import Layout, Place
 
 q0, rho = sp.symbols("q0 rho", real=True)
 x = SIGNALS.q - q0
@@ -32,6 +35,10 @@ class Counterbalance(Effect):
     channel = "link"
     typical = {"Kab": 5.0, "Kl": -10.0, "q0": 0.3, "rho": 0.85}
     common = False
+
+    def places(self, layout: Layout) -> Iterable[Place]:
+        """Joints that turn."""
+        return [place for place in super().places(layout) if not place.prismatic]
 
 
 EFFECT = Counterbalance()

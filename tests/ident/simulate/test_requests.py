@@ -47,3 +47,14 @@ def test_effects_of_the_whole_robot_have_no_joint():
 def test_mistakes_are_told(text, told):
     with pytest.raises(EffectRequestError, match=told):
         parse_effect(text, LWR)
+
+
+def test_a_load_names_the_link_that_carries_it():
+    robot = load_robot("kuka_lwr4p")
+    request = parse_effect("payload_change::m=2,link=3", robot)
+    assert request.link == 3 and request.values == {"m": 2.0}
+    for wrong in ("payload_change::link=9", "payload_change::link=tip"):
+        with pytest.raises(EffectRequestError, match="is no row of kuka_lwr4p; write 1 to 7"):
+            parse_effect(wrong, robot)
+    with pytest.raises(EffectRequestError, match="has no parameter 'link'"):
+        parse_effect("stribeck_friction:2:link=3", robot)
