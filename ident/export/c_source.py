@@ -4,7 +4,8 @@
     gravity       of the bodies, at rest
     friction      viscous, dry and offset, of motor and link
     compensation  gravity + friction
-    torque        rigid + friction
+    effects       found effects, with states that the caller keeps (c_effects.py)
+    torque        rigid + friction + effects
 
 The statements are CasADi's, of the same programs that the fit evaluated, with cancelled parameters folded
 away. No allocation, no recursion, no static state: all arrays belong to the caller. Every function has one
@@ -14,13 +15,14 @@ way in and out and no unbounded loop. `--float32` computes in float, with libm's
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ident.export.c_effects import CEffects, behind_the_gear, torques, written
 from ident.export.c_text import Numbers, Writer, literal
 from ident.export.combination import ExportError
 from ident.export.saved import SavedFit
@@ -41,6 +43,7 @@ class CCode:
     name: str
     header: str
     source: str
+    left_out: tuple[str, ...] = ()  # effects of the fit that are not in it
 
 
 def c_code(fit: SavedFit, robot: Robot, name: str | None = None, float32: bool = False) -> CCode:
@@ -51,16 +54,20 @@ def c_code(fit: SavedFit, robot: Robot, name: str | None = None, float32: bool =
     derived = derive(robot, fit.study.model)
     numbers = _numbers(fit, derived)
     real = "float" if float32 else "double"
-    functions = _functions(fit, derived, numbers)
+    effects = written(fit.terms)
+    functions = _functions(fit, derived, numbers, effects)
     emitted = {key: _statements(function, chosen, numbers, real) for key, function in functions.items()}
-    writer = Writer(fit, derived, numbers, chosen, real)
-    return CCode(chosen, writer.header(), writer.source(emitted))
+    writer = Writer(fit, derived, numbers, effects, chosen, real)
+    return CCode(chosen, writer.header(), writer.source(emitted), effects.left_out)
 
 
 def _numbers(fit: SavedFit, derived: Derived) -> Numbers:
     columns = fit.columns
     own = set(derived.description["parameters"])
     payload = {f"{kind}{label}{r}" for label in fit.study.payloads for kind in INERTIAL for r in ("", "R")}
+    payload |= {
+        name for term in fit.terms if term.label in written(fit.terms).left_out for name in term.names
+    }
     kept = [k for k, name in enumerate(columns.parameters)
             if fit.chi[k] != 0 and (name in own or name not in payload)]  # fmt: skip
     std = np.sqrt(np.maximum(np.diag(fit.covariance), 0))
@@ -69,8 +76,11 @@ def _numbers(fit: SavedFit, derived: Derived) -> Numbers:
                     tuple(columns.regroups.get(n, n) for n in names))  # fmt: skip
 
 
-def _functions(fit: SavedFit, derived: Derived, numbers: Numbers) -> dict[str, ca.Function]:
-    """{"rigid", "gravity", "friction"} of (c, s, q, dq, ddq, sign, chi); chi are the emitted numbers."""
+def _functions(
+    fit: SavedFit, derived: Derived, numbers: Numbers, effects: CEffects
+) -> dict[str, ca.Function]:
+    """{"rigid", "gravity", "friction", "effects", "advance"} of (c, s, q, dq, ddq, sign, chi, t, z, step),
+    chi being the emitted numbers."""
     description = derived.description
     labels = [joint["label"] for joint in description["joints"]]
     vectors = {name: ca.SX.sym(name, len(labels)) for name in STATE}
@@ -79,7 +89,7 @@ def _functions(fit: SavedFit, derived: Derived, numbers: Numbers) -> dict[str, c
     inertial = [name for name in description["parameters"] if not name.startswith(("Fv", "Fc", "Off"))]
     rows = [int(row) for row in fit.columns.rows]
 
-    def torque(used: set[str], at_rest: bool) -> Any:
+    def torque(used: set[str], at_rest: bool, rows: Sequence[int] = rows) -> Any:
         inputs: dict[str, Any] = {}
         for name, vector in vectors.items():
             still = at_rest and name in ("dq", "ddq", "sign")
@@ -96,9 +106,18 @@ def _functions(fit: SavedFit, derived: Derived, numbers: Numbers) -> dict[str, c
         "gravity": torque(set(inertial), True),
         "friction": torque(every - set(inertial), False) + more_friction,
     }
-    arguments = [*vectors.values(), chi]
+    n = len(labels)
+    wanted = any("tau_link" in term.effect.needs for term in effects.terms)
+    last = len(description["channels"]) - n if fit.study.model == "C" else 0
+    link = torque(behind_the_gear(tuple(every)), False, range(last, last + n)) if wanted else None
+    more = {name: ca.SX.sym(name, size) for name, size in
+            (("t", 1), ("z", len(effects.joints)), ("step", len(effects.joints)))}  # fmt: skip
+    values = {name: chi[k] for name, k in place.items()}
+    tau, states = torques(effects, fit.columns.need.channels, {**vectors, **more}, link, values)
+    arguments = [*vectors.values(), chi, *more.values()]
+    outputs |= {"effects": tau, "advance": states}
     return {
-        key: ca.Function(key, arguments, [ca.SX(tau)], [*STATE, "chi"], ["tau"])
+        key: ca.Function(key, arguments, [ca.SX(tau)], [*STATE, "chi", *more], ["tau"])
         for key, tau in outputs.items()
     }
 
@@ -144,11 +163,13 @@ def _statements(function: ca.Function, name: str, numbers: Numbers, real: str) -
         line = re.sub(r"^REAL ", f"{real} ", line)
         line = re.sub(
             r"CONSTANT\(chi\[(\d+)\]\)",
-            lambda m: f"{name}_value[{name.upper()}_{numbers.names[int(m[1])]}]",
+            lambda m: f"{name}_value[{name.upper()}_{numbers.c_names[int(m[1])]}]",
             line,
         )
         line = re.sub(r"CONSTANT\((-?[\d.]+(?:e[+-]\d+)?)\)", lambda m: literal(m[1], suffix), line)
         line = re.sub(r"STORE\((\w+), (\d+), (\w+)\);", r"\1[\2] = \3;", line)
+        line = re.sub(r"(?<![\w.])t\[0\]", "t", line)
+        line = re.sub(r"(?<![\w.])z\[", "state->z[", line)
         line = re.sub(r"CALL_sign\(", f"{name}_sign(", line)
         line = re.sub(r"CALL_abs\(", f"fabs{suffix.lower()}(", line)
         line = re.sub(r"CALL_(\w+)\(", lambda m: f"{m[1]}{suffix.lower()}(", line)

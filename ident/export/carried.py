@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.export.consistent import Consistent
-from ident.export.saved import SavedFit
+from ident.export.saved import SavedFit, TextTable
+from modelgen.geometry.names import INERTIAL
 
 KINDS = {
     "offset": ("Offm", "Offl"),
@@ -66,35 +67,34 @@ def _rms(torque: np.ndarray, rows: int) -> float:
 
 
 def parts(fit: SavedFit, found: Consistent) -> dict[str, np.ndarray]:
-    """{term: its share (b,) of chi}: chi less all of them are the bodies."""
+    """{term: its share (b,) of chi}: chi less all of them are the bodies. Of an effect, its sizes: its torque
+    is their columns' where it is linear in them, whatever its shape parameters."""
     c = found.combination
-    first = 10 * c.links
-    out: dict[str, np.ndarray] = {}
-    own = set(fit.columns.model.parameters) | set(fit.columns.parameters[: len(fit.columns.model.parameters)])
-    payloads = {f"{kind}{label}" for label in fit.study.payloads
-                for kind in ("XX", "XY", "XZ", "YY", "YZ", "ZZ", "MX", "MY", "MZ", "M")}  # fmt: skip
+    sizes = {f"{term.label}.{name}": term.label for term in fit.terms for name in term.unknown}
+    shapes = {f"{term.label}.{name}" for term in fit.terms for name in term.free}
+    payloads = {f"{kind}{label}{r}" for label in fit.study.payloads for kind in INERTIAL for r in ("", "R")}
     gains = {fit.columns.parameters[k] for k in fit.columns.gain_columns.values()}
-    for k in range(first, len(c.names)):
+    out: dict[str, np.ndarray] = {}
+    for k in range(10 * c.links, len(c.names)):
         name = c.names[k]
-        if name.removesuffix("R") in payloads or name in gains:
+        if name in payloads | gains | shapes:
             continue
-        term = next((term for term, kinds in KINDS.items() if name.startswith(kinds)), None)
-        if term is None or (name not in own and term in HOLDS["mjcf"] and "." in name):
-            term = name
+        kind = next((term for term, kinds in KINDS.items() if name.startswith(kinds)), name)
+        term = sizes.get(name, kind)
         out[term] = out.get(term, np.zeros(len(fit.chi))) + c.G[:, k] * found.x[k]
     return out
 
 
-def left_out_table(lost: Sequence[LeftOut]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def left_out_table(lost: Sequence[LeftOut]) -> TextTable:
     """Header and rows: term, where it is largest, its size, error with and without it."""
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (item.term, item.channel, f"{item.rms:.3g}", f"{item.error_with:.2f}", f"{item.error_without:.2f}")
         for item in lost
     ]
     return ("term", "largest in", "rms N m", "error with it %", "without it %"), rows
 
 
-def cost_table(fit: SavedFit, found: Consistent) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def cost_table(fit: SavedFit, found: Consistent) -> TextTable:
     """Header and rows per channel: relative error of the fit and of the consistent parameters, by role."""
     roles = list(fit.factors)
     errors = [fit.error_percent(chi, role) for role in roles for chi in (fit.chi, found.chi)]

@@ -23,7 +23,7 @@ import scipy.stats
 from ident.export.bodies import BASIS, body, given_bodies, pseudo, unit_density
 from ident.export.combination import Combination, ExportError, combination, never_negative
 from ident.export.program import Program
-from ident.export.saved import SavedFit
+from ident.export.saved import SavedFit, TextTable
 from modelgen.geometry.robot import Robot
 
 FALLBACK_DENSITY = 1500.0  # kg/m^3, where the recordings show no weight
@@ -70,16 +70,16 @@ class Consistent:
         how = (
             "They give exactly the identified base parameters"
             if self.exact
-            else "No physical robot has exactly the identified base parameters; these are the most likely "
-            f"that one can have "
+            else "No physical robot with exactly the identified base parameters was found (cancelled ones "
+            "count as zero); these are the most likely that one can have "
             f"(chi-squared rises by {self.rise:.3g}, without a prior by {self.rise_of_physics:.3g})"
         )
         return f"All bodies are physically consistent. {how}. Prior: {self.prior_is}."
 
 
-def parameter_table(found: Consistent) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def parameter_table(found: Consistent) -> TextTable:
     """Header and rows of every standard parameter: value, std, share that is measured, where it is from."""
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (name, f"{x:.4g}", f"{std:.2g}", f"{100 * share:.0f}", found.label(k))
         for k, (name, x, std, share) in enumerate(
             zip(found.combination.names, found.x, found.std, found.measured)
@@ -106,9 +106,11 @@ def consistent(fit: SavedFit, robot: Robot) -> Consistent:
         )
     chi = fit.chi.copy() if exact is not None else c.G @ x
     measured, std = _resolution(program, x)
-    rises = [program.rise(v, full) for v in (chi, c.G @ possible)]
-    findings = _findings(fit, c, c.G @ possible, rises[1])
-    return Consistent(c, x, chi, exact is not None, prior, prior_is, measured, std, *rises, findings)
+    rise, of_physics = (program.rise(v, full) for v in (chi, c.G @ possible))
+    findings = _findings(fit, c, c.G @ possible, of_physics)
+    return Consistent(
+        c, x, chi, exact is not None, prior, prior_is, measured, std, rise, of_physics, findings
+    )
 
 
 def _prior(fit: SavedFit, robot: Robot, c: Combination) -> tuple[np.ndarray, str]:

@@ -11,11 +11,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,12 @@ from ident.estimation.noise import ChannelNoise
 from ident.recordings.study import Study, study_from
 from modelgen.geometry.robot import Robot
 from modelgen.geometry.robot_file import load_robot
+
+if TYPE_CHECKING:
+    from ident.equations.comparison import Fitted
+    from ident.equations.terms import Term
+
+TextTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header, rows
 
 FILE = "fit.npz"
 FORMAT = 1
@@ -56,7 +62,9 @@ class SavedFit:
     folder: Path
     document: Mapping[str, Any]  # fit.json
     study: Study
-    columns: Columns
+    columns: Columns  # with the parameters of `terms`
+    rigid: Columns  # without
+    terms: tuple[Term, ...]  # the study's effects where the fit has them
     robot: str  # path of the robot file as it was
     chi: np.ndarray  # (b,) essential ones, zero elsewhere
     active: np.ndarray  # (b,) bool: essential
@@ -84,6 +92,15 @@ class SavedFit:
         robot = load_robot(self.robot)
         return robot if self.study.gravity is None else robot.with_gravity(self.study.gravity)
 
+    def fitted(self, vs: Mapping[str, np.ndarray]) -> Fitted:
+        """The estimate with its effects, for recordings whose signs are certain from `vs` on."""
+        from ident.equations.comparison import Fitted
+        from ident.equations.fitted import FittedModel
+
+        chi = self.chi[: len(self.rigid.parameters)]
+        model = FittedModel(self.study, self.rigid, self.load_robot(), chi, vs) if self.terms else None
+        return Fitted(model, self.chi, self.terms)
+
     def error_percent(self, chi: np.ndarray, role: str) -> dict[str, float]:
         """100 ||Y - W chi|| / ||Y|| of the rows that count, per channel and in all ("total")."""
         above = np.array([factor.sum_of_squares(chi) for factor in self.factors[role]])
@@ -107,7 +124,7 @@ def keep(result: FitResult, folder: Path) -> None:
                 f"rows_{role}_{j}": np.array(factor.rows),
             }
     pieces: dict[str, np.ndarray] = {}
-    labels = []
+    labels: list[tuple[str, str]] = []
     for system in result.systems:
         for segment, rho in zip(system.segments, system.residuals(estimate.chi)):
             k = len(labels)
@@ -119,9 +136,10 @@ def keep(result: FitResult, folder: Path) -> None:
         "format": FORMAT,
         "robot": robot,
         "robot_sha256": hashlib.sha256(text).hexdigest(),
-        "study": _portable(study),
+        "study": _portable(result),
         "parameters": list(result.columns.parameters),
         "channels": list(result.columns.channels),
+        "travel": _travel(result),
         "roles": roles,
         "segments": labels,
         "cutoff_hz": result.cutoff_hz,
@@ -143,8 +161,7 @@ def keep(result: FitResult, folder: Path) -> None:
         sigma=estimate.sigma,
         variance=np.array([noise.variance for noise in result.noises]),
         spread=_spread(result),
-        **factors,
-        **pieces,
+        **{**factors, **pieces},  # type: ignore[arg-type]
     )
 
 
@@ -158,13 +175,26 @@ def _robot_text(source: str) -> tuple[str, bytes]:
     return name, folder.joinpath(name).read_bytes()
 
 
-def _portable(study: Study) -> dict[str, Any]:
-    """The study's keys as plain values, its recordings by absolute path."""
+def _travel(result: FitResult) -> list[float]:
+    """Range of each joint in the recordings, which places some effects."""
+    n = len(result.columns.need.joints)
+    reach = [stream.survey.highest - stream.survey.lowest for stream in result.recordings]
+    return [float(value) for value in np.max([its[:n] for its in reach], axis=0)]
+
+
+def _portable(result: FitResult) -> dict[str, Any]:
+    """The study's keys as plain values, recordings by absolute path, effects where the fit has them."""
+    study = result.study
     data = study.model_dump(mode="json", by_alias=True, exclude_none=True, fallback=str)
     data.pop("folder", None)
     for entry, given in zip(data["recordings"], study.recordings):
         if isinstance(given.file, str):
             entry["file"] = str(study.recording_path(given).resolve())
+    data.pop("effects", None)
+    if terms := getattr(result, "terms", ()):
+        from ident.equations.placing import entry_of
+
+        data["effects"] = [entry_of(term, result.columns.need.joints) for term in terms]
     return data
 
 
@@ -190,7 +220,8 @@ def load_fit(path: str | Path) -> SavedFit:
     folder, document, data, about = _opened(Path(path))
     robot = _robot_file(folder, data, about)
     study = study_from({**about["study"], "robot": robot}, folder / FILE)
-    columns = columns_of(study)
+    rigid = columns_of(study)
+    columns, terms = _with_effects(study, rigid, about["travel"])
     if list(columns.parameters) != about["parameters"] or list(columns.channels) != about["channels"]:
         raise SavedFitError(
             f"{folder / FILE}: this version's model has other parameters than the fit; run ident fit again"
@@ -214,11 +245,22 @@ def load_fit(path: str | Path) -> SavedFit:
         for k, (label, role) in enumerate(about["segments"])
     )
     return SavedFit(
-        folder, document, study, columns, robot, data["chi"], data["active"], data["full_chi"],
+        folder, document, study, columns, rigid, terms, robot, data["chi"], data["active"], data["full_chi"],
         data["full_active"], data["covariance"], data["R"], about["rss"], about["rows"],
         about["effective_rows"], data["sigma"], noises, factors, about["cutoff_hz"], residuals,
         data["spread"],
     )  # fmt: skip
+
+
+def _with_effects(study: Study, rigid: Columns, travel: Sequence[float]) -> tuple[Columns, tuple[Term, ...]]:
+    """The columns with the parameters of the study's effects, and these at their values."""
+    if not study.effects:
+        return rigid, ()
+    from ident.equations.placing import layout_of, terms_of
+    from ident.equations.terms import with_terms
+
+    terms = terms_of(study, rigid, layout_of(study, rigid, travel))
+    return with_terms(rigid, terms), terms
 
 
 def _opened(path: Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray], dict[str, Any]]:
@@ -267,5 +309,9 @@ def _robot_file(folder: Path, data: Mapping[str, np.ndarray], about: Mapping[str
     built_in = files("modelgen").joinpath("robots", name)
     if built_in.is_file() and built_in.read_bytes() == text:
         return Path(name).stem
-    place = cache.entry(f"robot-{cache.key(text, name)[:40]}", lambda at: (at / name).write_bytes(text))
+
+    def build(folder: Path) -> None:
+        (folder / name).write_bytes(text)
+
+    place = cache.entry(f"robot-{cache.key(text, name)[:40]}", build)
     return str(place / name)

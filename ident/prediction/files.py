@@ -7,12 +7,13 @@ X_band (half width of the 95 % band), all in N m [N], and X_outside: inside a st
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from ident.export.saved import TextTable
 from ident.prediction.prediction import ALPHA, Excursion, Prediction
 
 POINTS = 4000  # of a drawn line
@@ -55,7 +56,7 @@ def prediction_document(
         "judged_percent": found.judged_percent,
         "excursions": [_as_values(item) for item in found.excursions],
         "notes": list(found.stream.notes),
-        "warnings": list(found.stream.warnings),
+        "warnings": list(found.warnings),
     }
 
 
@@ -73,9 +74,9 @@ def _as_values(item: Excursion) -> dict[str, Any]:
     }
 
 
-def channel_table(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def channel_table(document: Mapping[str, Any]) -> TextTable:
     """Header and rows: error, share inside the band, number of stretches outside, per channel."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, error in document["relative_error_percent"].items():
         outside = [item for item in document["excursions"] if item["channel"] == name]
         rows.append(
@@ -92,12 +93,10 @@ def channel_table(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tu
     return ("channel", "error %", "rms N m", "inside the 95 % band %", "stretches outside"), rows
 
 
-def excursion_table(
-    document: Mapping[str, Any], most: int = 12
-) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+def excursion_table(document: Mapping[str, Any], most: int = 12) -> TextTable:
     """Header and rows of the stretches that leave the band, strongest first."""
     header = ("channel", "from s", "to s", "mean N m", "worst N m", "times usual", "lasts")
-    rows = [
+    rows: list[tuple[str, ...]] = [
         (
             item["channel"],
             f"{item['from']:.2f}",
@@ -152,6 +151,7 @@ def _write_parquet(found: Prediction, path: Path) -> tuple[dict[str, float], dic
     errors |= dict(zip(channels, (100 * np.sqrt(above / np.maximum(below, 1e-300))).tolist()))
     share = 100 * inside / np.maximum(judged, 1)
     drawn = Drawn(rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n : 1 + 2 * n], rows[:, 1 + 2 * n :])
+    drawn = replace(drawn, band=np.where(np.isfinite(drawn.band), drawn.band, np.nan))
     return {name: float(s) for name, s, j in zip(channels, share, judged) if j}, errors, drawn
 
 

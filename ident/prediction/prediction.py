@@ -9,26 +9,29 @@ judged: friction is then anything between its limits.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ident.equations.build import observe
-from ident.equations.comparison import Squares, by_segment, low_pass_blocks, measured_torque, modelled_torque
+from ident.equations.comparison import Squares, low_pass_blocks, measured_torque, modelled_torque
+from ident.equations.observation import RecordingSystem
 from ident.errors import RecordingError
+from ident.estimation.least_squares import weighted_factor
 from ident.export.saved import SavedFit
 from ident.prediction.excursions import own_worst, stretches
 from ident.prediction.innovations import innovations
 from ident.progress import Progress, silent
 from ident.recordings.opening import open_recording
 from ident.recordings.recording import RecordingStream
-from ident.recordings.study import RecordingEntry
-from ident.signals.filtering import FilterBank, filter_stream, prepare
+from ident.signals.filtering import FilterBank, FilteredBlock, filter_stream, prepare
 
 ALPHA = 0.01  # probability that a clean log is told to leave the band
 NORMAL = 1.959964  # 95 % of a normal distribution lie within
+UNSEEN = 0.05  # of a column that the fit's motion could not tell from others
 LASTING = 0.5  # share of a log's rows from which an excursion is lasting
 
 
@@ -61,6 +64,7 @@ class Prediction:
     doubt_t: np.ndarray  # (m,) s
     doubt: np.ndarray  # (m, channels) N m: standard deviation that the parameters' covariance leaves
     used: np.ndarray  # (m, channels) bool: rows that are judged
+    warnings: tuple[str, ...]
 
     def band(self, t: np.ndarray) -> np.ndarray:
         """Half width (N, channels) in N m of the 95 % band at times t (N,)."""
@@ -74,19 +78,33 @@ class Prediction:
 
     def full_rate(self) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
         """Blocks (t (N,), measured (N, C), predicted (N, C)), both behind the position filter."""
-        columns, chi, n = self.fit.columns, self.fit.chi, len(self.fit.columns.channels)
-        for blocks in by_segment(filter_stream(self.stream, self.bank)):
+        n = len(self.fit.columns.channels)
+        blocks = filter_stream(self.stream, self.bank)
+        for _, group in itertools.groupby(blocks, key=lambda item: item[0]):
             begin: list[float] = []
 
             def torques() -> Iterator[np.ndarray]:
-                for block in blocks:  # noqa: B023
+                for block, both in self._torques(block for _, block in group):  # noqa: B023
                     begin.append(float(block.t[0]))  # noqa: B023
-                    measured = measured_torque(columns, chi, block)
-                    yield np.hstack([measured, modelled_torque(columns, chi, self.stream.payload, block)])
+                    yield both
 
             for k, both in low_pass_blocks(torques(), self.bank.position):
                 t = begin[0] + (k + np.arange(len(both))) / self.stream.rate_hz
                 yield t, both[:, :n], both[:, n:]
+
+    def _torques(self, blocks: Iterable[FilteredBlock]) -> Iterator[tuple[FilteredBlock, np.ndarray]]:
+        """Blocks of one stretch with [measured predicted] (N, 2 C), not filtered."""
+        fit, payload = self.fit, self.stream.payload
+        if not fit.terms:
+            for block in blocks:
+                measured = measured_torque(fit.columns, fit.chi, block)
+                yield block, np.hstack([measured, modelled_torque(fit.columns, fit.chi, payload, block)])
+            return
+        from ident.equations.comparison import fitted_torques
+
+        fitted = fit.fitted(_certain_from(self.stream, self.bank))
+        for block, (measured,), (modelled,) in fitted_torques(fit.rigid, self.stream, blocks, [fitted]):
+            yield block, np.hstack([measured, modelled])
 
 
 def predict(
@@ -97,21 +115,28 @@ def predict(
     if payload is not None and payload not in study.payloads:
         known = ", ".join(study.payloads) or "none"
         raise RecordingError(str(recording), f"payload {payload} is not one that the fit knows ({known})")
-    first = study.recordings[0]
-    entry = RecordingEntry(
-        file=str(Path(recording).resolve()),
-        use="identify",  # a study needs one; nothing is fitted
-        payload=payload,
-        rate_hz=first.rate_hz,
-        decimal=first.decimal,
-        columns=first.columns,
+    anew = {
+        "use": "identify",
+        "name": None,
+        "from_s": None,
+        "to_s": None,
+    }  # a study needs one; nothing is fitted
+    entry = study.recordings[0].model_copy(
+        update={**anew, "file": str(Path(recording).resolve()), "payload": payload}
     )
     one = study.with_(recordings=(entry,), payload_mass={})
     progress("reading the log")
     stream = open_recording(one, entry, columns.need)
     bank = prepare(stream, one.filter, study.turn_over)
     progress("predicting")
-    system = observe(stream, bank, columns, fit.cutoff_hz, study.filter.order)
+    system = observe(stream, bank, fit.rigid, fit.cutoff_hz, study.filter.order)
+    measured = [segment.Y for segment in system.segments]
+    if fit.terms:
+        from ident.equations.attaching import attach
+
+        model = fit.fitted(_certain_from(stream, bank)).model
+        assert model is not None
+        system = attach([system], {stream.label: (stream, bank)}, model, fit.terms, fit.cutoff_hz)[0]
     rhos = system.residuals(fit.chi)
     squares = Squares.empty(columns.channels, {stream.label: "test"})
     doubts, judged, rms = [], np.zeros(len(columns.channels)), np.zeros(len(columns.channels))
@@ -120,8 +145,8 @@ def predict(
     alpha = ALPHA / len(columns.channels) / len(system.segments)
     own = [own_worst([innovations(piece.rho[j], piece.used[j], noise) for piece in fit.residuals
                       if piece.role != "test"]) for j, noise in enumerate(fit.noises)]  # fmt: skip
-    for segment, rho in zip(system.segments, rhos):
-        squares.add(stream.label, segment.Y.T, (segment.Y - rho).T)
+    for segment, rho, Y in zip(system.segments, rhos, measured):
+        squares.add(stream.label, Y.T, (Y - rho).T)
         doubt = np.zeros((len(segment.t), len(columns.channels)))
         for j, name in enumerate(columns.channels):
             W = system.dense(segment, j, len(fit.chi))
@@ -142,7 +167,28 @@ def predict(
         tuple(sorted(excursions, key=lambda e: -e.strength)),
         np.concatenate([t for t, _ in doubts]), np.concatenate([d for _, d in doubts]),
         np.concatenate([segment.used.T for segment in system.segments]),
+        (*stream.warnings, *_unseen(fit, system)),
     )  # fmt: skip
+
+
+def _unseen(fit: SavedFit, system: RecordingSystem) -> list[str]:
+    """Parameters that this log excites and the fit's motion did not: nothing is known of their torque."""
+    b = len(fit.chi)
+    own, new = fit.R[:, :b], weighted_factor(system.factors, fit.sigma, b)[:, :b]
+    kept = np.flatnonzero(fit.full_active)
+    out = []
+    for k in np.flatnonzero(~fit.full_active):
+        mix = np.linalg.lstsq(own[:, kept], own[:, k], rcond=None)[0]
+        apart = np.linalg.norm(new[:, k] - new[:, kept] @ mix)
+        if apart > UNSEEN * max(np.linalg.norm(new[:, k]), 1e-9 * np.linalg.norm(new)):
+            out.append(fit.columns.parameters[k])
+    if not out:
+        return []
+    return [f"this log excites {', '.join(out)}, the fit's motion did not: their torque is not predicted"]
+
+
+def _certain_from(stream: RecordingStream, bank: FilterBank) -> dict[str, np.ndarray]:
+    return {} if bank.vs is None else {stream.label: bank.vs}
 
 
 def _trimmed(inside: np.ndarray, rho: np.ndarray, limit: float) -> np.ndarray:

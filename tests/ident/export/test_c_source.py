@@ -74,7 +74,9 @@ def test_numbers_are_constants_with_names(kept, tmp_path):
     stds = (ctypes.c_double * len(own)).in_dll(library, "arm_std")
     for place, k in enumerate(own):
         name = kept.columns.parameters[k]
-        assert f"ARM_{name} = {place}, /* {kept.columns.units[k]}: {kept.columns.regroups[name]} */" in header
+        assert (
+            f"ARM_{name} = {place}, /* {kept.columns.units[k]}: {kept.columns.regroups[name][:100]}" in header
+        )
         assert values[place] == kept.chi[k]
         assert stds[place] == pytest.approx(np.sqrt(kept.covariance[k, k]), rel=1e-15)
     assert "malloc" not in (tmp_path / "arm.c").read_text()
@@ -95,3 +97,66 @@ def test_a_smooth_sign_of_the_study_is_the_sign_of_the_c(kept, tmp_path):
 def test_a_name_that_c_cannot_bear_is_refused(kept):
     with pytest.raises(ExportError, match="--name 3arm: give a C name"):
         c_code(kept, kept.load_robot(), "3arm")
+
+
+EFFECTS = [
+    {"effect": "stribeck_friction", "joint": 2, "Fs": 2.0, "vs": 0.2},
+    {
+        "effect": "torque_ripple",
+        "joint": 3,
+        "As": 1.0,
+        "Ac": -0.5,
+        "wavenumber": 9.0,
+        "fixed": ["wavenumber"],
+    },
+    {"effect": "hysteresis", "joint": 4, "Fc": 3.0, "width": 0.02},
+    {"effect": "load_dependent_friction", "joint": 2, "mu": 0.05},
+    {"effect": "offset_drift", "joint": 5, "slope": 0.03},
+    {"effect": "joint_coupling", "joint": 6, "source_joint": 5, "Fv": 0.4, "Ia": 0.1},
+    {"effect": "time_delay", "joint": 1, "delay": 0.002},
+]
+
+
+def with_effects(kept):
+    """The fit as if its study had declared these effects and found these values."""
+    pytest.importorskip("ident.equations.placing")
+    from ident.equations.placing import layout_of, terms_of
+    from ident.equations.terms import with_terms
+    from ident.recordings.study import study_from
+
+    data = kept.study.model_dump(mode="json", by_alias=True, exclude_none=True)
+    study = study_from({**data, "effects": EFFECTS}, kept.study.file)
+    terms = terms_of(study, kept.rigid, layout_of(study, kept.rigid, [4.0] * 7))
+    columns = with_terms(kept.rigid, terms)
+    chi = np.concatenate([kept.chi, *(term.at for term in terms)])
+    covariance = np.eye(len(chi))
+    return replace(kept, study=study, terms=terms, columns=columns, chi=chi, covariance=covariance)
+
+
+@needs_compiler
+@pytest.mark.parametrize(("float32", "tolerance"), [(False, 1e-12), (True, 1e-4)])
+def test_effects_with_their_states(kept, tmp_path, float32, tolerance):
+    from modelgen.effects.place import Motion
+
+    fit = with_effects(kept)
+    library = compiled(fit, tmp_path, float32)
+    code = c_code(fit, fit.load_robot(), "arm", float32)
+    assert [label.partition(":")[0] for label in code.left_out] == ["time_delay"]
+    assert "ARM_stribeck_friction_2_Fs" in code.header and "_delay" not in code.header
+    real = np.float32 if float32 else np.float64
+    t, q, dq, ddq = (x.astype(real).astype(float) for x in motion(20, 50, 5))
+    seen = Motion("new", None, t, q, dq, ddq, np.sign(dq), np.zeros_like(q), 50.0)
+    fitted = replace(fit.fitted({}), terms=tuple(term for term in fit.terms if term.effect.kind == "column"))
+    rigid = fit.rigid.model.torque(q, dq, ddq, fit.rigid.model_chi(fit.chi, None))
+    found = fitted.chain().torque(seen)
+    state = ctypes.create_string_buffer(256)
+    library.arm_start(state)
+    pointer, number = ctypes.c_void_p, ctypes.c_float if float32 else ctypes.c_double
+    library.arm_torque.argtypes = [pointer, number, pointer, pointer, pointer, pointer]
+    tau = np.zeros((len(t), 7), real)
+    for k in range(len(t)):
+        rows = [np.ascontiguousarray(x[k], real) for x in (q, dq, ddq)]
+        library.arm_torque(state, float(t[k]), *(row.ctypes.data for row in rows), tau[k].ctypes.data)
+    assert np.abs(found).max(axis=0)[[1, 2, 3, 4, 5]].min() > 0.1
+    size = np.abs(rigid + found).max()
+    np.testing.assert_allclose(tau, rigid + found, atol=tolerance * size)

@@ -8,7 +8,7 @@ import pytest
 from recordings import motion, write_parquet, write_study
 
 import generated
-from ident.estimation.fit import fit_study
+from ident.estimation.fit import FitResult, fit_study
 from ident.export.bodies import pseudo, unit_density
 from ident.export.carried import left_out, parts
 from ident.export.combination import ExportError
@@ -25,7 +25,7 @@ pytest.importorskip("cvxpy", reason="the extra dynident[export] is not installed
 ROBOT = "kuka_lwr4p"
 
 
-def fit_of_a_real_robot(folder, noise=0.0, flipped=None, **keys):
+def fit_of_a_real_robot(folder, noise=0.0, flipped=None, spring=0.0, **keys):
     """A kept fit of a robot with bodies that exist; one motor's torque may have the other sign."""
     model = generated.load(ROBOT, "A")
     standard = random_parameters(load_robot(ROBOT), np.random.default_rng(0)).standard
@@ -34,6 +34,7 @@ def fit_of_a_real_robot(folder, noise=0.0, flipped=None, **keys):
     for name, seed in (("a", 11), ("b", 12)):
         t, q, dq, ddq = motion(30, 200, seed)
         tau = model.torque(q, dq, ddq, chi) + noise * rng.normal(size=q.shape)
+        tau[:, 1] += spring * q[:, 1]
         if flipped is not None:
             tau[:, flipped] *= -1
         columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(7)}
@@ -132,6 +133,18 @@ def test_what_a_file_cannot_hold_is_told_with_its_size(noisy):
     whole = sum(parts(fit, found).values())
     bodies = np.concatenate([found.x[:70], np.zeros(len(found.x) - 70)])
     np.testing.assert_allclose(fit.chi * 0 + found.combination.G @ bodies + whole, found.chi, atol=1e-9)
+
+
+@pytest.mark.skipif("terms" not in FitResult.__dataclass_fields__, reason="this fit knows no effects")
+def test_an_effect_of_the_study_is_told_with_its_size(tmp_path):
+    fit = fit_of_a_real_robot(tmp_path, noise=0.5, spring=30.0, effects=[{"effect": "spring", "joint": 2}])
+    found = consistent(fit, fit.load_robot())
+    assert physical(found)
+    lost = {item.term: item for item in left_out(fit, found, "mjcf")}
+    (label,) = (term.label for term in fit.terms)
+    assert lost[label].channel == "tau_m2" and lost[label].error_without > 1.5 * lost[label].error_with
+    q = motion(30, 200, 12)[1][:, 1]
+    assert lost[label].rms == pytest.approx(30.0 * np.sqrt(np.mean(q**2)), rel=0.3)
 
 
 def test_a_torque_of_the_other_sign_is_named(tmp_path):

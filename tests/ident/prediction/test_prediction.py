@@ -10,7 +10,7 @@ from recordings import motion, true_chi, write_parquet, write_study
 import generated
 from ident.command_line.cli import run
 from ident.errors import IdentError
-from ident.estimation.fit import fit_study
+from ident.estimation.fit import FitResult, fit_study
 from ident.export.saved import load_fit
 from ident.prediction.files import write_prediction
 from ident.prediction.prediction import predict
@@ -108,6 +108,55 @@ def test_files(kept, tmp_path):
         kept.columns.channels
     )
     assert (tmp_path / "out" / "predict.svg").stat().st_size > 10000
+
+
+@pytest.mark.skipif("terms" not in FitResult.__dataclass_fields__, reason="this fit knows no effects")
+def test_effects_of_a_study_are_part_of_the_prediction(tmp_path):
+    def bend(t, q, dq, tau):
+        tau[:, 1] += 4.0 * np.exp(-((dq[:, 1] / 0.15) ** 2)) * np.sign(dq[:, 1]) + 1.0 * np.sin(9 * q[:, 1])
+
+    for seed, name in ((1, "a"), (2, "b"), (3, "c")):
+        log(tmp_path, name, seed, bend)
+    entries = [{"file": "a.parquet", "use": "identify"}, {"file": "b.parquet", "use": "validate"}]
+    effects = [
+        {"effect": "stribeck_friction", "joint": 2},
+        {"effect": "torque_ripple", "joint": 2, "wavenumber": 9.0, "fixed": ["wavenumber"]},
+    ]
+    result = fit_study(load_study(write_study(tmp_path, entries, effects=effects)))
+    (tmp_path / "out").mkdir()
+    write_into(result, tmp_path / "out", plots=False)
+    fit = load_fit(tmp_path / "out")
+    assert [term.effect.name for term in fit.terms] == ["stribeck_friction", "torque_ripple"]
+    np.testing.assert_allclose(fit.terms[0].at, result.terms[0].at, rtol=1e-12)
+    again = predict(fit, tmp_path / "b.parquet")
+    own = [piece for piece in fit.residuals if piece.label == "b"]
+    rms = np.sqrt(sum(np.sum(piece.rho**2, axis=1) for piece in own) / sum(p.used.sum(axis=1) for p in own))
+    np.testing.assert_allclose(list(again.rms.values()), rms, rtol=1e-3)  # residuals are kept in float32
+    assert not predict(fit, tmp_path / "c.parquet").excursions
+    clean = predict(fit, log(tmp_path, "mended", 4))
+    assert {item.channel for item in clean.excursions} == {"tau_m2"}
+
+
+@pytest.mark.filterwarnings("ignore:overflow")  # of the checks, on a joint that never moves
+def test_motion_that_the_fit_never_saw_is_told(tmp_path):
+    def still(t, q, dq, tau):
+        q[:, 3] = 0.4
+
+    for seed, name in ((1, "a"), (2, "b")):
+        log(tmp_path, name, seed, still)
+    entries = [{"file": "a.parquet", "use": "identify"}, {"file": "b.parquet", "use": "validate"}]
+    result = fit_study(load_study(write_study(tmp_path, entries)))
+    (tmp_path / "out").mkdir()
+    write_into(result, tmp_path / "out", plots=False)
+    fit = load_fit(tmp_path / "out")
+    again = predict(fit, tmp_path / "b.parquet")
+    assert not any("is not predicted" in text for text in again.warnings)
+    (tmp_path / "files").mkdir()
+    write_prediction(
+        again, tmp_path / "files"
+    )  # a joint that is never judged has no band, and no plot of one
+    moving = predict(fit, log(tmp_path, "c", 3))
+    assert any("Fvm4R" in text and "is not predicted" in text for text in moving.warnings)
 
 
 def test_a_payload_that_the_fit_does_not_know_is_refused(kept, tmp_path):

@@ -1,0 +1,98 @@
+"""The found effects of a fit on CasADi symbols, for its C: torques of their terms, updates of their states.
+
+An effect that is a column of its joint's own signals is written from its one definition, whatever its name;
+its state (the memory of presliding friction) belongs to the caller. What is no such column (an elastic gear,
+a recorder's delay) or acts in one recording only is left out and told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+
+from modelgen.effects.effect import Effect
+from modelgen.emit.casadi_functions import to_casadi
+from modelgen.geometry.names import Channel, ParameterName
+
+if TYPE_CHECKING:
+    from ident.equations.terms import Term
+
+
+@dataclass(frozen=True, slots=True)
+class CEffects:
+    """`terms` that are written, labels of others; joint (from 0) of each state, and its first value."""
+
+    terms: tuple[Term, ...]
+    left_out: tuple[str, ...]
+    joints: tuple[int, ...]
+    initial: tuple[float, ...]
+    timed: bool  # some term reads the time
+
+
+def written(terms: Sequence[Term]) -> CEffects:
+    """Which of a fit's effects can be C."""
+    fine = tuple(term for term in terms if _is_column(term))
+    with_state = [term for term in fine if term.effect.state is not None]
+    return CEffects(
+        fine,
+        tuple(term.label for term in terms if term not in fine),
+        tuple(term.place.joint or 0 for term in with_state),
+        tuple(term.effect.state.initial for term in with_state if term.effect.state),
+        any("t" in term.effect.needs for term in fine),
+    )
+
+
+def _is_column(term: Term) -> bool:
+    effect, place = term.effect, term.place
+    own = all(
+        getattr(type(effect), name) is getattr(Effect, name) for name in ("columns", "states", "signals")
+    )
+    anywhere = place.recording is None and place.start is None and place.stop is None
+    return (
+        effect.kind == "column" and own and anywhere and not effect.changes_model and place.joint is not None
+    )
+
+
+def behind_the_gear(parameters: Sequence[str]) -> set[str]:
+    """Parameters of the torque that the gears pass on."""
+    from ident.equations.fitted import BEFORE_THE_GEAR
+
+    parsed = {name: ParameterName.of(name) for name in parameters}
+    return {name for name, its in parsed.items() if its is None or its.kind not in BEFORE_THE_GEAR}
+
+
+def torques(
+    effects: CEffects, channels: Sequence[Channel], v: Mapping[str, Any], link: Any, values: Mapping[str, Any]
+) -> tuple[Any, Any]:
+    """(tau (C,), new states) on CasADi symbols: v has q, dq, ddq, sign, t, z, step; link (n,) tau_link;
+    values {parameter of the fit: number or symbol}."""
+    tau, states, state = ca.SX.zeros(len(channels)), [], 0
+    for term in effects.terms:
+        j, s, effect = term.place.joint, term.place.source, term.effect
+        known = {
+            "t": v["t"][0],
+            "q": v["q"][j],
+            "dq": v["dq"][j],
+            "ddq": v["ddq"][j],
+            "sign_dq": v["sign"][j],
+        }
+        known |= {"tau_link": link[j]} if "tau_link" in effect.needs else {}
+        if s is not None:
+            known |= {"q_source": v["q"][s], "dq_source": v["dq"][s], "ddq_source": v["ddq"][s]}
+            known["sign_sum"] = ca.sign(v["dq"][j] + v["dq"][s])
+        known |= {
+            name: values.get(f"{term.label}.{name}", term.theta[name]) for name in effect.nonlinear_names
+        }
+        if effect.state is not None:
+            known |= {"z": v["z"][state], "step": v["step"][state]}
+            states.append(to_casadi(effect.state.update, known))
+            state += 1
+        for number, name in enumerate(term.linear):
+            size = values.get(f"{term.label}.{name}", term.size[number])
+            column = size * to_casadi(effect.terms[name], known)
+            for row, sign in term.place.rows(channels).items():
+                tau[row] += sign * column
+    return tau, ca.vertcat(*states)
