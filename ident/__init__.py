@@ -17,22 +17,23 @@ TYPE_CHECKING = False  # typing's own costs 5 ms, in which Ctrl-C would find nob
 if TYPE_CHECKING:
     from typing import Any
 
+    from ident.api.comparison import Comparison, compare
     from ident.api.diagnosis import Diagnosis, diagnose
-    from ident.api.fit import Comparison, Fit, compare, fit
+    from ident.api.fit import Fit, fit
     from ident.api.simulation import Simulation, simulate
     from ident.api.study import Recording, Study, load
     from ident.errors import IdentError as Error
     from modelgen.effects import register
 
 _HOMES = {
-    "Comparison": ("ident.api.fit", "Comparison"),
+    "Comparison": ("ident.api.comparison", "Comparison"),
     "Diagnosis": ("ident.api.diagnosis", "Diagnosis"),
     "Error": ("ident.errors", "IdentError"),
     "Fit": ("ident.api.fit", "Fit"),
     "Recording": ("ident.api.study", "Recording"),
     "Simulation": ("ident.api.simulation", "Simulation"),
     "Study": ("ident.api.study", "Study"),
-    "compare": ("ident.api.fit", "compare"),
+    "compare": ("ident.api.comparison", "compare"),
     "diagnose": ("ident.api.diagnosis", "diagnose"),
     "fit": ("ident.api.fit", "fit"),
     "load": ("ident.api.study", "load"),

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import numpy as np
 from ident.api.study import Study, inputs_of, opened
 from ident.api.tables import arrays, frame
 from ident.errors import IdentError, one_family
-from ident.estimation.fit import FitResult, fit_models, fit_study, interval_factor
+from ident.estimation.fit import FitResult, fit_study, interval_factor
 from ident.output import staged, write_file
 from ident.progress import watched
 
@@ -141,86 +140,14 @@ class Fit:
         the ends that the filter makes up. A recording needs no torques, unless effects of the model read
         them. Raises ident.Error.
         """
+        from ident.api import prediction
+
         with one_family():
             if dq is None and isinstance(motion, dict) and set(motion) == {"q", "dq", "ddq"}:
                 motion, dq, ddq = motion["q"], motion["dq"], motion["ddq"]
             if dq is not None:
-                return self._torque(motion, dq, ddq, payload)
-            return self._recorded(motion, payload)
-
-    def _torque(self, q: Any, dq: Any, ddq: Any, payload: str | None) -> np.ndarray:
-        from ident.equations.comparison import modelled_torque
-        from ident.signals.filtering import FilteredBlock, smooth_sign
-
-        columns = self.result.columns
-        self._check_payload(payload)
-        if self._terms:
-            raise IdentError(
-                "the fit has effects that need a history; predict a recording with t, q and torques"
-            )
-        n = len(columns.need.joints)
-        given = []
-        for name, values in (("q", q), ("dq", dq), ("ddq", ddq)):
-            array = np.asarray(values, dtype=float)
-            if array.ndim != 2 or array.shape[1] != n or not np.isfinite(array).all():
-                raise IdentError(f"{name} has shape {array.shape}; give (N, {n}) finite values, rad|m and s")
-            given.append(np.ascontiguousarray(array))
-        if len({len(array) for array in given}) > 1:
-            raise IdentError("q, dq and ddq have different numbers of rows; give arrays of one length")
-        rows = len(given[0])
-        still, bent = np.zeros(n), self.result.study.turn_over
-        q, dq, ddq = given
-        sign = smooth_sign(dq, still, None if bent is None else np.array(bent))
-        t, all_of_it = np.arange(float(rows)), np.ones((rows, n))
-        block = FilteredBlock(t, q, dq, ddq, sign, None, None, still, all_of_it)
-        return modelled_torque(columns, self.result.estimate.chi, payload, block)
-
-    def _recorded(self, data: Any, payload: str | None) -> Any:
-        from ident.api.study import Recording
-        from ident.equations.comparison import low_pass_blocks
-        from ident.recordings.opening import open_recording
-        from ident.signals.filtering import filter_stream, prepare
-
-        need = self.result.columns.need
-        self._check_payload(payload)
-        study = self.result.study.with_(trim_rest=False)
-        entry = data if isinstance(data, Recording) else Recording(data, payload=payload)
-        if not self._terms:  # effects may read the measured torque
-            need = replace(need, motor=(), sensor=need.sensor if study.positions == "joint" else ())
-        stream = open_recording(study, entry, need)
-        bank = prepare(stream, study.filter, study.turn_over)
-        t: list[np.ndarray] = []
-        values: list[np.ndarray] = []
-        for _, stretch in itertools.groupby(filter_stream(stream, bank), key=lambda item: item[0]):
-            torques = self._modelled(stream, (block for _, block in stretch), t)
-            values += [rows for _, rows in low_pass_blocks(torques, bank.position)]
-        return frame(arrays(t, values, self.channels))
-
-    @property
-    def _terms(self) -> tuple[Any, ...]:
-        """Effects that are part of the fitted model."""
-        return tuple(getattr(self.result, "terms", ()))
-
-    def _modelled(self, stream: Any, blocks: Iterable[Any], t: list[np.ndarray]) -> Iterator[np.ndarray]:
-        """Torque (N, channels) of the blocks of one stretch; their times go into `t`."""
-        from ident.equations import comparison
-
-        columns, chi = self.result.columns, self.result.estimate.chi
-        if not self._terms:
-            for block in blocks:
-                t.append(block.t)
-                yield comparison.modelled_torque(columns, chi, stream.payload, block)
-            return
-        fitted = comparison.Fitted(self.result.model, chi, self._terms)
-        for block, _, (torque,) in comparison.fitted_torques(columns, stream, blocks, (fitted,)):
-            t.append(block.t)
-            yield torque
-
-    def _check_payload(self, payload: str | None) -> None:
-        known = [label for label in self.result.columns.sources if label]
-        if payload is not None and payload not in known:
-            said = f"the payloads are {', '.join(known)}" if known else "the study has no payload"
-            raise IdentError(f"payload {payload!r} was not identified; {said}")
+                return prediction.of_motion(self.result, motion, dq, ddq, payload)
+            return prediction.of_recording(self.result, motion, payload)
 
     def summary(self) -> str:
         """What the command prints: checks, errors, essential parameters, warnings, what is left."""
@@ -268,58 +195,6 @@ class Fit:
         return fit_table(self.result)
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Comparison:
-    """The same recordings by several models: the paper's Table II. `fits[model]` is a `Fit`."""
-
-    results: dict[str, FitResult]
-
-    @property
-    def fits(self) -> dict[str, Fit]:
-        return {model: Fit(result) for model, result in self.results.items()}
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        return tuple(f"model {m}: {text}" for m, result in self.results.items() for text in result.warnings)
-
-    def tables(self) -> list[Titled]:
-        """Title, header and rows of what the command prints."""
-        from ident.report.files import comparison_table
-
-        return [("parameters", *comparison_table(self.results))]
-
-    def to_frame(self) -> Any:
-        ((_, header, rows),) = self.tables()
-        return frame({name: [row[k] for row in rows] for k, name in enumerate(header)})
-
-    def summary(self) -> str:
-        from ident.report.summary import text_table
-
-        ((_, header, rows),) = self.tables()
-        return text_table(header, rows)
-
-    def write(self, folder: Path) -> None:
-        from ident.report.writing import write_fits
-
-        write_fits(self.results, folder)
-
-    def save(self, folder: str | Path, overwrite: bool = False) -> Path:
-        """A folder a model, their tables side by side and report.html. Raises ident.Error."""
-        inputs = inputs_of(next(iter(self.results.values())).study)
-        with (
-            one_family(),
-            staged(Path(folder), "ident fit", overwrite=overwrite, inputs=inputs) as stage,
-        ):
-            self.write(stage)
-        return Path(folder)
-
-    def __str__(self) -> str:
-        return self.summary()
-
-    def __repr__(self) -> str:
-        return f"Comparison(models {', '.join(self.results)})"
-
-
 def fit(study: Any, *, progress: Progress = None) -> Fit:
     """Identify a study (`ident.Study` or a path). Raises ident.Error.
 
@@ -327,21 +202,3 @@ def fit(study: Any, *, progress: Progress = None) -> Fit:
     """
     with one_family(), watched(progress) as tell:
         return Fit(fit_study(opened(study), progress=tell))
-
-
-def compare(study: Any, models: Sequence[str] = tuple("ABCD"), *, progress: Progress = None) -> Comparison:
-    """Identify a study with several models. Raises ident.Error."""
-    letters = checked_models(models)
-    with one_family(), watched(progress) as tell:
-        return Comparison(fit_models(opened(study), letters, progress=tell))
-
-
-def checked_models(models: Sequence[str]) -> tuple[str, ...]:
-    """Upper-case model letters. Raises IdentError for one that is none of A, B, C, D."""
-    from ident.recordings.study import MODELS
-
-    letters = tuple(dict.fromkeys(model.strip().upper() for model in models))
-    for letter in letters:
-        if letter not in MODELS:
-            raise IdentError(f"models: there is no model {letter}; choose from {', '.join(MODELS)}")
-    return letters
