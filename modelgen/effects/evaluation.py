@@ -57,7 +57,7 @@ def told(effect: Terms, values: Mapping[str, float], covariance: Array) -> tuple
     """Values and standard deviations of the reported quantities: var f = f' C f'^T, C over `told_names`."""
     if not effect.quantities:
         return np.zeros(0), np.zeros(0)
-    inputs = [values.get(n, 0.0) for n in told_names(effect)]
+    inputs = [np.float64(values.get(n, 0.0)) for n in told_names(effect)]  # a division by zero is nan
     function, jacobian = _compiled_report(effect)
     with np.errstate(divide="ignore", invalid="ignore"):
         numbers = np.asarray(function(*inputs), dtype=float).ravel()
