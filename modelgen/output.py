@@ -12,22 +12,19 @@ from __future__ import annotations
 
 import contextlib
 import errno
-import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from modelgen.errors import ModelgenError
+from modelgen.manifest import MANIFEST, as_text, is_ours, sha256_of, written
 
-MANIFEST = "written.sha256"
 UNFINISHED = ".unfinished-"
 FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 UNWRITABLE = FULL | {errno.EROFS, errno.ENAMETOOLONG}  # tell of the output wherever they come from
-Written = dict[str, tuple[str, str]]  # path inside the folder -> (sha256, command)
-
 _open: dict[Path, int] = {}  # stages of this process, which a signal's handler removes; their owner
 
 
@@ -156,38 +153,6 @@ def _as_sentence(folder: Path) -> Iterator[None]:
         raise OutputError("a name of a folder has no zero byte; name another with -o") from None
 
 
-def written(folder: Path) -> Written:
-    """What the list in `folder` says; {} without a list."""
-    path = folder / MANIFEST
-    out: Written = {}
-    command = ""
-    if not path.is_file():
-        return out
-    for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-        if line.startswith("# "):
-            command = line[2:].partition(":")[0]
-        elif len(line) > 66 and ".." not in line[66:].split("/") and not line[66:].startswith("/"):
-            out[line[66:]] = (line[:64], command)
-    return out
-
-
-def _manifest(entries: Mapping[str, tuple[str, str]]) -> str:
-    lines = []
-    for command in sorted({command for _, command in entries.values()}):
-        lines.append(f"# {command}: it replaces these files when it runs again, unless they were changed")
-        lines += [f"{its[0]}  {name}" for name, its in sorted(entries.items()) if its[1] == command]
-    return "\n".join(lines) + "\n"
-
-
-def _hash(path: Path) -> str:
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-
-
-def _is_ours(path: Path, entry: tuple[str, str] | None) -> bool:
-    return entry is not None and path.is_file() and not path.is_symlink() and _hash(path) == entry[0]
-
-
 def _refuse_foreign(folder: Path, command: str) -> None:
     """Say early that a folder is somebody else's, or that a file in it was changed since it was written."""
     there = sorted(path.name for path in folder.iterdir() if not path.name.startswith(UNFINISHED))
@@ -198,7 +163,7 @@ def _refuse_foreign(folder: Path, command: str) -> None:
         )
     for name, entry in written(folder).items():
         path = folder / name
-        if entry[1] == command and path.exists() and not _is_ours(path, entry):
+        if entry[1] == command and path.exists() and not is_ours(path, entry):
             raise OutputError(_changed(path))
 
 
@@ -215,7 +180,7 @@ def _commit(
     """Check every target, write the list, move everything in."""
     before = written(folder)
     new = {
-        path.relative_to(stage).as_posix(): (_hash(path), command)
+        path.relative_to(stage).as_posix(): (sha256_of(path), command)
         for path in sorted(stage.rglob("*"))
         if path.is_file()
     }
@@ -225,7 +190,7 @@ def _commit(
     gone = {n for n, e in before.items() if complete and e[1] == command and n not in new}
     gone -= {n for n in gone if _is_input(folder / n, inputs)}
     kept = {n: e for n, e in before.items() if n not in gone and (folder / n).exists()}
-    (stage / "list").write_text(_manifest(kept | new), encoding="utf-8")
+    (stage / "list").write_text(as_text(kept | new), encoding="utf-8")
     os.replace(stage / "list", stage / MANIFEST)
     _move_in(folder, stage)
 
@@ -242,7 +207,7 @@ def _check_target(
         raise OutputError(f"{shown(path)} is an input of this command; name another folder with -o")
     if path.is_dir():
         raise OutputError(f"{shown(path)} is a folder where a file is to be written; move it away")
-    if not overwrite and not _is_ours(path, entry):
+    if not overwrite and not is_ours(path, entry):
         if entry is not None:
             raise OutputError(_changed(path))
         raise OutputError(
@@ -263,12 +228,12 @@ def _move_in(folder: Path, stage: Path, late: bool = False) -> None:
     """
     before, after = written(folder), written(stage)
     for name in after:
-        taken = late and (folder / name).exists() and not _is_ours(folder / name, before.get(name))
+        taken = late and (folder / name).exists() and not is_ours(folder / name, before.get(name))
         if (stage / name).is_file() and not taken:
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
             os.replace(stage / name, folder / name)
     for name, entry in before.items():
-        if name not in after and _is_ours(folder / name, entry):
+        if name not in after and is_ours(folder / name, entry):
             (folder / name).unlink()
             for parent in (folder / name).relative_to(folder).parents:
                 with contextlib.suppress(OSError):

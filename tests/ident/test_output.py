@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from ident.output import OutputError, staged, write_file
-from modelgen.output import MANIFEST, written
+from modelgen.manifest import MANIFEST, written
 
 posix = pytest.mark.skipif(os.name == "nt", reason="signals and limits of POSIX")
 

@@ -10,7 +10,7 @@ import pytest
 from ident.errors import FitFailedError, IdentError
 from ident.output import staged
 from modelgen.errors import ModelgenError
-from modelgen.output import MANIFEST
+from modelgen.manifest import MANIFEST
 
 
 def ident(*arguments, cwd=None, **options):

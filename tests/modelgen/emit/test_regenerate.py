@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from modelgen import cli
-from modelgen.output import MANIFEST
+from modelgen.manifest import MANIFEST
 
 ROBOT = """
 name: two_links
