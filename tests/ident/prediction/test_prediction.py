@@ -137,7 +137,7 @@ def test_effects_of_a_study_are_part_of_the_prediction(tmp_path):
     assert {item.channel for item in clean.excursions} == {"tau_m2"}
 
 
-@pytest.mark.filterwarnings("ignore:overflow")  # of the checks, on a joint that never moves
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of the checks, on a joint that never moves
 def test_motion_that_the_fit_never_saw_is_told(tmp_path):
     def still(t, q, dq, tau):
         q[:, 3] = 0.4
