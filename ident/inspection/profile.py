@@ -118,7 +118,8 @@ def grid(pieces: list[np.ndarray]) -> float:
 
 def noise(pieces: list[np.ndarray]) -> float:
     """Of the third differences, which smooth motion leaves next to nothing in (20 = 1 + 9 + 9 + 1)."""
-    thirds = [np.diff(piece, 3) for piece in pieces if len(piece) > 3]
+    known = [np.where(np.isfinite(piece), piece, np.nan) for piece in pieces if len(piece) > 3]
+    thirds = [np.diff(piece, 3) for piece in known]
     x = np.concatenate(thirds) if thirds else np.empty(0)
     x = x[np.isfinite(x)]
     return float(1.4826 * np.median(np.abs(x)) / np.sqrt(20)) if len(x) else 0.0

@@ -81,6 +81,11 @@ def propose(table: TableProfile, names: Sequence[str] = (), n: int = 0) -> Propo
             columns[kind] = stem
         else:
             columns |= {f"{kind}{k + 1}": name for k, name in enumerate(best[:count])}
+    found = set(kinds) | {line.key.removeprefix("columns.") for line in lines}
+    if "q" not in found:
+        lines.append(Line("columns.q", FILL_IN, "joint positions: the columns' name without the number"))
+    if not {"tau_m", "tau_l", "i", "effort"} & found:
+        lines.append(Line("columns.tau_m", FILL_IN, "motor torques: the columns' name without the number"))
     if "effort" in kinds and not {"tau_m", "tau_l"} & set(kinds):
         hints = "; ".join(f"{driver}: {meaning}" for driver, meaning, _ in DRIVERS)
         lines.append(

@@ -54,17 +54,18 @@ def numbered(*stems, first=1, count=3):
     [
         (numbered("q{}", "tau_m{}"), {}, {"q", "tau_m"}, ()),
         (numbered("q{}", "i{}"), {}, {"q", "i"}, ("drive_gains",)),
-        (numbered("qpos{}", "qvel{}"), {"q": "qpos", "dq": "qvel"}, {"q", "dq"}, ()),
-        (numbered("observation.state{}", "action{}"), {"q": "observation.state"}, {"q"}, ()),
-        (numbered("actual_q_{}", "target_q_{}"), {"q": "actual_q_"}, {"q"}, ()),
+        (numbered("qpos{}", "qvel{}"), {"q": "qpos", "dq": "qvel"}, {"q", "dq"}, ("columns.tau_m",)),
+        (numbered("observation.state{}", "action{}"), {"q": "observation.state"}, {"q"}, ("columns.tau_m",)),
+        (numbered("actual_q_{}", "target_q_{}"), {"q": "actual_q_"}, {"q"}, ("columns.tau_m",)),
         (numbered("q{}", "torque_{}"), {"effort": "torque_"}, {"q", "effort"}, ("effort",)),
         (
             numbered("joint_pos[{}]", first=0),
             {"q1": "joint_pos[0]", "q2": "joint_pos[1]", "q3": "joint_pos[2]"},
             {"q"},
-            (),
+            ("columns.tau_m",),
         ),
-        (numbered("measured_position_{}", "actual_pos_{}"), {}, set(), ("columns.q",)),
+        (numbered("measured_position_{}", "actual_pos_{}"), {}, set(), ("columns.q", "columns.tau_m")),
+        (numbered("x{}", "y{}"), {}, set(), ("columns.q", "columns.tau_m")),
     ],
 )
 def test_what_names_say(names, columns, kinds, asked):
@@ -85,7 +86,8 @@ def test_joints_of_a_bag():
     known = proposed(names, 3, ("a1", "a2", "a3"))
     assert [line.key for line in known.lines] == ["joints", "effort"]
     unknown = proposed([f"position.{joint}" for joint in ("wrist", "elbow")], 2, ("q1", "q2"))
-    assert unknown.lines[0].value == FILL_IN and "wrist, elbow" in unknown.lines[0].why
+    assert unknown.lines[0].key == "joints" and unknown.lines[0].value == FILL_IN
+    assert "wrist, elbow" in unknown.lines[0].why
 
 
 @pytest.mark.parametrize(
