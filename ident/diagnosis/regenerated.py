@@ -7,6 +7,7 @@ a regressor; they are named with the reason.
 """
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -339,9 +340,9 @@ def _extra_inputs(placed: list[_Placed], state: State) -> tuple[dict[str, Any], 
 
 
 def _plain_name(label: str, term: Term) -> str:
-    """vs of "vs2" or of "vs2_stribeck_friction"."""
+    """vs of "vs2", of "vs2_stribeck_friction" or of "vs2_2"."""
     assert term.joint is not None
-    return label.removesuffix(f"_{term.effect.name}").removesuffix(str(term.joint + 1))
+    return re.sub(rf"{term.joint + 1}(_{term.effect.name})?(_\d+)?$", "", label)
 
 
 def _differences(

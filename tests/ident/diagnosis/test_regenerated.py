@@ -110,7 +110,7 @@ def test_friction_before_and_behind_the_gear(arm):
     made = regenerate(arm, "C", findings, state)
     assert made.requests == ("stribeck_friction:2", "stribeck_friction:2:side=link")
     assert made.column_difference < 1e-9 and made.torque_difference < 1e-9
-    assert {v.name: v.value for v in made.fixed} == {"vs2": 0.2, "vs2_stribeck_friction": 0.1}
+    assert {v.name: v.value for v in made.fixed} == {"vs2": 0.2, "vs2_2": 0.1}
 
 
 def test_files_and_what_happens_on_failure(arm, tmp_path, monkeypatch):
