@@ -32,6 +32,9 @@ def inspect(
         inspection = inspect_recordings(recordings, robot, folder, progress, topic)
     for text, _ in shown.remarks(inspection):
         print(text, file=sys.stderr)
+    study = inspection.study
+    if found := shown.remarks(inspection):
+        study += "# What was found in the recordings:\n" + "".join(f"#   {text}\n" for text, _ in found)
     header, rows = shown.log_rows(inspection)
     print_table("recordings", header, rows, numbers=range(1, len(header)))
     for log in inspection.logs:
@@ -41,9 +44,9 @@ def inspect(
         print(inspection.excitation.sentence)
         print_table("parameters shown least", *shown.excitation_rows(inspection), numbers=(1,))
     if output is None or beside is None:
-        print(inspection.study)
+        print(study)
         return
-    write_file(output, inspection.study, overwrite=overwrite)
+    write_file(output, study, overwrite=overwrite)
     write_file(beside, render(shown.page(inspection, output.name)), overwrite=overwrite)
     print(f"wrote {output} and {beside}")
     print(shown.next_step(inspection, str(output)))

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -22,7 +21,7 @@ from ident.inspection.proposal import Proposal, propose
 from ident.inspection.study_text import study_text, trial_text
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream, Survey
-from ident.recordings.study import Study, study_from
+from ident.recordings.study import study_from
 from ident.recordings.tables import open_table
 
 DRAWN = 1500  # samples of a curve on the page
@@ -62,10 +61,11 @@ class Inspection:
     excitation: Excitation | None
     excitation_refusal: str
     study: str
+    of_fit: tuple[Check, ...] = ()  # what a quick fit shows, where the torques' meaning is known
 
     @property
     def checks(self) -> tuple[Check, ...]:
-        return worst_first(check for log in self.logs for check in log.checks)
+        return worst_first([*(check for log in self.logs for check in log.checks), *self.of_fit])
 
     @property
     def questions(self) -> tuple[str, ...]:
@@ -112,6 +112,7 @@ def _tried(
 ) -> Inspection:
     """Open the logs as a study would, and ask the regressor."""
     from ident.equations.prepared import columns_of, prepare_study
+    from ident.examination.examine import examine_fit
     from ident.recordings.opening import open_recording
 
     text = trial_text(inspection.study, inspection.proposal)
@@ -136,17 +137,18 @@ def _tried(
             replace(log, survey=stream.survey, notes=stream.notes, checks=stream.checks, curves=drawn)
         )
     progress("evaluating the regressor")
-    found, refusal = None, "no recording could be opened"
-    if any(entry.use == "identify" for entry in good):
-        try:
-            found, refusal = excitation(prepare_study(_with(study, good))), ""
-        except IdentError as error:
-            refusal = str(error)
-    return replace(inspection, logs=tuple(logs), excitation=found, excitation_refusal=refusal)
-
-
-def _with(study: Study, entries: list[Any]) -> Study:
-    return study.with_(recordings=tuple(entries))
+    inspection = replace(inspection, logs=tuple(logs), excitation_refusal="no recording could be opened")
+    if not any(entry.use == "identify" for entry in good):
+        return inspection
+    try:
+        prepared = prepare_study(study.with_(recordings=tuple(good)))
+        inspection = replace(inspection, excitation=excitation(prepared), excitation_refusal="")
+        if not inspection.questions:
+            progress("examining the torques")
+            inspection = replace(inspection, of_fit=examine_fit(prepared))
+    except IdentError as error:
+        inspection = replace(inspection, excitation_refusal=str(error))
+    return inspection
 
 
 def _curves(stream: RecordingStream) -> dict[str, dict[str, tuple[np.ndarray, np.ndarray]]]:

@@ -48,7 +48,7 @@ def remarks(inspection: Inspection) -> list[tuple[str, bool]]:
     out = [(f"refused: {log.refusal}", True) for log in inspection.logs if log.refusal]
     out += [(check_sentence(asdict(check)), check.outcome != "mended") for check in inspection.checks]
     if inspection.excitation_refusal:
-        out.append((f"excitation: {inspection.excitation_refusal}", True))
+        out.append((f"refused: {inspection.excitation_refusal}", True))
     return out
 
 

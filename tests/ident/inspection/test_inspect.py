@@ -147,3 +147,18 @@ def test_bags_in_folders_with_two_arms_on_two_topics(folder, tmp_path, capsys):
     study.write_text(study.read_text().replace("effort: FILL IN", "effort: motor_torque"))
     assert run(["fit", str(study), "-o", str(tmp_path / "fit")]) == 0
     assert len(json.loads((tmp_path / "fit" / "fit.json").read_text())["parameters"]) > 5
+
+
+def test_a_torque_with_the_other_sign_is_named_before_anything_is_fitted(folder, tmp_path):
+    from recordings import write_parquet
+
+    model = generated.load(str(folder / "lamp.urdf"), "A")
+    chi = np.array([2.0 if name.startswith(("Fv", "Fc", "Ia")) else 0.6 for name in model.parameters])
+    t, q, dq, ddq = motion(60)
+    tau = model.torque(q, dq, ddq, chi) + 0.1 * np.random.default_rng(0).standard_normal((len(t), 2))
+    columns = {"t": t} | {f"q{k + 1}": q[:, k] for k in range(2)}
+    columns |= {"tau_m1": tau[:, 0], "tau_m2": -tau[:, 1]}
+    write_parquet(tmp_path / "run.parquet", columns)
+    found = inspect_recordings([tmp_path / "run.parquet"], str(folder / "lamp.urdf"), tmp_path)
+    assert [check.check for check in found.checks] == ["torque_sign"]
+    assert "tau_m2" in found.checks[0].sentence
