@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 TextTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header, rows
 
 FILE = "fit.npz"
-FORMAT = 1
+FORMAT = 2
 CERTAIN = 0.95  # probability of the band that `spread` is the half width of
 
 
@@ -285,9 +285,9 @@ def _opened(path: Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray], di
         raise SavedFitError(
             f"{file}: is missing beside fit.json; run ident fit again, or copy the whole folder"
         ) from None
-    except Exception:
+    except Exception:  # whatever a foreign archive or text makes NumPy and JSON raise
         raise SavedFitError(f"{file}: cannot be read as a fit's numbers; run ident fit again") from None
-    if about["format"] != FORMAT:
+    if about.get("format") != FORMAT:
         raise SavedFitError(f"{file}: was written by another version; run ident fit again")
     for name, value in chi.items():
         if name not in values or values[name] != value:

@@ -20,10 +20,12 @@ from ident.report.files import write_into
 RATE, NOISE = 200.0, 0.6
 
 
-def log(folder, name, seed, change=None, seconds=30.0):
+def log(folder, name, seed, change=None, seconds=30.0, held=()):
     """A run with noise that neighbouring samples share; `change(t, q, dq, tau)` happens to the robot."""
     model = generated.load("kuka_lwr4p", "A")
     t, q, dq, ddq = motion(seconds, RATE, seed)
+    for j in held:
+        q[:, j], dq[:, j], ddq[:, j] = 0.4, 0.0, 0.0
     tau = np.asarray(model.torque(q, dq, ddq, true_chi(model)))
     rng = np.random.default_rng([seed, 9])
     noise = rng.normal(size=tau.shape)
@@ -139,11 +141,8 @@ def test_effects_of_a_study_are_part_of_the_prediction(tmp_path):
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of the checks, on a joint that never moves
 def test_motion_that_the_fit_never_saw_is_told(tmp_path):
-    def still(t, q, dq, tau):
-        q[:, 3] = 0.4
-
     for seed, name in ((1, "a"), (2, "b")):
-        log(tmp_path, name, seed, still)
+        log(tmp_path, name, seed, held=[3])
     entries = [{"file": "a.parquet", "use": "identify"}, {"file": "b.parquet", "use": "validate"}]
     result = fit_study(load_study(write_study(tmp_path, entries)))
     (tmp_path / "out").mkdir()
