@@ -123,6 +123,24 @@ def test_prediction_is_the_torque_of_the_identified_parameters(twin, fit):
         fit.predict(run, payload="L")
 
 
+def test_effects_of_a_study_are_fitted_and_predicted(twin, fit):
+    pytest.importorskip("ident.equations.terms")
+    study = twin.study
+    keys = {name: getattr(study, name) for name in ("robot", "model", "recordings")}
+    extended = ident.fit(ident.Study(effects=["stribeck_friction:2"], **keys))
+    assert extended.error_percent["validate"]["total"] < 0.7 * fit.error_percent["validate"]["total"]
+    assert any("stribeck_friction" in name for name in extended.parameters)
+    run = twin.result.recordings[2].columns
+    made = extended.predict(run)
+    (t,) = numbers(made, "t")
+    moving = (t > 0.6) & (t < t[-1] - 0.6)
+    smooth = np.interp(t, run["t"], zero_phase(run["tau_m2"], 250.0, 10.0))[moving]
+    error = 100 * np.linalg.norm(smooth - numbers(made, "tau_m2")[0][moving]) / np.linalg.norm(smooth)
+    assert error == pytest.approx(extended.error_percent["validate"]["tau_m2"], rel=0.1)
+    with pytest.raises(ident.Error, match="effects, which need a history"):
+        extended.predict(np.zeros((2, 3)), np.zeros((2, 3)), np.zeros((2, 3)))
+
+
 def test_results_read_like_the_report_and_fit_in_a_line(twin, fit):
     assert str(fit) == fit.summary() and "base parameters explain the torque" in str(fit)
     assert "What is left:" in str(fit) and "ident diagnose looks for" in str(fit)
