@@ -36,7 +36,7 @@ from ident.recordings.study import Study
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
-BAD = 0.25
+BAD = 0.5  # of one channel, or a quarter of it of the median one
 DEGREES = np.pi / 180
 UNDONE = ("torque_sign", "torque_scale", "swapped_signals", "position_sign", "base_orientation", "angle_unit")
 
@@ -105,11 +105,12 @@ def _best(
         found += swapped(quick, fit, how, names, currents)
         found += scales(quick, fit, how, names, currents)
         found += _degrees(quick, fit, how, names)
-    if error.max() > BAD:
+    bad = bool(error.max() > BAD or np.median(error) > 0.25 * BAD)
+    if bad:
         found += swapped_positions(quick, fit, how, names)
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        found += _geometry(prepared, quick, how, best, axes=error.max() > BAD)
+        found += _geometry(prepared, quick, how, best, axes=bad)
     return max(found, key=lambda h: h.gain, default=None)
 
 

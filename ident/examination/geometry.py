@@ -128,9 +128,7 @@ def errors(
         normal[np.diag_indices_from(normal)] += RIDGE + (length <= 1e-140)
         chi = np.linalg.solve(normal, right / length) / length
         error = _relative(identify.yy, v, G, chi)
-        scale = np.where(
-            seen, 1.0 / np.maximum(identify.yy, 1e-300) / np.nan_to_num(np.maximum(error, 0.02)) ** 2, 0
-        )
+        scale = np.where(seen, 1.0 / np.maximum(identify.yy, 1e-300) / np.fmax(error, 0.02) ** 2, 0)
     if validate is None:
         return error, None
     held_G = np.einsum("a,b,cabij->cij", factor, factor, validate.G)
@@ -202,9 +200,7 @@ def base_orientation(
 
 def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:
     """Sum of squares over all channels, each by what the plain fit leaves of it, as a function of gravity."""
-    scale = np.where(
-        parts.yy > 0, 1 / np.maximum(parts.yy * np.nan_to_num(np.maximum(error, 0.05)), 1e-300), 0.0
-    )
+    scale = np.where(parts.yy > 0, 1 / np.maximum(parts.yy * np.fmax(error, 0.05), 1e-300), 0.0)
     G, v = np.einsum("c,cabij->abij", scale, parts.G), np.einsum("c,cai->ai", scale, parts.v)
     total = float(scale @ parts.yy)
 

@@ -174,15 +174,14 @@ def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
     for turn in range(3):
         G = np.einsum("c,cij->ij", scale, identify.G)
         v = sum(scale[c] * f * identify.v[c, k] for c, (k, f) in enumerate(zip(how.order, how.factor)))
-        length = np.sqrt(np.maximum(np.diag(G), 1e-300))
-        normal = G / np.outer(length, length) + RIDGE * np.eye(b)
+        live = np.diag(G) > 1e-20 * np.diag(G).max()  # a joint at rest shows nothing of itself
+        length = np.where(live, np.sqrt(np.maximum(np.diag(G), 0.0)), np.inf)
+        normal = G / np.outer(length, length) + np.diag(np.where(live, RIDGE, 1.0))
         inverse = np.linalg.inv(normal) / np.outer(length, length)
         chi = inverse @ v
         error = identify.errors(chi, how)
         if turn < 2:
-            scale = np.where(
-                seen, 1.0 / (np.maximum(size, 1e-300) * np.nan_to_num(np.maximum(error, 0.02)) ** 2), 0
-            )
+            scale = np.where(seen, 1.0 / (np.maximum(size, 1e-300) * np.fmax(error, 0.02) ** 2), 0)
     return Fit(chi, error, validate.errors(chi, how) if validate else None, inverse, scale)
 
 

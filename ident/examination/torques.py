@@ -139,7 +139,7 @@ def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
         why = (
             f"friction or inertia of joint {joint} comes out negative"
             if seen.against(c)
-            else f"with it turned the error of {quick.columns.channels[c]} falls from "
+            else f"turned, the error of joint {joint}'s torque falls from "
             f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %"
         )
         yield Hypothesis(
