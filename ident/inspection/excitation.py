@@ -104,4 +104,4 @@ def _remedy(name: str) -> str:
         return f"accelerate joint {label} harder, with the joints behind it in several poses"
     if kind.startswith("M"):
         return f"hold and move link {label} in more poses against gravity"
-    return f"turn the joints before link {label} fast, together, with link {label} in several poses"
+    return f"turn the joints up to link {label} fast and together, in several poses"
