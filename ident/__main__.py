@@ -2,4 +2,5 @@
 
 from ident.command_line.cli import main
 
-main()
+if __name__ == "__main__":
+    main()
