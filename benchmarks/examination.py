@@ -289,6 +289,36 @@ def planted(study: Study, defect: Defect, folder: Path, q: str, tau: str) -> Stu
     return study.with_(folder=str(folder))
 
 
+def clean(count: int) -> None:
+    """Simulated recordings without a defect, at rates from 50 Hz to 1 kHz, as stored or coarsely rounded."""
+    from ident.simulate import simulate, write_simulation
+
+    silent = total = 0
+    for seed in range(count):
+        robot, model = (("kuka_lwr4p", "A"), ("ur10e", "A"), ("franka_panda", "B"))[seed % 3]
+        with tempfile.TemporaryDirectory() as folder:
+            write_simulation(simulate(robot, model, seed=seed), Path(folder))
+            study = load_study(next(Path(folder).glob("*.yaml")))
+            for every, step in ((1, 0.0), (1, 1e-3), (4, 1e-4), (20, 1e-4)):
+                with tempfile.TemporaryDirectory() as other_folder:
+                    for entry in study.recordings:
+                        table = pq.read_table(study.recording_path(entry))
+                        columns = {k: table[k].to_numpy()[::every] for k in table.column_names}
+                        for name, values in columns.items():
+                            size = step * (100 if name.startswith("tau") else 1)
+                            if size and name != "t":
+                                columns[name] = np.round(values / size) * size
+                        pq.write_table(pa.table(columns), Path(other_folder) / entry.file)
+                    checks, refusal = examined(study.with_(folder=other_folder))
+                total, silent = total + 1, silent + (not checks and not refusal)
+                for check in checks:
+                    print(
+                        f"   false alarm: {robot}, seed {seed}, {1000 // every} Hz, {step:g}: "
+                        f"{check.sentence}"
+                    )
+    print(f"clean simulated studies: nothing said of {silent} of {total}")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -298,6 +328,8 @@ def main() -> None:
     parser.add_argument("--clean", type=int, default=0)
     args = parser.parse_args()
     names, wanted = set(filter(None, args.robots.split(","))), [d for d in args.defects.split(",") if d]
+    if args.clean:
+        clean(args.clean)
     right = missed = 0
     extras: list[str] = []
     for robot, study in studies(names):
@@ -335,7 +367,8 @@ def main() -> None:
             extras += [f"{robot}, {defect.name}: {o}" for o in others]
             seconds = time.perf_counter() - begin
             print(
-                f"   {verdict:7s} {defect.name:26s} {seconds:4.1f} s {'EXTRA ' + ', '.join(others) if others else ''}"
+                f"   {verdict:7s} {defect.name:26s} {seconds:4.1f} s "
+                f"{'EXTRA ' + ', '.join(others) if others else ''}"
                 f"{'' if hit else ' | ' + ' / '.join(c.sentence[:90] for c in said) + refusal[:160]}",
                 flush=True,
             )

@@ -99,6 +99,7 @@ class Mender:
     _found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=list)
     _dropped: list[np.ndarray] = field(default_factory=list)
     _wraps: list[tuple[int, int, int]] = field(default_factory=list)
+    _reach: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (m,) 5 to 95 % of the blocks seen
     _turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _still: tuple[int, float, np.ndarray] | None = None  # row, t, values at which a frozen stretch began
 
@@ -141,17 +142,21 @@ class Mender:
         fresh = np.zeros(len(t), bool)
         fresh[begun:done] = True
         empty = ~np.isfinite(values)
-        sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset)
+        if not len(self._reach):
+            self._reach = np.zeros(values.shape[1])
+        sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset, self._reach)
         sentinel &= ~empty
         self._count("missing_values", rows, empty & fresh[:, None])
         self._count("sentinel", rows, sentinel & fresh[:, None])
         bad = empty | sentinel | gross
         filled = _filled(t, values, bad)
+        low, high = np.percentile(filled[:: max(1, len(t) // 2000)], [5, 95], axis=0)
+        self._reach = np.maximum(self._reach, high - low)
         self._unwrap(rows, filled, begun, done)
         values = np.where(bad, values, filled)
         spikes = gross & ~empty & ~sentinel
         for k in range(values.shape[1]):
-            spikes[:, k] |= is_spike(filled[:, k], position=k < self.n) & ~bad[:, k]
+            spikes[:, k] |= is_spike(filled[:, k], k < self.n, float(self._reach[k])) & ~bad[:, k]
         self._count("spike", rows, spikes & fresh[:, None])
         bad |= spikes
         filled = _filled(t, values, bad)
@@ -237,8 +242,13 @@ class Mender:
         return out
 
 
-def no_measurement(x: np.ndarray, factor: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(N, m) each: absurd numbers and sentinels far outside the rest; short runs far outside it."""
+def no_measurement(
+    x: np.ndarray, factor: np.ndarray, offset: np.ndarray, known: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(N, m) each: absurd numbers and sentinels far outside the rest; short runs far outside it.
+
+    known (m,): the range of the signals in what came before.
+    """
     with np.errstate(all="ignore"):
         out = np.abs(np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)) > ABSURD
         clean = np.where(out, np.nan, x)
@@ -258,7 +268,9 @@ def no_measurement(x: np.ndarray, factor: np.ndarray, offset: np.ndarray) -> tup
         sentinel = np.zeros_like(out)
         for value in SENTINELS:
             sentinel |= np.abs(raw - value) < 1e-6 * value
-        gross = away > GROSS * np.maximum(reach, 1e-3)
+        changes = np.abs(np.diff(clean, axis=0))
+        changes = np.nan_to_num(np.where(changes > 0, changes, np.inf).min(axis=0), posinf=0.0)
+        gross = away > np.maximum(GROSS * np.maximum(reach, np.maximum(known, 1e-3)), 12 * changes)
     out = out | (far & sentinel)
     return out, np.column_stack([_short(g, c) for g, c in zip((gross & ~out).T, clean.T)])
 
@@ -276,8 +288,8 @@ def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:
     return out
 
 
-def is_spike(x: np.ndarray, position: bool) -> np.ndarray:
-    """(N,) bool for one signal (N,)."""
+def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
+    """(N,) bool for one signal (N,); known: its range in what came before."""
     none = np.zeros(len(x), bool)
     if len(x) < 20:
         return none
@@ -286,7 +298,7 @@ def is_spike(x: np.ndarray, position: bool) -> np.ndarray:
     reach = 0.0
     if not position:
         low, high = np.percentile(x, [0.5, 99.5])
-        reach = TORQUE_RANGE * (high - low)
+        reach = TORQUE_RANGE * max(high - low, known)
     candidates = off > max(reach, LEAST_SPIKE if position else 0.0)
     if not candidates.any():
         return none

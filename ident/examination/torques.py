@@ -103,7 +103,7 @@ def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: boo
     rows = np.flatnonzero(quick.identify.rows > 10)
     against = [c for c in rows if seen.against(c)]
     speaking = [c for c in rows if seen.speaks_for(c)]
-    if len(rows) < 2 or len(against) < 0.5 * len(rows) or len(speaking) > 0.2 * len(rows):
+    if len(rows) < 2 or speaking or len(against) < max(min(3, len(rows)), 0.55 * len(rows)):
         return None
     flipped = how.times(range(len(how.order)), -1.0)
     names = tuple(signal_of(quick, c, currents) for c in range(len(how.order)))
