@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from ident.errors import IdentError, RecordingError
+from modelgen.errors import shortened
 
 ROWS = 16384  # of one block: a few MB with 30 columns
 HELD = 3_000_000  # numbers of a table kept after the first reading; longer tables are read again each time
@@ -62,7 +63,7 @@ class Table:
 
 def damaged(file: str, error: Exception) -> RecordingError:
     """What a library could not read, as one sentence."""
-    reason = " ".join(str(error).split())[:160] or type(error).__name__
+    reason = shortened(str(error), 160) or type(error).__name__
     kind = Path(file).suffix.lstrip(".").upper() or "a table"
     return RecordingError(
         file, f"cannot be read as {kind}, it looks truncated or damaged ({reason}); copy or export it again"
