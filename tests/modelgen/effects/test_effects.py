@@ -239,8 +239,8 @@ def test_states_integrate_their_own_update(q, size):
     for name, parameter in (("hysteresis", "width"), ("backlash", "travel")):
         e, theta = effect(name), {parameter: size}
         z = e.state.integrate(q, theta, e.state.initial)
-        assert z == pytest.approx(slow(e, q, theta), abs=1e-9)  # 60 steps of rounding in different order
-        assert np.all(np.abs(z) <= 1.0 + 1e-12)
+        assert z == pytest.approx(slow(e, q, theta), abs=1e-8)  # sums of exponentials lose e^12 of the rounding
+        assert np.all(np.abs(z) <= 1.0 + 1e-8)
 
 
 @settings(max_examples=40, deadline=None)
@@ -249,7 +249,7 @@ def test_states_do_not_depend_on_the_rate(q, slower):
     """The same path sampled more finely, as when driven more slowly, ends in the same state."""
     fine = np.interp(np.arange(slower * (len(q) - 1) + 1) / slower, np.arange(len(q)), q)
     for integrate, theta in ((integrate_dahl, {"width": 0.03}), (integrate_play, {"travel": 0.03})):
-        assert integrate(fine, theta)[::slower] == pytest.approx(integrate(q, theta), abs=1e-9)
+        assert integrate(fine, theta)[::slower] == pytest.approx(integrate(q, theta), abs=1e-8)
 
 
 def test_dahl_obeys_its_differential_equation():
