@@ -237,7 +237,7 @@ DEFECTS = (
         lambda c, q, u: each(
             c,
             [p for k in positions(c) for p in (k, "d" + k)],
-            lambda x: x[::-1].copy() if len(x) % 2 else x[::-1].copy(),
+            lambda x: x[::-1].copy(),
         ),
         signals=False,
     ),
@@ -289,7 +289,7 @@ def planted(study: Study, defect: Defect, folder: Path, q: str, tau: str) -> Stu
     return study.with_(folder=str(folder))
 
 
-def clean(count: int) -> None:
+def clean_simulated(count: int) -> None:
     """Simulated recordings without a defect, at rates from 50 Hz to 1 kHz, as stored or coarsely rounded."""
     from ident.simulate import simulate, write_simulation
 
@@ -329,7 +329,7 @@ def main() -> None:
     args = parser.parse_args()
     names, wanted = set(filter(None, args.robots.split(","))), [d for d in args.defects.split(",") if d]
     if args.clean:
-        clean(args.clean)
+        clean_simulated(args.clean)
     right = missed = 0
     extras: list[str] = []
     for robot, study in studies(names):
@@ -340,7 +340,9 @@ def main() -> None:
             print(f"   {check.outcome} {check.check}: {check.sentence[:150]}")
         usual = {(c.check, c.signals) for c in clean}
         label = (
-            "2" if (study.channels or ()) or robot != "franka_friction_j2" and "kinova" not in robot else "1"
+            "2"
+            if (study.channels or ()) or (robot != "franka_friction_j2" and "kinova" not in robot)
+            else "1"
         )
         kind = "tau_l" if study.model == "B" else "i" if study.drive_gains else "tau_m"
         q, tau = f"q{label}", f"{kind}{label}"
