@@ -20,10 +20,10 @@ from ident.equations.build import observe
 from ident.equations.columns import Columns
 from ident.equations.observation import ChannelFactor, RecordingSystem, triangular
 from ident.equations.prepared import prepare_study
-from ident.estimation.fit import estimate_all
 from ident.estimation.least_squares import Estimate
 from ident.estimation.noise import channel_noises, honest_covariance
 from ident.estimation.reduction import reduce
+from ident.estimation.solving import estimate_all
 from ident.recordings.study import load_study
 from ident.signals.decimation import decimate
 from ident.simulate.sensors import Sensors, coloured_noise, noise_level
@@ -118,7 +118,7 @@ def main() -> None:
                 if chosen.model == "D":
                     noise = noise[:, : noise.shape[1] // 2] - noise[:, noise.shape[1] // 2 :]
                 noisy.append(with_noise(system, [decimate(noise, stream.rate_hz, chosen.cutoff).T]))
-            full, _ = estimate_all(noisy, prepared)
+            full, _ = estimate_all(noisy, study, prepared.columns)
             noises = channel_noises(noisy, full)
             share = 1.0
             if not chosen.paper:

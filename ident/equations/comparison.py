@@ -8,19 +8,23 @@ which the fit leaves out, are in both.
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.fft
 
+from ident.equations.attaching import halo_of, motion_of
 from ident.equations.columns import Columns
+from ident.equations.fitted import FittedModel
+from ident.equations.prepared import Prepared
+from ident.equations.terms import Chain, Term
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import ROLES
 from ident.signals.decimation import Decimator, kept_every
-from ident.signals.filtering import FilterBank, FilteredBlock, LowPass, filter_stream, windows
+from ident.signals.filtering import FilteredBlock, LowPass, filter_stream, windows
+from ident.signals.neighbours import by_segment, sliced, wide_blocks
 
 CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off
 CURVE_POINTS = 12000  # of one recording
@@ -116,26 +120,51 @@ def measured_torque(columns: Columns, chi: np.ndarray, block: FilteredBlock) -> 
     return columns.need.torque(motor, block.sensor)
 
 
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """An estimate chi (b,) and the terms at it; `model` is what they read, None without terms."""
+
+    model: FittedModel | None
+    chi: np.ndarray
+    terms: tuple[Term, ...] = ()
+
+    def chain(self) -> Chain | None:
+        """What computes the terms' torques in one pass."""
+        if self.model is None or not self.terms:
+            return None
+        return Chain(replace(self.model, chi=self.chi[: len(self.model.columns.parameters)]), self.terms)
+
+
+def fitted_torques(
+    columns: Columns, stream: RecordingStream, blocks: Iterable[FilteredBlock], fits: Sequence[Fitted]
+) -> Iterator[tuple[FilteredBlock, list[np.ndarray], list[np.ndarray]]]:
+    """Blocks of one stretch with measured and modelled torque (N, channels) by each of the fits."""
+    chains = [fit.chain() for fit in fits]
+    halo = halo_of([term for fit in fits for term in fit.terms], stream.rate_hz)
+    for wide, inner in wide_blocks(blocks, halo):
+        block = wide if inner == slice(0, len(wide.t)) else sliced(wide, inner)
+        motion = motion_of(stream, wide, columns)
+        measured, modelled = [], []
+        for fit, chain in zip(fits, chains):
+            torque = modelled_torque(columns, fit.chi, stream.payload, block)
+            modelled.append(torque if chain is None else torque + chain.torque(motion)[inner])
+            measured.append(measured_torque(columns, fit.chi, block))
+        yield block, measured, modelled
+
+
 def compare_torques(
-    streams: Sequence[RecordingStream],
-    banks: Sequence[FilterBank],
-    columns: Columns,
-    chi: np.ndarray,
-    full_chi: np.ndarray,
-    cutoff_hz: float,
-    order: int = 4,
-    progress: Progress = silent,
+    prepared: Prepared, fit: Fitted, full: Fitted, cutoff_hz: float, progress: Progress = silent
 ) -> FullRate:
-    """One pass over all recordings: chi at both rates, full_chi (all base parameters) at the decimated
-    one."""
+    """One pass over all recordings: a fit at both rates, the full model's at the decimated one."""
+    columns, order = prepared.columns, prepared.study.filter.order
     channels = columns.channels
-    roles: dict[str, str] = {stream.label: stream.role for stream in streams}
+    roles: dict[str, str] = {stream.label: stream.role for stream in prepared.streams}
     at_full_rate, decimated, full_model = (Squares.empty(channels, roles) for _ in range(3))
     n = len(channels)
     curves = []
-    total = sum(stream.survey.rows for stream in streams)
+    total = sum(stream.survey.rows for stream in prepared.streams)
     done = 0
-    for stream, bank in zip(streams, banks):
+    for stream, bank in zip(prepared.streams, prepared.banks):
         stride = max(
             1,
             int(stream.rate_hz / (CURVE_RATE * bank.position.cutoff_hz)),
@@ -143,19 +172,19 @@ def compare_torques(
         )
         kept: list[np.ndarray] = []
         filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)
-        for blocks in by_segment(filter_stream(stream, bank)):
-            fold = Decimator(filter, every, 3 * n)
-            tap = _Tap(stream, columns, chi, full_chi, fold)
+        for _, blocks in by_segment(filter_stream(stream, bank)):
+            tap = _Tap(Decimator(filter, every, 3 * n))
             if kept:
                 kept.append(np.full((1, 1 + 2 * n), np.nan))
-            for k, both in low_pass_blocks(tap.torques(blocks), bank.position):
+            torques = tap.torques(fitted_torques(columns, stream, blocks, (fit, full)))
+            for k, both in low_pass_blocks(torques, bank.position):
                 at_full_rate.add(stream.label, both[:, :n], both[:, n:])
                 t = tap.start + (k + np.arange(len(both))) / stream.rate_hz
                 first = -k % stride
                 kept.append(np.column_stack([t[first::stride], both[first::stride]]))
                 done += len(both)
                 progress("comparing measured and modelled torque", min(done / total, 1.0))
-            for part in (*tap.kept, fold.finish()):
+            for part in (*tap.kept, tap.fold.finish()):
                 decimated.add(stream.label, part[:n].T, part[n : 2 * n].T)
                 full_model.add(stream.label, part[:n].T, part[2 * n :].T)
         rows = np.concatenate(kept) if kept else np.zeros((0, 1 + 2 * n))
@@ -164,38 +193,24 @@ def compare_torques(
 
 
 class _Tap:
-    """Turns the filtered blocks of one segment into torques, and decimates them on the way."""
+    """Decimates the torques of one stretch on their way to the full-rate comparison."""
 
-    def __init__(
-        self,
-        stream: RecordingStream,
-        columns: Columns,
-        chi: np.ndarray,
-        full_chi: np.ndarray,
-        fold: Decimator,
-    ) -> None:
-        self.stream, self.columns, self.chi, self.full_chi, self.fold = stream, columns, chi, full_chi, fold
+    def __init__(self, fold: Decimator) -> None:
+        self.fold = fold
         self.kept: list[np.ndarray] = []
         self.start = 0.0
 
-    def torques(self, blocks: Iterable[FilteredBlock]) -> Iterator[np.ndarray]:
+    def torques(
+        self, found: Iterable[tuple[FilteredBlock, list[np.ndarray], list[np.ndarray]]]
+    ) -> Iterator[np.ndarray]:
         """[measured modelled] (N, 2 channels) of each block."""
-        for number, block in enumerate(blocks):
+        for number, (block, measured, modelled) in enumerate(found):
             if number == 0:
                 self.start = float(block.t[0])
-            measured = measured_torque(self.columns, self.chi, block)
-            modelled = modelled_torque(self.columns, self.chi, self.stream.payload, block)
-            full_model = modelled_torque(self.columns, self.full_chi, self.stream.payload, block)
-            done = self.fold.push(np.hstack([measured, modelled, full_model]).T)
+            done = self.fold.push(np.hstack([measured[0], modelled[0], modelled[1]]).T)
             if done is not None:
                 self.kept.append(done)
-            yield np.hstack([measured, modelled])
-
-
-def by_segment(blocks: Iterator[tuple[int, FilteredBlock]]) -> Iterator[Iterator[FilteredBlock]]:
-    """Group numbered blocks; each group is to be used up before the next."""
-    for _, group in itertools.groupby(blocks, key=lambda item: item[0]):
-        yield (block for _, block in group)
+            yield np.hstack([measured[0], modelled[0]])
 
 
 def low_pass_blocks(blocks: Iterator[np.ndarray], filter: LowPass) -> Iterator[tuple[int, np.ndarray]]:

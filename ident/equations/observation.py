@@ -88,7 +88,7 @@ class RecordingSystem:
         """W_j (m, b) of one segment."""
         mine = self.channel == j
         W = np.zeros((len(segment.t), b))
-        W[:, self.column[mine]] = segment.values[mine].T
+        np.add.at(W.T, self.column[mine], segment.values[mine])
         return W
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.equations.comparison import measured_torque, modelled_torque
+from ident.equations.comparison import Fitted, fitted_torques
 from ident.equations.prepared import Prepared
 from ident.estimation.noise import durbin_watson
 from ident.progress import Progress, silent
@@ -21,6 +21,7 @@ from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study
 from ident.signals.decimation import Decimator, kept_every
 from ident.signals.filtering import LowPass, filter_stream
+from ident.signals.neighbours import by_segment, first_samples
 
 TOLERANCE = 0.15  # of |dw - 2|: below it candidates count as equally good
 CANDIDATES = (0.25, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 20.0, 40.0)  # Hz
@@ -62,9 +63,12 @@ def excerpt_seconds(cutoff_hz: float, channels: int, b: int) -> float:
 
 
 def choose_cutoff(
-    prepared: Prepared, chi: np.ndarray, excerpt_s: float, progress: Progress = silent
+    prepared: Prepared,
+    fitted: Fitted,
+    excerpt_s: float,
+    progress: Progress = silent,
 ) -> tuple[float, tuple[CutoffTrial, ...]]:
-    """Judge every candidate on the residual of chi over an excerpt. -> the choice and all trials."""
+    """Judge every candidate on the residual of a fit over an excerpt. -> the choice and all trials."""
     study = prepared.study
     cutoffs = candidates(prepared.streams, study, len(prepared.columns.parameters))
     sequences: dict[float, list[np.ndarray]] = {cutoff: [] for cutoff in cutoffs}
@@ -72,35 +76,19 @@ def choose_cutoff(
     for stream, bank in zip(prepared.streams, prepared.banks):
         if stream.role != "identify":
             continue
-        folds: dict[float, Decimator] = {}
-        parts: dict[float, list[np.ndarray]] = {}
-
-        def close(folds: dict[float, Decimator], parts: dict[float, list[np.ndarray]]) -> None:
+        blocks = first_samples(filter_stream(stream, bank), int(excerpt_s * stream.rate_hz))
+        for _, its in by_segment(blocks):
+            count = len(prepared.columns.channels)
+            folds = {cutoff: _decimator(cutoff, stream, study, count) for cutoff in cutoffs}
+            parts: dict[float, list[np.ndarray]] = {cutoff: [] for cutoff in cutoffs}
+            for block, measured, modelled in fitted_torques(prepared.columns, stream, its, (fitted,)):
+                rho = (measured[0] - modelled[0]) * block.certain[:, prepared.columns.joint_of]
+                for cutoff, fold in folds.items():
+                    done = fold.push(np.ascontiguousarray(rho.T))
+                    if done is not None:
+                        parts[cutoff].append(done)
             for cutoff, fold in folds.items():
                 sequences[cutoff].append(np.hstack([*parts[cutoff], fold.finish()]))
-
-        current, samples = -1, 0
-        for index, block in filter_stream(stream, bank):
-            if index != current:
-                close(folds, parts)
-                folds = {
-                    cutoff: _decimator(cutoff, stream, study, len(prepared.columns.channels))
-                    for cutoff in cutoffs
-                }
-                parts = {cutoff: [] for cutoff in cutoffs}
-                current = index
-            rho = measured_torque(prepared.columns, chi, block) - modelled_torque(
-                prepared.columns, chi, stream.payload, block
-            )
-            rho *= block.certain[:, prepared.columns.joint_of]
-            for cutoff, fold in folds.items():
-                done = fold.push(np.ascontiguousarray(rho.T))
-                if done is not None:
-                    parts[cutoff].append(done)
-            samples += len(block.t)
-            if samples >= excerpt_s * stream.rate_hz:
-                break
-        close(folds, parts)
     trials = tuple(_trial(cutoff, sequences[cutoff]) for cutoff in cutoffs)
     fair = [trial for trial in trials if 1 <= trial.durbin_watson <= 3] or list(trials)
     best = min(abs(trial.durbin_watson - 2) for trial in fair)

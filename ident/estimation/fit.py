@@ -10,29 +10,28 @@ excerpt before.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.special
 
 from ident.equations.build import build
 from ident.equations.columns import Columns
-from ident.equations.comparison import FullRate, compare_torques
-from ident.equations.observation import ChannelFactor, RecordingSystem, stack
+from ident.equations.comparison import Fitted, FullRate, compare_torques
+from ident.equations.fitted import FittedModel
+from ident.equations.observation import RecordingSystem
 from ident.equations.prepared import Prepared, prepare_study
-from ident.equations.suspicions import BAD_PERCENT, suspected_mix_ups
-from ident.errors import FitFailedError, RecordingError, StudyError
+from ident.equations.terms import Term
+from ident.errors import RecordingError, StudyError
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
-from ident.estimation.gains import estimate_with_gains
-from ident.estimation.least_squares import (
-    Estimate,
-    bounded,
-    channel_sigma,
-    huber_factors,
-    weighted_least_squares,
-)
+from ident.estimation.least_squares import Estimate, bounded
 from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson, honest_covariance
 from ident.estimation.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
+from ident.estimation.remarks import excitation_warnings, implausible, impossible, payload_notes
+from ident.estimation.shapes import Extended, extend
+from ident.estimation.solving import estimate_all
+from ident.examination.check import Check, worst_first
+from ident.examination.examine import examine_fit, examine_tables, sentences
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study
@@ -66,7 +65,16 @@ class FitResult:
     normalised: np.ndarray
     errors: FullRate
     notes: tuple[str, ...]
-    warnings: tuple[str, ...]
+    checks: tuple[Check, ...]  # what was found in the data, worst first
+    terms: tuple[Term, ...] = ()  # the study's effects at `estimate`
+    at_bound: tuple[str, ...] = ()  # parameters that their search stopped at
+    impossible: dict[str, str] = field(default_factory=dict)  # {parameter: why physics forbids its value}
+    model: FittedModel | None = None  # what the effects read; None without effects
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """The checks that only warn, as sentences."""
+        return tuple(check.sentence for check in self.checks if check.outcome == "warned")
 
     @property
     def std(self) -> np.ndarray:
@@ -110,7 +118,7 @@ def _with_gains_of_c(study: Study, progress: Progress) -> FitResult:
     """Model A with unknown drive gains: motor signals have no scale of their own, joint torque sensors give
     it."""
     try:
-        gains = drive_gains(_fit(study.with_(model="C"), progress))
+        gains = drive_gains(_fit(study.with_(model="C", channels=None, effects=()), progress))
     except RecordingError as error:
         raise StudyError(
             str(study.file),
@@ -131,51 +139,26 @@ def drive_gains(result: FitResult) -> list[float]:
 
 def _fit(study: Study, progress: Progress) -> FitResult:
     prepared = prepare_study(study, progress)
+    progress("examining the recordings")
+    checks = examine_fit(prepared)
     trials: tuple[CutoffTrial, ...] = ()
+    begin: tuple[Term, ...] | None
     if study.filter.decimation_cutoff_hz == "auto":
         columns = prepared.columns
         first = first_cutoff(prepared.streams, study, len(columns.parameters))
         seconds = excerpt_seconds(first, len(columns.channels), len(columns.parameters))
         progress("choosing the decimation cut-off")
         excerpts = build(prepared, first, roles=("identify",), excerpt_s=seconds)
-        guess, _ = estimate_all(excerpts, prepared)
-        cutoff, trials = choose_cutoff(prepared, guess.chi, seconds, progress)
+        guess = extend(prepared, excerpts, first, progress, rough=True)
+        estimate, _ = estimate_all(guess.systems, study, guess.columns, guess.allowed, guess.held)
+        begin = guess.terms
+        cutoff, trials = choose_cutoff(
+            prepared, Fitted(guess.model, estimate.chi, guess.at(estimate.chi)), seconds, progress
+        )
     else:
-        cutoff = study.filter.decimation_cutoff_hz
+        begin, cutoff = None, study.filter.decimation_cutoff_hz
     systems = build(prepared, cutoff, progress=progress)
-    return fit_systems(prepared, systems, cutoff, trials, progress)
-
-
-def estimate_all(
-    systems: Sequence[RecordingSystem], prepared: Prepared
-) -> tuple[Estimate, tuple[ChannelFactor, ...]]:
-    """WLS of all base parameters on the identify recordings, with the study's options. -> estimate, factors
-    used."""
-    study, names = prepared.study, prepared.columns.parameters
-    factors = stack(systems)
-    if prepared.columns.gain_columns:
-        return estimate_with_gains(factors, prepared.columns), factors
-    sigma = channel_sigma(factors)
-    estimate = weighted_least_squares(factors, sigma, names)
-    if study.robust == "huber":
-        for _ in range(30):
-            before = estimate.chi
-            weighted, _ = huber_factors(systems, sigma, before)
-            sigma = _robust_sigma(systems, before)
-            estimate = weighted_least_squares(weighted, sigma, names)
-            if np.all(np.abs(estimate.chi - before) <= 1e-3 * np.maximum(estimate.std, 1e-12)):
-                break
-        factors, _ = huber_factors(systems, sigma, estimate.chi)
-        estimate = weighted_least_squares(factors, sigma, names)
-    if not estimate.active.any():
-        raise FitFailedError("no parameter is excited by the identify recordings; record the robot moving")
-    return estimate, factors
-
-
-def _robust_sigma(systems: Sequence[RecordingSystem], chi: np.ndarray) -> np.ndarray:
-    """sigma_j from the median of |rho| (1.4826 MAD), which outliers do not move."""
-    rho = np.hstack([part for system in systems for part in system.residuals(chi)])
-    return np.maximum(1.4826 * np.median(np.abs(rho), axis=1), 1e-9)
+    return fit_systems(prepared, systems, cutoff, trials, progress, begin, checks)
 
 
 def fit_systems(
@@ -184,12 +167,17 @@ def fit_systems(
     cutoff_hz: float,
     trials: tuple[CutoffTrial, ...] = (),
     progress: Progress = silent,
+    begin: Sequence[Term] | None = None,
+    checks: Sequence[Check] = (),
 ) -> FitResult:
-    """Estimate, reduce, test and compare, from factors at one cut-off."""
-    study, columns = prepared.study, prepared.columns
+    """Estimate, reduce, test and compare, from equations at one cut-off; `begin`: terms to begin with,
+    `checks`: what a quick fit showed (examine_fit)."""
+    study = prepared.study
+    extended = extend(prepared, systems, cutoff_hz, progress, begin)
+    columns, systems = extended.columns, extended.systems
     fitted = [system for system in systems if system.role == "identify"]
     progress("least squares")
-    full, _ = estimate_all(fitted, prepared)
+    full, _ = estimate_all(fitted, study, columns, extended.allowed, extended.held)
     noises = channel_noises(fitted, full)
     full_covariance = honest_covariance(fitted, full, noises)
     share = min(1.0, sum(noise.effective_rows for noise in noises) / full.rows)
@@ -198,32 +186,27 @@ def fit_systems(
     normality = kolmogorov_smirnov(
         np.concatenate([rho[count] for rho, count in zip(normalised, used)]), share
     )
-    reduction = _reduction(study, columns, full, share)
+    reduction = _reduction(study, extended, full, share)
     estimate, at_bound = (
         bounded(reduction.estimate) if study.bounds == "physical" else (reduction.estimate, ())
     )
     covariance = honest_covariance(fitted, estimate, channel_noises(fitted, estimate))
     normalised = _normalised(fitted, estimate)
-    notes = [*study.remarks, *(note for stream in prepared.streams for note in stream.notes)]
-    warnings = [warning for stream in prepared.streams for warning in stream.warnings]
-    warnings += _excitation_warnings(full, fitted)
+    terms = extended.at(estimate.chi)
+    std = np.sqrt(np.diag(full_covariance))
+    notes = [*study.remarks, *extended.notes, *(note for stream in prepared.streams for note in stream.notes)]
+    found = [*examine_tables(prepared), *checks]
+    found += sentences("poor_excitation", excitation_warnings(full, fitted))
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]
-    notes += _payload_notes(study, estimate, covariance)
+    notes += payload_notes(study, estimate, covariance)
     compared = compare_torques(
-        prepared.streams,
-        prepared.banks,
-        columns,
-        estimate.chi,
-        full.chi,
+        prepared,
+        Fitted(extended.model, estimate.chi, terms),
+        Fitted(extended.model, full.chi, extended.at(full.chi)),
         cutoff_hz,
-        study.filter.order,
         progress,
     )
-    worst = max(compared.decimated.by_role()["identify"].values())
-    if worst > BAD_PERCENT:
-        progress("asking why the fit is bad")
-        warnings += suspected_mix_ups(prepared.streams, prepared.banks, columns)
-    warnings += _implausible(estimate)
+    found += sentences("torque_scale", implausible(estimate))
     progress("done", 1.0)
     return FitResult(
         study,
@@ -243,90 +226,26 @@ def fit_systems(
         np.concatenate([rho[count] for rho, count in zip(normalised, used)]),
         compared,
         tuple(notes),
-        tuple(warnings),
+        worst_first(found),
+        terms,
+        extended.at_bound,
+        impossible(estimate, std, terms),
+        extended.model,
     )
 
 
-def _reduction(study: Study, columns: Columns, full: Estimate, share: float) -> Reduction:
+def _reduction(study: Study, extended: Extended, full: Estimate, share: float) -> Reduction:
     if not study.reduction:
         return Reduction(full, full, (), study.reduction_alpha)
+    columns, groups = extended.columns, extended.groups()
     keep = frozenset(columns.parameters[k] for k in columns.gain_columns.values())
-    return reduce(full, study.reduction_alpha, share if study.effective_rows else 1.0, keep)
+    share = share if study.effective_rows else 1.0
+    return reduce(full, study.reduction_alpha, share, keep, groups)
 
 
 def _normalised(systems: Sequence[RecordingSystem], estimate: Estimate) -> list[np.ndarray]:
     """Residuals over sigma_j (eq. 14), (channels, m) for each segment."""
     return [rho / estimate.sigma[:, None] for system in systems for rho in system.residuals(estimate.chi)]
-
-
-def _excitation_warnings(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:
-    """Which parameters the motion leaves open, in words."""
-    out = [
-        f"{dependence.sentence()}; the identify recordings cannot tell them apart"
-        if dependence.seen_in
-        else f"{dependence.sentence()} by the identify recordings"
-        for dependence in full.dependent
-    ]
-    if full.weak:
-        out.append(
-            f"the motion hardly excites {', '.join(full.weak)} "
-            f"(condition number {full.condition_number:.3g}); "
-            "add motions that move those joints faster and at other postures"
-        )
-    if len(systems) > 1:
-        out += _blind_runs(full, systems)
-    return out
-
-
-def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:
-    """Recordings whose motion leaves a parameter out that another one excites."""
-    b = len(full.chi)
-    lengths = np.zeros((len(systems), b))
-    carried = np.zeros((len(systems), b), bool)
-    for k, system in enumerate(systems):
-        for factor, sigma in zip(system.factors, full.sigma):
-            lengths[k, factor.columns] += np.sum((factor.R[:, :-1] / sigma) ** 2, axis=0) / max(
-                factor.rows, 1
-            )
-            carried[k, factor.columns] = True
-    best = lengths.max(axis=0)
-    out = []
-    for k, system in enumerate(systems):
-        blind = [full.parameters[i] for i in np.flatnonzero(carried[k] & (lengths[k] < 1e-4 * best))]
-        if blind:
-            out.append(
-                f"{system.label} does not excite {', '.join(blind[:8])}{' ...' if len(blind) > 8 else ''}"
-            )
-    return out
-
-
-def _implausible(estimate: Estimate) -> list[str]:
-    """Masses of tonnes and friction of kilonewton metres: torque is in N mm, or in drive units."""
-    heavy = [
-        name
-        for name, value in zip(estimate.parameters, estimate.chi)
-        if abs(value) > 5e4 or (name[0] == "M" and name[1:2] not in "XYZ" and abs(value) > 2e3)
-    ]
-    if not heavy:
-        return []
-    return [
-        f"parameters such as {heavy[0]} come out larger than robots are; "
-        "torque looks recorded in N mm or in drive "
-        "units, if so give scale: 0.001 or drive_gains in the study"
-    ]
-
-
-def _payload_notes(study: Study, estimate: Estimate, covariance: np.ndarray) -> list[str]:
-    out = []
-    for label, mass in study.payload_mass.items():
-        name = f"M{label}"
-        if name in estimate.parameters and estimate.active[estimate.parameters.index(name)]:
-            k = estimate.parameters.index(name)
-            out.append(
-                f"{name} identified as {estimate.chi[k]:.4g} kg (std {np.sqrt(covariance[k, k]):.2g}), "
-                f"weighed {mass:g} kg, difference {100 * (estimate.chi[k] / mass - 1):+.2g} %"
-            )
-    return out
 
 
 def interval_factor(free: float, level: float = 0.95) -> float:

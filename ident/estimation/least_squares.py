@@ -20,6 +20,7 @@ import scipy.linalg
 
 from ident.equations.observation import ChannelFactor, RecordingSystem, triangular
 from ident.errors import NotEnoughDataError
+from modelgen.geometry.names import ParameterName
 
 DEPENDENT = 1e-8  # of the longest pivot (scaled columns): below it a column is a combination of others
 WEAK = 1e-4  # singular value, relative: this combination is hardly excited
@@ -42,8 +43,8 @@ class Dependence:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """chi (b,) with zeros for what is not `active`; covariance (b, b) as eq. 15; R factor of the active
-    columns."""
+    """chi (b,), covariance (b, b) as eq. 15. What is not `active` has the value that it is held at: zero, or
+    for the shape of an effect the point about which its columns were made (terms.py)."""
 
     parameters: tuple[str, ...]
     chi: np.ndarray
@@ -56,6 +57,7 @@ class Estimate:
     condition_number: float
     dependent: tuple[Dependence, ...] = ()
     weak: tuple[str, ...] = ()
+    held: np.ndarray | None = None  # (b,); None: zeros
 
     @property
     def std(self) -> np.ndarray:
@@ -133,15 +135,19 @@ def weighted_factor(factors: Sequence[ChannelFactor], sigma: np.ndarray, b: int)
     return triangular(np.vstack(rows))
 
 
-def solve(R: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Least squares on the active columns of a factor -> chi (b,), covariance (b, b) of unit noise, rss."""
+def solve(
+    R: np.ndarray, active: np.ndarray, held: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least squares on the active columns of a factor, the others at `held` (zero) -> chi (b,), covariance
+    (b, b) of unit noise, rss."""
     columns = np.flatnonzero(active)
     scale = np.linalg.norm(R[:, columns], axis=0)
     scale[scale == 0] = 1.0
-    part = triangular(np.column_stack([R[:, columns] / scale, R[:, -1]]))
+    chi = np.zeros(len(active)) if held is None else np.where(active, 0.0, held)
+    right = R[:, -1] - R[:, :-1] @ chi
+    part = triangular(np.column_stack([R[:, columns] / scale, right]))
     k = len(columns)
     inverse = scipy.linalg.solve_triangular(part[:k, :k], np.eye(k)) / scale[:, None]
-    chi = np.zeros(len(active))
     chi[columns] = inverse @ part[:k, -1]
     covariance = np.zeros((len(active), len(active)))
     covariance[np.ix_(columns, columns)] = inverse @ inverse.T
@@ -153,9 +159,10 @@ def weighted_least_squares(
     sigma: np.ndarray,
     names: tuple[str, ...],
     allowed: np.ndarray | None = None,
+    held: np.ndarray | None = None,
 ) -> Estimate:
     """Solve Y = W chi + rho with every row divided by its channel's noise (eq. 13), what is dependent left
-    out."""
+    out; what is not allowed, or left out, is at `held`."""
     b = len(names)
     R = weighted_factor(factors, sigma, b)
     rows = sum(factor.rows for factor in factors)
@@ -166,14 +173,14 @@ def weighted_least_squares(
             "or raise decimation_cutoff_hz"
         )
     active, dependent = _independent(R[:, :b], names, allowed)
-    chi, covariance, rss = solve(R, active)
+    chi, covariance, rss = solve(R, active, held)
     condition, weak = _conditioning(R[:, :b][:, active], tuple(np.array(names)[active]))
-    return Estimate(names, chi, covariance, active, sigma, R, rss, rows, condition, dependent, weak)
+    return Estimate(names, chi, covariance, active, sigma, R, rss, rows, condition, dependent, weak, held)
 
 
 def restrict(estimate: Estimate, active: np.ndarray) -> Estimate:
     """The same equations with fewer parameters."""
-    chi, covariance, rss = solve(estimate.R, active)
+    chi, covariance, rss = solve(estimate.R, active, estimate.held)
     names = tuple(np.array(estimate.parameters)[active])
     condition, weak = _conditioning(estimate.R[:, :-1][:, active], names)
     return Estimate(
@@ -188,6 +195,7 @@ def restrict(estimate: Estimate, active: np.ndarray) -> Estimate:
         condition,
         estimate.dependent,
         weak,
+        estimate.held,
     )
 
 
@@ -254,7 +262,8 @@ def bounded(estimate: Estimate) -> tuple[Estimate, tuple[str, ...]]:
     if not (estimate.chi[columns] < lower).any():
         return estimate, ()
     R, scale = estimate.R[:, columns], np.linalg.norm(estimate.R[:, columns], axis=0)
-    found = lsq_linear(R / scale, estimate.R[:, -1], bounds=(lower * 1.0, np.inf), method="bvls", tol=1e-12)
+    right = estimate.R[:, -1] - estimate.R[:, :-1] @ np.where(estimate.active, 0.0, estimate.chi)
+    found = lsq_linear(R / scale, right, bounds=(lower * 1.0, np.inf), method="bvls", tol=1e-12)
     held = (found.x / scale <= lower + 1e-12) & np.isfinite(lower)
     active = estimate.active.copy()
     active[columns[held]] = False
@@ -263,9 +272,11 @@ def bounded(estimate: Estimate) -> tuple[Estimate, tuple[str, ...]]:
 
 def not_negative(name: str) -> bool:
     """Whether physics forbids a negative value: rotor inertia, friction, mass (regrouped friction too)."""
-    return name.startswith(("Iam", "Iac", "Ial", "Fv", "Fc")) or (
-        name[0] == "M" and name[1:2] not in ("X", "Y", "Z") and not name.endswith("R")
-    )
+    its = ParameterName.of(name)
+    return its is not None and (its.kind in _DRIVES or (its.kind == "M" and not its.regrouped))
+
+
+_DRIVES = ("Iam", "Iac", "Ial", "Fvm", "Fvl", "Fvc", "Fcm", "Fcl", "Fcc")
 
 
 def huber_factors(
@@ -280,12 +291,13 @@ def huber_factors(
         stacked, rows = np.zeros((0, len(columns) + 1)), 0
         for system in systems:
             for segment in system.segments:
-                W = system.dense(segment, j, len(chi))
-                rho = np.abs(segment.Y[j] - W @ chi) / sigma[j]
+                used = segment.used[j]
+                W, Y = system.dense(segment, j, len(chi))[used], segment.Y[j, used]
+                rho = np.abs(Y - W @ chi) / sigma[j]
                 weight = np.minimum(1.0, HUBER / np.maximum(rho, 1e-300))
                 down += int((weight < 1).sum())
                 rows += len(rho)
-                wide = np.column_stack([W[:, columns], segment.Y[j]]) * np.sqrt(weight)[:, None]
+                wide = np.column_stack([W[:, columns], Y]) * np.sqrt(weight)[:, None]
                 stacked = triangular(np.vstack([stacked, wide]))
         out.append(ChannelFactor(columns, stacked, rows))
     return tuple(out), down

@@ -12,6 +12,7 @@ Decimated rows can stay correlated: F is scaled by r_eff / r and F_d read at r_e
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,7 +48,7 @@ class FTest:
 
 @dataclass(frozen=True, slots=True)
 class NormalityTest:
-    """Kolmogorov-Smirnov; null hypothesis: normalised residuals are N(0, 1)."""
+    """Kolmogorov-Smirnov; null hypothesis: normalised residuals are normal."""
 
     statistic: float
     p_value: float
@@ -69,9 +70,17 @@ class Reduction:
 
 
 def reduce(
-    full: Estimate, alpha: float = 0.05, effective_share: float = 1.0, keep: frozenset[str] = frozenset()
+    full: Estimate,
+    alpha: float = 0.05,
+    effective_share: float = 1.0,
+    keep: frozenset[str] = frozenset(),
+    groups: Sequence[tuple[frozenset[str], frozenset[str]]] = (),
 ) -> Reduction:
-    """Cancel parameters until the F-test refuses. effective_share = r_eff / r; `keep` are never cancelled."""
+    """Cancel parameters until the F-test refuses. effective_share = r_eff / r; `keep` are never cancelled.
+
+    groups: sizes and shapes of an effect; its shapes are never cancelled alone and go with its last size.
+    """
+    keep = keep.union(*(shapes for _, shapes in groups))
     steps: list[FTest] = []
     estimate = full
     rows = full.rows * effective_share
@@ -82,34 +91,85 @@ def reduce(
         worst = int(np.argmax(relative))
         if relative[worst] < 0:
             break
+        active = estimate.active.copy()
+        active[[worst, *_following(estimate, worst, groups)]] = False
         free = max(rows - estimate.b, 1.0)
         spread = estimate.rss / max(estimate.rows - estimate.b, 1)
-        statistic = estimate.chi[worst] ** 2 / (estimate.covariance[worst, worst] * spread) * effective_share
+        count = estimate.b - int(active.sum())
+        without = restrict(estimate, active) if count > 1 else None
+        grown = (
+            estimate.chi[worst] ** 2 / estimate.covariance[worst, worst]
+            if without is None
+            else without.rss - estimate.rss
+        )
         step = FTest(
             estimate.parameters[worst],
-            float(statistic),
-            1,
+            float(grown / count / spread * effective_share),
+            count,
             free,
-            float(scipy.special.fdtri(1, free, 1 - alpha)),
+            float(scipy.special.fdtri(count, free, 1 - alpha)),
         )
         steps.append(step)
         if not step.accepted:
             break
-        active = estimate.active.copy()
-        active[worst] = False
-        estimate = restrict(estimate, active)
+        estimate = without or restrict(estimate, active)
     return Reduction(full, estimate, tuple(steps), alpha)
 
 
+def _following(
+    estimate: Estimate, worst: int, groups: Sequence[tuple[frozenset[str], frozenset[str]]]
+) -> list[int]:
+    """Shapes that lose their meaning when the size `worst` goes."""
+    names = np.array(estimate.parameters)
+    for sizes, shapes in groups:
+        left = sizes & set(names[estimate.active])
+        if left == {names[worst]}:
+            return [int(k) for k in np.flatnonzero(estimate.active) if names[k] in shapes]
+    return []
+
+
 def kolmogorov_smirnov(normalised: np.ndarray, effective_share: float = 1.0) -> NormalityTest:
-    """Distance of the residuals' distribution from N(0, 1); p by Kolmogorov's limit with Stephens'
-    correction."""
+    """Distance of the residuals' distribution from the normal one with their own mean and deviation.
+
+    Both are estimated, so Kolmogorov's own distribution would find any residual normal; p is Lilliefors' (J.
+    Am. Stat. Assoc. 62, 1967) by the approximations of Dallal and Wilkinson (Am. Stat. 40, 1986; p < 0.1)
+    and Stephens (J. Am. Stat. Assoc. 69, 1974).
+    """
     x = np.sort(np.ravel(normalised))
     n = len(x)
-    cdf = scipy.special.ndtr(x)
+    spread = float(np.std(x, ddof=1)) if n > 1 else 0.0
+    if n < 5 or spread == 0:
+        return NormalityTest(0.0, 1.0, n * effective_share)
+    cdf = scipy.special.ndtr((x - x.mean()) / spread)
     distance = float(max(np.max(np.arange(1, n + 1) / n - cdf), np.max(cdf - np.arange(n) / n)))
     rows = n * effective_share
-    root = np.sqrt(rows)
-    return NormalityTest(
-        distance, float(scipy.special.kolmogorov((root + 0.12 + 0.11 / root) * distance)), rows
+    return NormalityTest(distance, lilliefors(distance, max(rows, 5.0)), rows)
+
+
+def lilliefors(distance: float, rows: float) -> float:
+    """p-value of a distance from the normal distribution whose two parameters were estimated."""
+    D, n = (distance * (rows / 100) ** 0.49, 100.0) if rows > 100 else (distance, rows)
+    p = float(
+        np.exp(
+            -7.01256 * D**2 * (n + 2.78019)
+            + 2.99587 * D * np.sqrt(n + 2.78019)
+            - 0.122119
+            + 0.974598 / np.sqrt(n)
+            + 1.67997 / n
+        )
     )
+    if p <= 0.1:
+        return p
+    K = (np.sqrt(rows) - 0.01 + 0.85 / np.sqrt(rows)) * distance
+    for end, polynomial in _STEPHENS:
+        if end >= K:
+            return float(np.clip(np.polynomial.polynomial.polyval(K, polynomial), 0.0, 1.0))
+    return 0.0
+
+
+_STEPHENS = (  # of K up to the first number
+    (0.302, (1.0,)),
+    (0.5, (2.76773, -19.828315, 80.709644, -138.55152, 81.218052)),
+    (0.9, (-4.901232, 40.662806, -97.490286, 94.029866, -32.355711)),
+    (1.31, (6.198765, -19.558097, 23.186922, -12.234627, 2.423045)),
+)

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ident.estimation.fit import FitResult, interval_factor
+from ident.estimation.found_effects import found_effects
 from ident.examination.check import Check, worst_first
 from ident.export.saved import keep
 
@@ -33,9 +34,10 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "checks": [check.document() for check in checks_of(result)],
         "robot": columns.model.robot_name,
         "model": result.study.model,
-        "base_parameters": len(columns.parameters),
+        "base_parameters": len(columns.parameters) - sum(len(term.names) for term in result.terms),
         "essential_parameters": estimate.b,
         "parameters": _parameters(result, interval_factor(free)),
+        "effects": [found.document() for found in found_effects(result)],
         "relative_error_percent": result.relative_error,
         "full_rate_error_percent": result.full_rate_error,
         "relative_error_full_model_percent": result.errors.decimated_full_model.by_role(),

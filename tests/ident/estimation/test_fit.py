@@ -339,6 +339,7 @@ def test_document_follows_the_contract(tmp_path, reference, table):
     assert json.loads((tmp_path / "out" / "fit.json").read_text())["robot"] == "kuka_lwr4p"
     assert {path.name for path in (tmp_path / "out").iterdir()} == {
         "fit.json",
+        "fit.npz",
         "parameters.csv",
         "errors.csv",
         "reduction.csv",

@@ -1,12 +1,15 @@
 """WLS, covariance, F-statistics, normality and Durbin-Watson against statsmodels and scipy on the same
 rows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.stats
 import statsmodels.api as sm
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from statsmodels.stats.diagnostic import lilliefors as statsmodels_lilliefors
 from statsmodels.stats.stattools import durbin_watson as sm_durbin_watson
 
 from ident.equations.observation import ChannelFactor, DecimatedSegment, RecordingSystem, stack, triangular
@@ -26,6 +29,7 @@ from ident.estimation.noise import (
     honest_covariance,
 )
 from ident.estimation.reduction import kolmogorov_smirnov, reduce
+from ident.estimation.solving import robust_sigma
 
 B, CHANNELS = 9, 3
 NAMES = tuple(f"p{k}" for k in range(B))
@@ -108,11 +112,35 @@ def test_threshold_of_many_rows_is_the_papers():
     assert scipy.stats.f.ppf(0.95, 1, 1e6) == pytest.approx(3.85, abs=0.01)
 
 
-def test_kolmogorov_smirnov_is_that_of_scipy():
-    x = np.random.default_rng(0).normal(size=900) * 1.05
-    ours, plain = kolmogorov_smirnov(x), scipy.stats.kstest(x, "norm")
-    assert ours.statistic == pytest.approx(plain.statistic, rel=1e-12)
-    assert ours.p_value == pytest.approx(plain.pvalue, rel=0.05)  # limit law against the exact one
+@pytest.mark.parametrize("heavy", [0.0, 0.4, 1.0])
+def test_normality_is_lilliefors_of_statsmodels(heavy):
+    rng = np.random.default_rng(3)
+    x = (rng.normal(size=600) + heavy * rng.laplace(size=600)) * 1.7 + 0.2
+    ours, (distance, p) = kolmogorov_smirnov(x), statsmodels_lilliefors(x, pvalmethod="table")
+    assert ours.statistic == pytest.approx(distance, rel=1e-9)
+    assert abs(np.log(max(ours.p_value, 1e-3) / max(p, 1e-3))) < 0.7  # both are approximations
+
+
+def test_normality_holds_its_rate():
+    """With parameters estimated the p-value is uniform: Kolmogorov's own refuses next to nothing."""
+    rng = np.random.default_rng(4)
+    p = np.array([kolmogorov_smirnov(rng.normal(2.0, 3.0, 80)).p_value for _ in range(2000)])
+    assert abs(np.mean(p < 0.05) - 0.05) < 0.015 and abs(np.mean(p < 0.5) - 0.5) < 0.05
+
+
+def test_resting_rows_do_not_enter_the_robust_sigma():
+    """A joint that rests most of the time: its noise is that of the rows that count."""
+    rng = np.random.default_rng(0)
+    W, Y = rows(1)
+    Y = W @ np.ones(B) + rng.normal(size=Y.shape)
+    part = system(W, Y)
+    weight = part.segments[0].weight.copy()
+    weight[0, 20:] = 0.0
+    values = part.segments[0].values * (weight[part.channel] > 0)
+    rest = replace(part.segments[0], weight=weight, Y=part.segments[0].Y * (weight > 0), values=values)
+    sigma = robust_sigma([replace(part, segments=(rest,))], np.ones(B))
+    rho = (Y - W @ np.ones(B))[0, :20]
+    assert sigma[0] == pytest.approx(1.4826 * np.median(np.abs(rho)), rel=1e-9)
 
 
 def test_durbin_watson_is_that_of_statsmodels():

@@ -1,0 +1,96 @@
+"""What a fit says of a study's effects: their reported parameters with standard deviations, as values."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.equations.placing import study_with
+from ident.equations.terms import Term
+from ident.estimation.fit import FitResult
+
+
+@dataclass(frozen=True, slots=True)
+class FoundParameter:
+    """One reported parameter; std None where the search stopped at a bound or the value was given."""
+
+    value: float
+    std: float | None
+    unit: str
+    at_bound: bool
+    given: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class FoundEffect:
+    """One effect of the study as the fit has it. essential: the F-test kept it."""
+
+    term: Term
+    joint: int | None  # as the robot file numbers it
+    source_joint: int | None
+    essential: bool
+    parameters: dict[str, FoundParameter]
+    impossible: str | None
+
+    def document(self) -> dict[str, Any]:
+        """As fit.json has it."""
+        place = self.term.place
+        where = {"side": place.side, "recording": place.recording, "from": place.start, "to": place.stop}
+        return {
+            "effect": self.term.effect.name,
+            "label": self.term.label,
+            "joint": self.joint,
+            "source_joint": self.source_joint,
+            **where,
+            "essential": self.essential,
+            "parameters": {name: asdict(its) for name, its in self.parameters.items()},
+            "impossible": self.impossible,
+        }
+
+
+def found_effects(result: FitResult) -> tuple[FoundEffect, ...]:
+    """Every effect of a fit, in the order of the study."""
+    return tuple(_found(result, term) for term in result.terms)
+
+
+def extended_study(result: FitResult) -> dict[str, Any]:
+    """The study's keys with its effects where the fit has them: what extended_study.yaml holds."""
+    return study_with(result.study, result.terms, result.columns.need.joints)
+
+
+def _found(result: FitResult, term: Term) -> FoundEffect:
+    columns, effect = result.columns, term.effect
+    place = {name: k for k, name in enumerate(columns.parameters)}
+    own = dict(zip((*term.unknown, *term.free), (place[name] for name in term.names)))
+    inner = [n for n in effect.linear_names if n in term.linear] + list(effect.nonlinear_names)
+    at_bound = {n for n, k in own.items() if columns.parameters[k] in result.at_bound}
+    covariance = np.zeros((len(inner), len(inner)))
+    free = [i for i, name in enumerate(inner) if name in own]
+    at = [own[inner[i]] for i in free]
+    covariance[np.ix_(free, free)] = result.full_covariance[np.ix_(at, at)]
+    values = {**dict(zip(term.linear, term.size)), **term.theta}
+    context = {} if result.model is None else effect.context_of(term.place, result.model)
+    told = effect.report(values, covariance, context, term.place)
+    joints = columns.need.joints
+    joint, source = (None if j is None else joints[j] for j in (term.place.joint, term.place.source))
+    sizes = [own[name] for name in term.unknown]
+    reasons = [result.impossible[name] for name in term.names if name in result.impossible]
+    return FoundEffect(
+        term,
+        joint,
+        source,
+        bool(not sizes or result.estimate.active[sizes].any()),
+        {
+            name: FoundParameter(
+                float(its["value"]),
+                float(its["std"]) if float(its["std"]) > 0 and name not in at_bound else None,
+                str(its["unit"]),
+                name in at_bound,
+                name in inner and name not in own,
+            )
+            for name, its in told.items()
+        },
+        reasons[0] if reasons else None,
+    )

@@ -1,0 +1,233 @@
+"""The parameters inside a study's effects: starts screened, then Gauss and Newton with bounds, all at once.
+
+At every point the equations are linear in the rigid parameters, the sizes and the steps of the shapes
+(terms.py), so one weighted least squares gives all of them: variable projection in the form of Golub and
+Pereyra (Inverse Problems 19, 2003). A step that does not lower the loss is halved; a shape that a step takes
+to its bound stays there while the loss would fall beyond. Where an effect reads the model (a load, a delayed
+torque) its columns follow the estimate until both stand still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.equations.attaching import Streams, attach, attach_fine
+from ident.equations.columns import Columns
+from ident.equations.fine import FineSegment
+from ident.equations.fitted import FittedModel
+from ident.equations.observation import RecordingSystem
+from ident.equations.placing import layout_of, terms_of
+from ident.equations.prepared import Prepared
+from ident.equations.terms import Term, plain, with_terms
+from ident.errors import StudyError
+from ident.estimation.least_squares import Estimate, solve, weighted_factor
+from ident.estimation.solving import estimate_all
+from ident.estimation.starts import fine_signals, started
+from ident.progress import Progress, silent
+
+TURNS = 40
+STILL = 1e-3  # of a standard deviation: a step below it is none
+HELD = 1_500_000  # samples of the identify recordings that are held, strided, while searching
+WORTH = 1e-4  # of weighted squares that a step must gain: a hundredth of a standard deviation
+IDLE = 2  # turns without gain that a search goes on where effects read the model
+HALVINGS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Extended:
+    """A study's effects at the point found, and the equations about it.
+
+    columns: with the terms' parameters; held (b,): where a parameter stands that is not in a fit; at_bound:
+    names of shapes that the search stopped at.
+    """
+
+    terms: tuple[Term, ...]
+    columns: Columns
+    model: FittedModel | None
+    systems: tuple[RecordingSystem, ...]
+    held: np.ndarray
+    at_bound: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def allowed(self) -> np.ndarray:
+        """(b,) bool: parameters that a fit may move."""
+        return np.array([name not in self.at_bound for name in self.columns.parameters])
+
+    def at(self, chi: np.ndarray) -> tuple[Term, ...]:
+        """The terms at an estimate chi (b,)."""
+        return tuple(_moved(self.columns, self.terms, chi))
+
+    def groups(self) -> list[tuple[frozenset[str], frozenset[str]]]:
+        """Sizes and shapes of each term: its shapes mean nothing without a size."""
+        return [
+            (frozenset(t.names[: len(t.unknown)]), frozenset(t.names[len(t.unknown) :])) for t in self.terms
+        ]
+
+
+def extend(
+    prepared: Prepared,
+    systems: Sequence[RecordingSystem],
+    cutoff_hz: float,
+    progress: Progress = silent,
+    begin: Sequence[Term] | None = None,
+    rough: bool = False,
+) -> Extended:
+    """The study's effects fitted on the identify recordings, and every system with their columns.
+
+    `begin`: terms to begin with (of another cut-off); `rough`: on strided signals only. Raises StudyError for
+    effects that cannot act.
+    """
+    study, columns = prepared.study, prepared.columns
+    if not study.effects:
+        return Extended((), columns, None, tuple(systems), np.zeros(len(columns.parameters)))
+    fitted = [system for system in systems if system.role == "identify"]
+    streams = {stream.label: (stream, bank) for stream, bank in zip(prepared.streams, prepared.banks)}
+    travel = [s.survey.highest - s.survey.lowest for s, _ in streams.values()]
+    n = len(columns.need.joints)
+    layout = layout_of(study, columns, np.max([reach[:n] for reach in travel], axis=0))
+    terms = tuple(begin) if begin is not None else terms_of(study, columns, layout)
+    if columns.gain_columns and any(term.free or not plain(term) for term in terms):
+        raise StudyError(
+            str(study.file),
+            "effects",
+            "parameters inside an effect cannot be found together with drive_gains: identify; give the "
+            "gains, or hold the parameters with fixed:",
+        )
+    progress("fitting the effects of the study")
+    estimate, _ = estimate_all(fitted, study, columns)
+    vs = {label: bank.vs for label, (_, bank) in streams.items() if bank.vs is not None}
+    model = FittedModel(study, columns, layout.robot, estimate.chi, vs)
+    samples = sum(system.samples for system in fitted)
+    open_starts = begin is None and any(set(t.effect.nonlinear_names) - set(t.theta) for t in terms)
+    fine = None
+    if open_starts or (samples < HELD and any(t.free or not plain(t) for t in terms)):
+        fine = fine_signals(prepared, fitted, streams, cutoff_hz)
+    if open_starts and fine is not None:
+        terms = started(fitted, fine, streams, model, terms)
+    search = _Search(fitted, streams, model, terms, cutoff_hz, fine)
+    notes = search.run(progress)
+    if fine is not None and not rough:
+        search.fine = None
+        notes = search.run(progress)
+    wide, terms = search.columns, search.terms
+    others = [system for system in systems if system.role != "identify"]
+    more = attach(others, streams, search.model, terms, cutoff_hz)
+    done = {system.label: system for system in (*search.systems, *more)}
+    every = tuple(done[system.label] for system in systems)
+    notes += tuple(f"{name} stands at the end of the range that is searched" for name in search.at_bound)
+    return Extended(terms, wide, search.model, every, _held(wide, terms), search.at_bound, notes)
+
+
+def _held(columns: Columns, terms: Sequence[Term]) -> np.ndarray:
+    """(b,) zeros, but for shapes: the point that their columns were made about."""
+    shapes = {n: x for t in terms for n, x in list(zip(t.names, t.at))[len(t.unknown) :]}
+    return np.array([shapes.get(name, 0.0) for name in columns.parameters])
+
+
+def _moved(columns: Columns, terms: Sequence[Term], chi: np.ndarray) -> tuple[Term, ...]:
+    place = {name: k for k, name in enumerate(columns.parameters)}
+    return tuple(term.moved(chi[[place[name] for name in term.names]]) for term in terms)
+
+
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """x (b,): chi that effects read, then the terms' parameters; the loss there; the estimate about it."""
+
+    x: np.ndarray
+    loss: float
+    estimate: Estimate
+
+
+class _Search:
+    """Gauss-Newton from given terms; afterwards terms, systems and model are those of the point found."""
+
+    def __init__(
+        self,
+        fitted: Sequence[RecordingSystem],
+        streams: Streams,
+        model: FittedModel,
+        terms: Sequence[Term],
+        cutoff_hz: float,
+        fine: Mapping[str, Sequence[FineSegment]] | None,
+    ) -> None:
+        self.fine = fine
+        self.fitted, self.streams, self.model, self.cutoff_hz = fitted, streams, model, cutoff_hz
+        self.terms = tuple(terms)
+        self.columns = with_terms(model.columns, terms)
+        self.systems: tuple[RecordingSystem, ...] = ()
+        self.at_bound: tuple[str, ...] = ()
+        curved = {n for t in terms for n in (t.names[len(t.unknown) :] if plain(t) else t.names)}
+        self.curved = np.array([name in curved for name in self.columns.parameters])
+        bounds = {
+            name: t.bounds[shape]
+            for t in terms
+            for name, shape in zip(t.names[len(t.unknown) :], t.free, strict=True)
+        }
+        self.low, self.high = np.array(
+            [bounds.get(name, (-np.inf, np.inf)) for name in self.columns.parameters]
+        ).T
+        self.sigma: np.ndarray | None = None
+
+    def run(self, progress: Progress) -> tuple[str, ...]:
+        """Search; -> notes for the user."""
+        point, idle = self._evaluate(self.terms, self.model), 0
+        for turn in range(TURNS):
+            progress(f"fitting the effects of the study, step {turn + 1}")
+            reads = self.model.asked.estimate
+            if not self.curved.any() and not reads:
+                self.terms = _moved(self.columns, self.terms, point.estimate.chi)
+                return ()
+            aim = np.clip(point.estimate.chi, self.low, self.high)
+            far = np.abs(aim - point.x) > STILL * np.maximum(point.estimate.std, 1e-300)
+            b = len(self.model.chi)
+            if not far[b:].any() and not (reads and far[:b].any()):
+                return ()
+            new = self._stepped(point, aim, reads)
+            idle = idle + 1 if new and abs(new.loss - point.loss) < WORTH else 0
+            if new is None or idle > (IDLE if reads else 0):
+                return ()
+            point = new
+        return ("the parameters inside the effects did not come to rest: their values are rough",)
+
+    def _stepped(self, point: _Point, aim: np.ndarray, reads: bool) -> _Point | None:
+        """The next point, halved until the loss falls. Where only sizes are left to find in effects that read
+        the model, its loss is that of another model each time: steps are halved that go far astray."""
+        kept = self.terms, self.model, self.systems, self.at_bound
+        worse = 0.1 * point.loss if reads and not np.isfinite(self.low).any() else 0.0
+        for _ in range(HALVINGS):
+            model = replace(self.model, chi=aim[: len(self.model.chi)])
+            new = self._evaluate(_moved(self.columns, kept[0], aim), model)
+            if new.loss < point.loss + worse:
+                return new
+            self.terms, self.model, self.systems, self.at_bound = kept
+            if new.loss < point.loss + WORTH:
+                return None
+            aim = (aim + point.x) / 2
+        return None
+
+    def _evaluate(self, terms: tuple[Term, ...], model: FittedModel) -> tuple[np.ndarray, float, Estimate]:
+        """Go to a point: (b,) where it is, its loss, the estimate about it with bounds in force."""
+        if self.fine is not None:
+            systems = attach_fine(self.fitted, self.fine, self.streams, model, terms)
+        else:
+            systems = attach(self.fitted, self.streams, model, terms, self.cutoff_hz)
+        held = _held(self.columns, terms)
+        study = model.study
+        estimate, factors = estimate_all(systems, study, self.columns, None, held)
+        bound = ((held <= self.low) & (estimate.chi < self.low)) | (
+            (held >= self.high) & (estimate.chi > self.high)
+        )
+        if bound.any():
+            estimate, factors = estimate_all(systems, study, self.columns, ~bound, held)
+        self.sigma = estimate.sigma if self.sigma is None else self.sigma
+        point = np.concatenate([model.chi, *(term.at for term in terms)])
+        R = weighted_factor(factors, self.sigma, len(point))
+        _, _, loss = solve(R, estimate.active & ~self.curved, np.where(self.curved, point, 0.0))
+        names = np.array(self.columns.parameters)
+        self.terms, self.model, self.systems = terms, model, systems
+        self.at_bound = tuple(names[bound])
+        return _Point(point, loss, estimate)

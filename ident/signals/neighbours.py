@@ -1,0 +1,79 @@
+"""Filtered blocks with their neighbours: for what needs some motion before and after the samples it makes."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Iterator, Sequence
+
+import numpy as np
+
+from ident.signals.filtering import FilteredBlock
+
+
+def by_segment(
+    blocks: Iterable[tuple[int, FilteredBlock]],
+) -> Iterator[tuple[int, Iterator[FilteredBlock]]]:
+    """Numbered blocks grouped by stretch; each group is to be used up before the next."""
+    for index, group in itertools.groupby(blocks, key=lambda item: item[0]):
+        yield index, (block for _, block in group)
+
+
+def first_samples(
+    blocks: Iterable[tuple[int, FilteredBlock]], samples: int
+) -> Iterator[tuple[int, FilteredBlock]]:
+    """The blocks that hold the first `samples` of a recording."""
+    done = 0
+    for index, block in blocks:
+        yield index, block
+        done += len(block.t)
+        if done >= samples:
+            return
+
+
+def wide_blocks(blocks: Iterable[FilteredBlock], halo: int) -> Iterator[tuple[FilteredBlock, slice]]:
+    """Blocks of one stretch with up to `halo` samples of their neighbours, and where the block is in it."""
+    before: FilteredBlock | None = None
+    current: FilteredBlock | None = None
+    for after in itertools.chain(blocks, [None]):
+        if current is not None:
+            head = 0 if before is None else len(before.t)
+            kept = current if before is None or not head else joined([before, current])
+            behind = sliced(after, slice(0, halo)) if after is not None and halo else None
+            yield kept if behind is None else joined([kept, behind]), slice(head, head + len(current.t))
+            before = sliced(kept, slice(max(len(kept.t) - halo, 0), None)) if halo else None
+        current = after
+
+
+def sliced(block: FilteredBlock, rows: slice) -> FilteredBlock:
+    """Some samples of a block."""
+    return FilteredBlock(
+        block.t[rows],
+        block.q[rows],
+        block.dq[rows],
+        block.ddq[rows],
+        block.sign_dq[rows],
+        None if block.motor is None else block.motor[rows],
+        None if block.sensor is None else block.sensor[rows],
+        block.vs,
+        block.certain[rows],
+    )
+
+
+def joined(blocks: Sequence[FilteredBlock]) -> FilteredBlock:
+    """Consecutive blocks as one."""
+
+    def whole(name: str) -> np.ndarray:
+        return np.concatenate([getattr(block, name) for block in blocks])
+
+    first = blocks[0]
+    return FilteredBlock(
+        whole("t"),
+        whole("q"),
+        whole("dq"),
+        whole("ddq"),
+        whole("sign_dq"),
+        None if first.motor is None else whole("motor"),
+        None if first.sensor is None else whole("sensor"),
+        first.vs,
+        whole("certain"),
+    )
