@@ -11,7 +11,7 @@ from ident.progress import Progress, silent
 from ident.recordings.need import need_of
 from ident.recordings.opening import open_recordings
 from ident.recordings.recording import RecordingStream
-from ident.recordings.study import Study
+from ident.recordings.study import Study, expand
 from ident.signals.filtering import FilterBank, prepare
 from modelgen.errors import ModelgenError
 
@@ -32,6 +32,8 @@ def columns_of(study: Study) -> Columns:
     GeneratedError, ModelgenError."""
     import generated
 
+    if study.effects_folder is not None:
+        _register(study)
     payload = study.payloads[0] if study.payloads else None
     model = generated.load(study.robot_source, study.model, payload=payload, gravity=study.gravity)
     try:
@@ -39,6 +41,16 @@ def columns_of(study: Study) -> Columns:
     except (ValueError, ModelgenError) as error:
         raise StudyError(str(study.file), "channels", str(error)) from None
     return study_columns(study, model, need)
+
+
+def _register(study: Study) -> None:
+    """Make the effects of `effects_folder` known to fit and diagnosis."""
+    from modelgen.effects import register_folder
+
+    try:
+        register_folder(study.path / expand(study.effects_folder or ""))
+    except ModelgenError as error:
+        raise StudyError(str(study.file), "effects_folder", str(error)) from None
 
 
 def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
