@@ -211,4 +211,6 @@ def gravity_columns(robot: Robot, q: Array, gravity: Array, names: tuple[str, ..
     """
     arm = frames(robot, q)
     g = np.asarray(gravity, dtype=float)
+    if not names:
+        return np.zeros((*np.shape(q), 0))
     return np.stack([_gravity_torque(arm, {name: 1.0}, g) for name in names], axis=-1)
