@@ -4,7 +4,8 @@
 
 A block of filtered samples is evaluated (the non-zero entries of W only), every row is multiplied by how much
 it counts (filtering.py: certain), all of it is decimated by the same weights, and the decimated rows go into
-one factor per channel. Memory does not grow with the sampling rate: what is kept are the decimated rows.
+one factor per channel. Memory does not grow with the sampling rate: what is kept are the decimated rows, on
+disk where they are many.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from ident.equations.columns import Columns
 from ident.equations.observation import LEAST, DecimatedSegment, GrowingFactor, RecordingSystem
 from ident.equations.prepared import Prepared
+from ident.equations.spilled import Spool, joined
 from ident.errors import NotEnoughDataError, StudyError
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
@@ -24,6 +26,7 @@ from ident.signals.decimation import Decimator, kept_every
 from ident.signals.filtering import FilterBank, FilteredBlock, LowPass, filter_stream
 
 HELD = 2_000_000  # decimated entries of a recording that are held in double precision; longer ones in single
+SPILL = 12_000_000  # decimated entries of all recordings from which on they wait on disk
 HIGHEST = 0.4  # of the sampling rate: cut-off of the decimation
 Observer = Callable[[RecordingStream, int, FilteredBlock], None]  # recording, number of the segment, block
 Tick = Callable[[int], None]
@@ -53,9 +56,22 @@ def build(
         progress("evaluating the regressor", min(done / total, 1.0))
 
     order = prepared.study.filter.order
+    spool = Spool() if entries_of(prepared, [s for s, _ in streams], cutoff_hz, excerpt_s) > SPILL else None
     return tuple(
-        observe(stream, bank, prepared.columns, cutoff_hz, order, tick, excerpt_s, observer)
+        observe(stream, bank, prepared.columns, cutoff_hz, order, tick, excerpt_s, observer, spool)
         for stream, bank in streams
+    )
+
+
+def entries_of(
+    prepared: Prepared, streams: Sequence[RecordingStream], cutoff_hz: float, excerpt_s: float = np.inf
+) -> float:
+    """About how many decimated entries these recordings leave."""
+    return sum(
+        min(stream.survey.rows, excerpt_s * stream.rate_hz)
+        / kept_every(cutoff_hz, stream.rate_hz)
+        * len(prepared.columns.entries(stream.payload)[0])
+        for stream in streams
     )
 
 
@@ -80,12 +96,13 @@ def observe(
     tick: Tick | None = None,
     excerpt_s: float = np.inf,
     observer: Observer | None = None,
+    spool: Spool | None = None,
 ) -> RecordingSystem:
     """Evaluate, decimate and factor one recording. Raises NotEnoughDataError when nothing remains of it."""
     layout = _Layout.of(columns, stream.payload)
     filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)
     few = stream.survey.rows / every * len(layout.channel) < HELD  # R is double in any case
-    rows = _Rows(layout, few)
+    rows = _Rows(layout, few, spool)
     folding: _Folding | None = None
     current, samples = -1, 0
     for index, block in filter_stream(stream, bank):
@@ -206,7 +223,7 @@ class _Folding:
             self.rows.segments.append(
                 DecimatedSegment(
                     np.concatenate([part.t for part in self.parts]),
-                    np.hstack([part.values for part in self.parts]),
+                    joined([part.values for part in self.parts]),
                     np.hstack([part.Y for part in self.parts]),
                     np.hstack([part.weight for part in self.parts]),
                     self.index,
@@ -218,8 +235,8 @@ class _Folding:
 class _Rows:
     """Decimated rows of one recording: pushed into its factors, kept by segment."""
 
-    def __init__(self, layout: _Layout, double: bool) -> None:
-        self.layout, self.double = layout, double
+    def __init__(self, layout: _Layout, double: bool, spool: Spool | None = None) -> None:
+        self.layout, self.double, self.spool = layout, double, spool
         self.known = np.array(list(layout.columns.known.values()))
         self.segments: list[DecimatedSegment] = []
         self.factors = [
@@ -240,7 +257,11 @@ class _Rows:
         for e in np.flatnonzero(~layout.free):  # parameters of known value go over to Y
             Y[layout.channel[e]] -= self.known[-1 - layout.column[e]] * values[e]
         values = values[layout.free]
-        segment = DecimatedSegment(t, values if self.double else values.astype(np.float32), Y, weight)
+        if self.spool is not None:
+            kept = self.spool.append(values)
+        else:
+            kept = values if self.double else values.astype(np.float32)
+        segment = DecimatedSegment(t, kept, Y, weight)
         channel, column = layout.channel[layout.free], layout.column[layout.free]
         for j, factor in enumerate(self.factors):
             mine = channel == j

@@ -184,7 +184,10 @@ def compare_torques(
                 kept.append(np.column_stack([t[first::stride], both[first::stride]]))
                 done += len(both)
                 progress("comparing measured and modelled torque", min(done / total, 1.0))
-            for part in (*tap.kept, tap.fold.finish()):
+                for part in tap.taken():
+                    decimated.add(stream.label, part[:n].T, part[n : 2 * n].T)
+                    full_model.add(stream.label, part[:n].T, part[2 * n :].T)
+            for part in (*tap.taken(), tap.fold.finish()):
                 decimated.add(stream.label, part[:n].T, part[n : 2 * n].T)
                 full_model.add(stream.label, part[:n].T, part[2 * n :].T)
         rows = np.concatenate(kept) if kept else np.zeros((0, 1 + 2 * n))
@@ -199,6 +202,11 @@ class _Tap:
         self.fold = fold
         self.kept: list[np.ndarray] = []
         self.start = 0.0
+
+    def taken(self) -> list[np.ndarray]:
+        """What was decimated since the last time."""
+        out, self.kept = self.kept, []
+        return out
 
     def torques(
         self, found: Iterable[tuple[FilteredBlock, list[np.ndarray], list[np.ndarray]]]

@@ -8,18 +8,22 @@ over the columns that are structurally non-zero in that channel. Least squares, 
 F-statistics and the removal of columns need no more than these factors. They are kept per recording: factors
 of several recordings stack, so errors of one recording, and what one recording excites, come from the same
 values. The decimated rows themselves (2.5 x cut-off per second) are kept for what depends on their order:
-autocorrelation, Durbin-Watson, Huber weights. build.py makes them from recordings.
+autocorrelation, Durbin-Watson, Huber weights; many wait on disk (spilled.py), and are read in pieces.
+build.py makes them from recordings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ident.equations.spilled import SpilledRows
+
 STACK = 512  # decimated rows gathered before a factor takes them in
 LEAST = 0.1  # share of a row's samples that must count
+PIECE = 8192  # decimated rows that are looked at together
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,7 +48,7 @@ class DecimatedSegment:
     """
 
     t: np.ndarray
-    values: np.ndarray
+    values: np.ndarray | SpilledRows
     Y: np.ndarray
     weight: np.ndarray
     index: int = 0  # of the stretch in its recording
@@ -53,6 +57,20 @@ class DecimatedSegment:
     def used(self) -> np.ndarray:
         """(channels, m) bool: rows that count."""
         return self.weight > 0
+
+    def pieces(self, more: int = 0) -> Iterator[tuple[slice, DecimatedSegment]]:
+        """At most PIECE rows at a time and up to `more` of those after them, in memory; the slice is of the
+        rows without them."""
+        for start in range(0, len(self.t), PIECE):
+            rows = slice(start, start + PIECE + more)
+            part = replace(
+                self,
+                t=self.t[rows],
+                values=self.values[:, rows],
+                Y=self.Y[:, rows],
+                weight=self.weight[:, rows],
+            )
+            yield slice(start, min(start + PIECE, len(self.t))), part
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +93,10 @@ class RecordingSystem:
     def predicted(self, segment: DecimatedSegment, chi: np.ndarray) -> np.ndarray:
         """W chi of one segment, (channels, m)."""
         out = np.zeros_like(segment.Y)
-        for j in range(len(out)):
-            mine = self.channel == j
-            out[j] = chi[self.column[mine]] @ segment.values[mine]
+        for rows, piece in segment.pieces():
+            for j in range(len(out)):
+                mine = self.channel == j
+                out[j, rows] = chi[self.column[mine]] @ piece.values[mine]
         return out
 
     def residuals(self, chi: np.ndarray) -> list[np.ndarray]:

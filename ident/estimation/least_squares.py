@@ -291,13 +291,14 @@ def huber_factors(
         stacked, rows = np.zeros((0, len(columns) + 1)), 0
         for system in systems:
             for segment in system.segments:
-                used = segment.used[j]
-                W, Y = system.dense(segment, j, len(chi))[used], segment.Y[j, used]
-                rho = np.abs(Y - W @ chi) / sigma[j]
-                weight = np.minimum(1.0, HUBER / np.maximum(rho, 1e-300))
-                down += int((weight < 1).sum())
-                rows += len(rho)
-                wide = np.column_stack([W[:, columns], Y]) * np.sqrt(weight)[:, None]
-                stacked = triangular(np.vstack([stacked, wide]))
+                for _, piece in segment.pieces():
+                    used = piece.used[j]
+                    W, Y = system.dense(piece, j, len(chi))[used], piece.Y[j, used]
+                    rho = np.abs(Y - W @ chi) / sigma[j]
+                    weight = np.minimum(1.0, HUBER / np.maximum(rho, 1e-300))
+                    down += int((weight < 1).sum())
+                    rows += len(rho)
+                    wide = np.column_stack([W[:, columns], Y]) * np.sqrt(weight)[:, None]
+                    stacked = triangular(np.vstack([stacked, wide]))
         out.append(ChannelFactor(columns, stacked, rows))
     return tuple(out), down

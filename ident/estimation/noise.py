@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from ident.equations.observation import RecordingSystem
+from ident.equations.observation import DecimatedSegment, RecordingSystem
 from ident.estimation.least_squares import Estimate
 
 MAX_ORDER = 12
@@ -57,11 +57,14 @@ def channel_noises(systems: Sequence[RecordingSystem], estimate: Estimate) -> tu
         sums, counts = np.zeros(lags + 1), np.zeros(lags + 1)
         for system, found in zip(systems, residuals):
             for segment, rho in zip(system.segments, found):
-                Z, used = _project(system, segment, j, half), segment.used[j]
-                for lag in range(min(lags, len(segment.t) - 1) + 1):
-                    stop = len(segment.t) - lag
-                    sums[lag] += rho[j, :stop] @ rho[j, lag:] + np.sum(Z[:stop] * Z[lag:])
-                    counts[lag] += np.sum(used[:stop] & used[lag:])
+                for span, piece in segment.pieces(lags):
+                    Z, used = _project(system, piece, j, half), piece.used[j]
+                    its, own = rho[j, span.start : span.start + len(piece.t)], span.stop - span.start
+                    for lag in range(min(lags, len(piece.t) - 1) + 1):
+                        stop = min(own, len(piece.t) - lag)
+                        after = slice(lag, lag + stop)
+                        sums[lag] += its[:stop] @ its[after] + np.sum(Z[:stop] * Z[after])
+                        counts[lag] += np.sum(used[:stop] & used[after])
         covariance = sums / np.maximum(counts, 1)
         variance = max(float(covariance[0]), 1e-30, 1e-12 * sigma**2)
         correlation = (
@@ -81,9 +84,9 @@ def _half(estimate: Estimate) -> np.ndarray:
     return half
 
 
-def _project(system: RecordingSystem, segment: object, j: int, half: np.ndarray) -> np.ndarray:
+def _project(system: RecordingSystem, segment: DecimatedSegment, j: int, half: np.ndarray) -> np.ndarray:
     mine = system.channel == j
-    return segment.values[mine].T @ half[system.column[mine]]  # type: ignore[attr-defined]
+    return np.asarray(segment.values[mine].T @ half[system.column[mine]])
 
 
 def autoregression(correlation: np.ndarray, rows: int) -> np.ndarray:
@@ -159,8 +162,9 @@ def honest_covariance(
     for j, (sigma, noise) in enumerate(zip(estimate.sigma, noises)):
         for system in systems:
             for segment in system.segments:
-                X = colour(_project(system, segment, j, half), noise)
-                middle += X.T @ X * (noise.variance / sigma**4)
+                for _, piece in segment.pieces():  # its neighbours' correlation with it counts for nothing
+                    X = colour(_project(system, piece, j, half), noise)
+                    middle += X.T @ X * (noise.variance / sigma**4)
     return half @ middle @ half.T
 
 
