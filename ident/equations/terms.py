@@ -20,7 +20,7 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.equations.fitted import FittedModel
-from modelgen.effects.effect import Effect
+from modelgen.effects.effect import Effect, LinearParameter, NonlinearParameter
 from modelgen.effects.place import Motion, Place
 from modelgen.effects.truth import STAGES
 from modelgen.geometry.names import unit_of
@@ -62,7 +62,8 @@ class Term:
 
     @property
     def units(self) -> tuple[str, ...]:
-        its = {p.name: p for p in (*self.effect.linear, *self.effect.nonlinear)}
+        its: dict[str, LinearParameter | NonlinearParameter] = {p.name: p for p in self.effect.linear}
+        its |= {p.name: p for p in self.effect.nonlinear}
         return tuple(
             self.effect.unit(its[name], self.place) if name in its else unit_of(name)
             for name in (*self.unknown, *self.free)

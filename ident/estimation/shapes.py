@@ -209,7 +209,7 @@ class _Search:
             aim = (aim + point.x) / 2
         return None
 
-    def _evaluate(self, terms: tuple[Term, ...], model: FittedModel) -> tuple[np.ndarray, float, Estimate]:
+    def _evaluate(self, terms: tuple[Term, ...], model: FittedModel) -> _Point:
         """Go to a point: (b,) where it is, its loss, the estimate about it with bounds in force."""
         if self.fine is not None:
             systems = attach_fine(self.fitted, self.fine, self.streams, model, terms)
