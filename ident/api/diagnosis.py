@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -127,20 +126,21 @@ class Diagnosis:
 
 
 def diagnose(
-    study: Any, *, progress: Callable[..., Any] | bool | None = None, memory: str | int | None = None
+    study: Any,
+    *,
+    alpha: float | None = None,
+    progress: Callable[..., Any] | bool | None = None,
+    memory: str | int | None = None,
 ) -> Diagnosis:
     """Find what the model of a study (`ident.Study` or a path) lacks; fit it with what was found.
 
-    memory: a limit such as "2GB", or bytes. progress as in `ident.fit`. Raises ident.Error.
-    """
+    alpha: rate of false findings in the whole study (the study's own, 0.01). memory: a limit such as "2GB",
+    or bytes. progress as in `ident.fit`. Raises ident.Error."""
     limit = None if memory is None else size_in_bytes(memory)
     with one_family(), watched(progress) as tell:
         from ident.diagnosis import diagnose_study
-        from ident.diagnosis.regenerated import with_regenerated
 
-        takes = inspect.signature(diagnose_study).parameters
-        options = {"memory": limit} if limit is not None and "memory" in takes else {}
-        return Diagnosis(with_regenerated(diagnose_study(opened(study), progress=tell, **options), tell))
+        return Diagnosis(diagnose_study(opened(study), progress=tell, alpha=alpha, memory=limit))
 
 
 def size_in_bytes(text: str | int) -> int:

@@ -35,9 +35,11 @@ def of_motion(result: FitResult, q: Any, dq: Any, ddq: Any, payload: str | None)
     if len({len(array) for array in given}) > 1:
         raise IdentError("q, dq and ddq have different numbers of rows; give arrays of one length")
     rows = len(given[0])
-    still, bent = np.zeros(n), result.study.turn_over
+    still = np.zeros(n)
     q, dq, ddq = given
-    sign = smooth_sign(dq, still, None if bent is None else np.array(bent))
+    sign = smooth_sign(dq, still)
+    for j, turn in enumerate(result.study.turn_overs):  # samples alone: no presliding, no steps between them
+        sign[:, j] = np.tanh(dq[:, j] / turn.rate) if turn.rate > 0 else sign[:, j]
     t, all_of_it = np.arange(float(rows)), np.ones((rows, n))
     block = FilteredBlock(t, q, dq, ddq, sign, None, None, still, all_of_it)
     return comparison.modelled_torque(columns, result.estimate.chi, payload, block)
@@ -52,7 +54,7 @@ def of_recording(result: FitResult, data: Any, payload: str | None) -> Any:
     if not terms_of(result):  # effects may read the measured torque
         need = replace(need, motor=(), sensor=need.sensor if study.positions == "joint" else ())
     stream = open_recording(study, entry, need)
-    bank = prepare(stream, study.filter, study.turn_over)
+    bank = prepare(stream, study.filter, study.turn_overs)
     t: list[np.ndarray] = []
     values: list[np.ndarray] = []
     for _, stretch in itertools.groupby(filter_stream(stream, bank), key=lambda item: item[0]):

@@ -1,10 +1,8 @@
-"""Trace what a fit leaves over to the physical effects that the model lacks.
+"""What a fit leaves over, traced to effects that the model lacks, by one criterion.
 
-rows -> candidates -> scoring -> (generic rival, events) -> state (refined together) -> loop -> diagnosis ->
-document.
-"""
+opening -> rows, fine -> state (whitened, turn_over) -> candidates, events -> refine -> evidence, nameless
+-> loop -> diagnosis"""
 
-from ident.diagnosis.diagnosis import Diagnosis, diagnose_study
-from ident.diagnosis.findings import Finding, Unexplained
+from ident.diagnosis.diagnosis import Alternative, Diagnosis, Finding, Unexplained, diagnose_study
 
-__all__ = ["Diagnosis", "Finding", "Unexplained", "diagnose_study"]
+__all__ = ["Alternative", "Diagnosis", "Finding", "Unexplained", "diagnose_study"]

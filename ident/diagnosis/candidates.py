@@ -1,260 +1,175 @@
-"""Every place where every effect could act, and a fast first ranking of them.
+"""Every effect of the catalogue at every place: the linear gain of each starting shape, and a short list.
 
-Columns that depend on the motion alone are filtered once (the library); a first ranking takes one matrix
-product per channel. Ripple of any wavenumber is ranked from the spectrum of the residual over the position.
-"""
+Gains are half the fall of the whitened sum of squares on the fitted rows, the model partialled out
+(Frisch-Waugh-Lovell). They are taken twice, in the noise at hand and in white rows: an effect that the
+noise model has swallowed (a drift) leads in white rows, one that slow noise covers leads in whitened ones.
+The list is a budget of what is tried, no verdict."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse
 
-from ident.diagnosis.model_view import LEFT_OUT, ModelView
-from ident.diagnosis.rows import Rows
-from ident.diagnosis.scoring import Columns, System
-from ident.diagnosis.terms import Context, Term, columns, fine_columns
-from modelgen.effects import Effect, catalogue
+from ident.diagnosis.evidence import Metric, metric, project
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+from ident.diagnosis.whitened import Whitener
+from modelgen.effects.effect import Effect
+from modelgen.effects.place import Layout, Place
 
-OWN_TERMS = tuple(LEFT_OUT)
-DYNAMIC = (
-    "load_dependent_friction",
-    "drive_gain_error",
-    "sensor_crosstalk",
-    "time_delay",
-    "joint_elasticity",
-    "backlash",
-)
-ONE_BY_ONE = ("joint_coupling",)  # its linear parameters are candidates alone and in pairs
-SPECIFIC_FIRST_WAVE = 6.0  # 1/rad; below it ripple is compared column by column
-CONTRACT = (
-    "stribeck_friction", "nonlinear_viscous_friction", "asymmetric_friction", "load_dependent_friction",
-    "thermal_friction", "hysteresis", "torque_ripple", "spring", "joint_elasticity", "joint_coupling",
-    "base_tilt",
-    "payload_change", "external_force", "drive_gain_error", "sensor_crosstalk", "offset_drift", "time_delay",
-    "backlash",
-)  # fmt: skip
-EXTENSIONS = ("power_law_friction", "counterbalance")
+PER_METRIC = 5
+SHARE = 0.25  # of the best one's gain in its metric
 
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """A candidate with its gain by the linear screen."""
+    """A hypothesis with its linear gain (nats)."""
 
     term: Term
     gain: float
-    positive: bool  # signs are as physics allows
 
 
-@dataclass(frozen=True, slots=True)
-class Products:
-    """Of one channel's library on the fitted rows."""
-
-    mask: np.ndarray  # (M,)
-    model: np.ndarray  # (k, K)
-    gram: np.ndarray  # (K, K)
-
-
-@dataclass(frozen=True)
 class Library:
-    """Columns that do not depend on the estimate: per channel one matrix (M, K) and the terms of its
-    columns."""
+    """Columns of hypotheses, kept from step to step (float32). Those that read the model keep the one they
+    were made with: they only rank here, and are made again where a hypothesis is refined."""
 
-    terms: tuple[tuple[Term, ...], ...]  # per channel
-    starts: tuple[np.ndarray, ...]  # first column of each term
-    values: tuple[np.ndarray, ...]  # (M, K)
-    _products: dict[int, Products] = field(default_factory=dict)
+    def __init__(self, effects: Sequence[Effect], layout: Layout, limit_bytes: float = 6e8) -> None:
+        self.layout = layout
+        self.places = [(e, place) for e in effects if not e.windowed for place in e.places(layout)]
+        self.events = [e for e in effects if e.windowed]
+        self.kept: dict[tuple, dict[int, np.ndarray]] = {}
+        self.room = limit_bytes
+        self.begun: dict[tuple, Sequence[dict[str, float]]] = {}
 
-    def products(self, c: int, system: System) -> Products:
-        """Products with the model's columns on the fitted rows; they outlive a step."""
-        if c not in self._products:
-            mask = system.identify_mask(c)
-            masked = self.values[c] * mask[:, None]
-            self._products[c] = Products(mask, system.bank.base[c].T @ masked, self.values[c].T @ masked)
-        return self._products[c]
-
-
-def channels_of(effect: Effect, joint: int, view: ModelView) -> list[tuple[int, ...]]:
-    """Places where an effect of one joint can enter: each tuple is one candidate's channels."""
-    motor = [c for c, name in enumerate(view.channels) if name[:5] != "tau_l" and view.joint_of[c] == joint]
-    sensor = [c for c, name in enumerate(view.channels) if name[:5] == "tau_l" and view.joint_of[c] == joint]
-    if effect.kind == "motion":
-        return [tuple(range(len(view.channels)))]
-    if effect.channel == "sensor":
-        return [(c,) for c in sensor]
-    if effect.channel == "any":
-        return [(c,) for c in motor + sensor]
-    if motor and sensor:  # before the gear the motor's torque alone shows it, behind it both do
-        return [tuple(motor), (*motor, *sensor)]
-    return [tuple(motor or sensor)]
+    def columns(self, state: State, term: Term) -> dict[int, np.ndarray]:
+        """Columns of a term at the present turn-over of its joint."""
+        place = term.place
+        turn = state.turns.get(place.joint) if place.joint is not None else None
+        signed = "sign_dq" in term.effect.needs
+        key = (*term.key, tuple(sorted(term.theta.items())), turn if signed else None)
+        if key not in self.kept:
+            made = state.scene.columns(term)
+            size = sum(z.size * 4 for z in made.values())
+            if size > self.room:
+                return made
+            self.room -= size
+            self.kept[key] = {c: z.astype(np.float32) for c, z in made.items()}
+        return self.kept[key]
 
 
-def all_terms(view: ModelView, without: Sequence[str]) -> list[Term]:
-    """Candidates of one joint or pair of joints (loads of the whole robot are searched by `events`)."""
-    known = catalogue()
-    left_out = {w.partition(":")[0] for w in without}
-    names = [*CONTRACT, *EXTENSIONS, *(o for o in OWN_TERMS if o in left_out)]
-    names += [name for name, e in known.items() if e.common and name not in (*names, *OWN_TERMS)]  # new files
-    difference = view.channels[0].startswith("tau_d")
-    out: list[Term] = []
-    for effect in (known[name] for name in names if name in known):
-        if effect.kind == "load" or (difference and effect.kind == "motion"):
-            continue
-        for joint in range(view.n):
-            for places in channels_of(effect, joint, view):
-                sources = [s for s in range(view.n) if s != joint] if effect.joints == "pair" else [None]
-                for source in sources:
-                    for terms in _groups(effect):
-                        out.append(Term(effect, joint, places, terms, source=source))
-        if effect.name == "time_delay" and not difference:
-            out.append(Term(effect, None, tuple(range(len(view.channels))), effect.linear_names))
-    return out
+def starts(state: State, library: Library, effect: Effect, place: Place) -> Sequence[dict[str, float]]:
+    """Starting shapes, told by the residual of the place's first channel; those of the whole robot are
+    searched once, on the rigid model's residual."""
+    if place.joint is None:
+        if (effect.name, place) not in library.begun:
+            library.begun[effect.name, place] = _starts(state, effect, place)
+        return library.begun[effect.name, place]
+    return _starts(state, effect, place)
 
 
-def _groups(effect: Effect) -> list[tuple[str, ...]]:
-    if effect.name in ONE_BY_ONE:
-        return [("Fv",), ("Ia",), ("Fv", "Ia"), ("Fv", "Ia", "Fc")]
-    if effect.name == "backlash":
-        return [("gap",), ("gap", "drop"), ("drop",)]  # gravity need not show the shift, nor the gear a drop
-    return [tuple(p.name for p in effect.linear if not p.optional)]
-
-
-def grid_points(effect: Effect) -> list[dict[str, float]]:
-    """Grid of the nonlinear parameters (the product of their grids)."""
-    points: list[dict[str, float]] = [{}]
-    for p in effect.nonlinear:
-        grid: Sequence[float] = p.grid
-        if effect.name == "torque_ripple":
-            grid = [k for k in p.grid if k <= SPECIFIC_FIRST_WAVE]
-        points = [{**point, p.name: value} for point in points for value in grid]
-    return points
-
-
-def build_library(terms: Sequence[Term], context: Context) -> Library:
-    """Filter every static column once. A term of several channels stands with its first one."""
-    C = len(context.view.channels)
-    chosen: list[list[Term]] = [[] for _ in range(C)]
-    blocks: list[list[np.ndarray]] = [[] for _ in range(C)]
-    for term in terms:
-        if term.effect.name in DYNAMIC or len(term.channels) != 1:
-            continue
-        c = term.channels[0]
-        for theta in grid_points(term.effect):
-            placed = term.at(**theta)
-            chosen[c].append(placed)
-            blocks[c].append(fine_columns(placed, context))
-    starts, values = [], []
-    for c in range(C):
-        widths = [b.shape[1] for b in blocks[c]]
-        starts.append(np.cumsum([0, *widths])[:-1])
-        fine = np.hstack(blocks[c]) if widths else np.zeros((len(context.rows.fine.t), 0))
-        values.append(context.rows.low_pass @ fine)
-    return Library(tuple(tuple(t) for t in chosen), tuple(starts), tuple(values))
-
-
-def screen(library: Library, system: System) -> list[Ranked]:
-    """Gain of every library term alone, in units of log-likelihood at the present weights."""
-    out: list[Ranked] = []
-    for c, terms in enumerate(library.terms):
-        if not terms:
-            continue
-        L = library.values[c]
-        products = library.products(c, system)
-        raw = np.concatenate([products.model, system.extra[c].T @ (L * products.mask[:, None])])
-        XtL = system.basis.T @ raw * system.weight[c]
-        v = (L.T @ (system.residual[c] * products.mask)) * system.weight[c]
-        edges = [*library.starts[c].tolist(), L.shape[1]]
-        for term, a, b in zip(terms, edges[:-1], edges[1:]):
-            G = products.gram[a:b, a:b] * system.weight[c]
-            out.append(_gain(term, G - XtL[:, a:b].T @ XtL[:, a:b], G, v[a:b]))
-    return out
-
-
-def _gain(term: Term, left: np.ndarray, G: np.ndarray, v: np.ndarray) -> Ranked:
-    p = len(v)
-    scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
-    A = left / np.outer(scale, scale)
-    if not np.all(np.isfinite(A)) or np.min(np.diag(A)) < 1e-6:
-        return Ranked(term, 0.0, True)
-    try:
-        a = np.linalg.solve(A + 1e-9 * np.eye(p), v / scale)
-    except np.linalg.LinAlgError:
-        return Ranked(term, 0.0, True)
-    gain = 0.5 * float(a @ (v / scale))
-    signs = {q.name: q.sign for q in term.effect.linear}
-    ok = all(not (signs.get(name) == "positive" and x < 0) for name, x in zip(term.terms, a))
-    return Ranked(term, gain, ok)
-
-
-def screen_dynamic(terms: Sequence[Term], context: Context, system: System, done: set) -> list[Ranked]:
-    """The same for terms whose columns follow the estimate or stand in several channels."""
-    out = []
-    for term in terms:
-        if (term.effect.name not in DYNAMIC and len(term.channels) == 1) or term.key in done:
-            continue
-        for theta in grid_points(term.effect):
-            placed = term.at(**theta)
-            out.append(screen_columns(placed, _kept_columns(placed, context), system))
-    return out
-
-
-def _kept_columns(term: Term, context: Context) -> Columns:
-    """Columns of a point of the grid; those that depend on the motion alone are kept from step to step."""
-    follows = term.effect.name in DYNAMIC or "tau_link" in term.effect.needs
-    if follows or term.effect.kind != "column" or term.joint is None:
-        return columns(term, context)
-    turn_over = context.rows.fine.turn_over[term.joint]
-    theta = tuple(sorted(term.theta.items()))
-    key = ("column", term.effect.name, term.joint, term.source, term.terms, theta, turn_over)
-    if key not in context.cache:
-        context.cache[key] = context.rows.low_pass @ fine_columns(term, context)
-    return dict.fromkeys(term.channels, context.cache[key])
-
-
-def screen_columns(term: Term, cols: Columns, system: System) -> Ranked:
-    """Linear gain of columns in any channels."""
-    p = next(iter(cols.values())).shape[1]
-    b = system.basis.shape[1]
-    G, A, v = np.zeros((p, p)), np.zeros((b, p)), np.zeros(p)
-    for c, z in cols.items():
-        masked = z * (system.identify_mask(c) * system.weight[c])[:, None]
-        G += masked.T @ z
-        A += system.project(c, masked)
-        v += masked.T @ system.residual[c]
-    return _gain(term, G - A.T @ A, G, v)
-
-
-def ripple_peaks(
-    effect: Effect, context: Context, system: System, channel: int, count: int = 4
-) -> list[float]:
-    """Wavenumbers where the residual's spectrum over the joint's position is largest, relative to the
-    filter's gain."""
-    rows: Rows = context.rows
-    joint = context.view.joint_of[channel]
-    use = system.rows_of(system.folds.identify) & system.keep[channel]
-    u = context.rows.low_pass.T @ np.where(use, system.residual[channel], 0.0)
-    q = rows.fine.q[:, joint]
-    top = effect.nonlinear[0].high
-    width = np.pi / (4 * top)
-    place = np.floor((q - q.min()) / width).astype(int)
-    if place.max() > 200_000:
+def _starts(state: State, effect: Effect, place: Place) -> Sequence[dict[str, float]]:
+    rows = place.rows(state.model.channels)
+    if not rows:
         return []
-    density = np.bincount(place, weights=u)
-    size = 1 << int(np.ceil(np.log2(2 * np.pi / (0.08 * width))))
-    spectrum = np.abs(np.fft.rfft(density, max(size, len(density)))) ** 2
-    k = 2 * np.pi * np.arange(len(spectrum)) / (max(size, len(density)) * width)
-    speed = np.abs(rows.fine.dq[rows.filter.centres[use], joint])
-    counts, edges = np.histogram(speed, bins=80)
-    middle = 0.5 * (edges[1:] + edges[:-1])
-    passed = 1.0 / (1.0 + (np.outer(k, middle) / (2 * np.pi * rows.filter.cutoff_hz)) ** 16)
-    norm = 0.5 * passed @ counts
-    score = spectrum / np.maximum(norm, 0.02 * len(speed))
-    score[(k < SPECIFIC_FIRST_WAVE - 0.5) | (k > top)] = 0.0
-    peaks = []
-    span = max(2 * np.pi / max(np.ptp(q), 0.1), 0.2)
-    for _ in range(count):
-        best = int(np.argmax(score))
-        if score[best] <= 0:
-            break
-        peaks.append(float(k[best]))
-        score[np.abs(k - k[best]) < span] = 0.0
-    return peaks
+    c = next(iter(rows))
+    m = state.metric
+    use = m.fitted.mask & state.rows.use[c]
+    back = state.scene.back(c, state.residual[c], use)
+    return effect.starts(place, state.motions, back, state.model)
+
+
+def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranked]:
+    """The short list: best first, at most PER_METRIC hypotheses of each metric, one shape each."""
+    done = {term.key for term in state.terms}
+    trials: list[tuple[Term, dict[int, np.ndarray]]] = []
+    for effect, place in library.places:
+        if place.joint is not None and place.joint in closed:
+            continue
+        for theta in starts(state, library, effect, place):
+            term = Term(effect, place, theta)
+            if term.key in done and not effect.nonlinear:
+                continue
+            columns = library.columns(state, term)
+            if columns:
+                trials.append((term, columns))
+    out: dict[tuple, Ranked] = {}
+    for m in (state.metric, white_metric(state)):
+        best: dict[tuple, Ranked] = {}
+        for (term, _), gain in zip(trials, linear_gains(m, [columns for _, columns in trials], trials)):
+            if gain > best.get(term.key, Ranked(term, 0.0)).gain:
+                best[term.key] = Ranked(term, gain)
+        ordered = sorted(best.values(), key=lambda r: -r.gain)[:PER_METRIC]
+        for r in ordered:
+            if r.gain > SHARE * ordered[0].gain:
+                out.setdefault(r.term.key, r)
+    return list(out.values())
+
+
+def white_metric(state: State) -> Metric:
+    """The same rows as if their noise were white."""
+    design, B = state.design
+    every = np.arange(len(state.rows.t))
+    plain = []
+    for c, use in enumerate(state.rows.use):
+        counted = use & state.rows.fitted
+        sigma = max(float(np.sqrt(np.mean(state.residual[c, counted] ** 2))) if counted.any() else 1.0, 1e-12)
+        L = scipy.sparse.csr_array((use / sigma, (every, every)), shape=(len(use), len(use)))
+        plain.append(Whitener(L, sigma, np.zeros(0)))
+    return metric(state.rows, design, B, plain)
+
+
+def linear_gains(
+    m: Metric, columns: Sequence[dict[int, np.ndarray]], trials: Sequence[tuple[Term, object]]
+) -> np.ndarray:
+    """Gain of every set of columns alone; sets of one channel together, in one product."""
+    out = np.zeros(len(columns))
+    by_channel: dict[int, list[int]] = {}
+    for k, made in enumerate(columns):
+        if len(made) == 1:
+            by_channel.setdefault(next(iter(made)), []).append(k)
+    for c, numbers in by_channel.items():
+        on = np.flatnonzero(m.fitted.mask & m.rows.use[c])
+        places, values = m.X[c]
+        Xb = values[on] @ m.fitted.basis[places]
+        e = m.fitted.residual[c, on]
+        for begin in range(0, len(numbers), 64):
+            chunk = numbers[begin : begin + 64]
+            Z = (m.whiteners[c] @ np.hstack([columns[k][c] for k in chunk]).astype(float))[on]
+            cross = Xb.T @ Z
+            right = Z.T @ e
+            at = 0
+            for k in chunk:
+                p = columns[k][c].shape[1]
+                z, a = Z[:, at : at + p], cross[:, at : at + p]
+                G = z.T @ z - a.T @ a
+                out[k] = _gain(G, right[at : at + p], np.einsum("ij,ij->j", z, z), trials[k][0])
+                at += p
+    for k, made in enumerate(columns):
+        if len(made) > 1:
+            cross, own, right = project(m, m.fitted, m.whiten(made))
+            out[k] = _gain(own - cross.T @ cross, right, np.diag(own), trials[k][0])
+    return out
+
+
+def _gain(G: np.ndarray, right: np.ndarray, own: np.ndarray, term: Term) -> float:
+    """Half of g' G^-1 g, zero where physics forbids the sign or the model holds the columns already."""
+    scale = np.sqrt(np.maximum(own, 1e-300))
+    A = G / np.outer(scale, scale)
+    if not np.isfinite(A).all() or np.min(np.diag(A)) < 1e-6:
+        return 0.0
+    values, vectors = np.linalg.eigh(A)
+    keep = values > 1e-6
+    h = vectors.T @ (right / scale)
+    a = vectors[:, keep] @ (h[keep] / values[keep]) / scale
+    names = term.effect.parameters_of(term.place)
+    told = dict(zip(names, a))
+    if term.effect.physical({**term.theta, **told}) is not None:
+        return 0.0
+    return 0.5 * float(np.sum(h[keep] ** 2 / values[keep]))
+
+
+def with_size(term: Term, sizes: np.ndarray) -> Term:
+    return replace(term, size=tuple(float(x) for x in sizes))

@@ -1,168 +1,373 @@
-"""The diagnosis as a value, and the way to it from a study. Pure of printing; recordings are read at the
-edge."""
+"""The main job of the diagnosis: a study in, what its model lacks out, with the extended model fitted whole.
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+    study -> checks -> first fit -> rows that chose nothing (opening) -> loop -> extended study -> last fit
+    -> findings
+
+Gross faults that the examination can undo (a torque's sign, gravity) are undone first and told first, so
+that no effect is made up beside them. The numbers of a finding are those of the last fit, which `ident fit`
+on the extended study repeats; evidence is the loop's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.error_table import Percent, errors
-from ident.diagnosis.findings import Finding, Unexplained, sure_findings, unexplained_of
-from ident.diagnosis.loop import Outcome, run_loop
-from ident.diagnosis.model_view import build_view
-from ident.diagnosis.noise_floor import noise_floor
-from ident.diagnosis.rows import build_rows
-from ident.diagnosis.scoring import make_folds
-from ident.diagnosis.state import first_state
+from ident.diagnosis.candidates import Library
+from ident.diagnosis.floor import noise_floor
+from ident.diagnosis.loop import Outcome, Step, Unnamed, trace
+from ident.diagnosis.opening import Opened, opened
+from ident.diagnosis.pictures import Picture, picture
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+from ident.equations.placing import entry_of
+from ident.equations.prepared import prepare_study
+from ident.equations.terms import Term as StudyTerm
+from ident.errors import FitFailedError, NotEnoughDataError
+from ident.estimation.fit import FitResult, drive_gains, fit_study
+from ident.estimation.found_effects import FoundEffect, found_effects
+from ident.examination.check import Check
+from ident.examination.examine import examine_fit, examine_tables, mended_study, worst_first
 from ident.progress import Progress, silent
+from ident.recordings.study import Study
+from modelgen.effects import catalogue
+
+ESTABLISHED, PARTLY = "established", "partly"
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """Another explanation of a finding. equivalent: these data cannot reject it."""
+
+    effect: str
+    joints: tuple[int, ...]
+    log_e: float
+    error_drop_percent: float
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One effect that the model lacked; parameters {name: {value, std, unit, at_bound}} of the last fit."""
+
+    effect: str
+    joints: tuple[int, ...]
+    channel: str
+    where: Mapping[str, Any]  # side, recording, from, to, source_joint, link
+    parameters: Mapping[str, Mapping[str, Any]]
+    p_value: float
+    log_e: float
+    gain: float
+    error_drop_percent: float  # of its channel, whitened, on rows that chose nothing
+    equivalent: tuple[Alternative, ...]
+    remedy: str
+    grade: str
+    signature: str
+    picture: Picture | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """Structure that no known effect explains; share of what the model leaves of the channel's torque."""
+
+    joints: tuple[int, ...]
+    channel: str
+    depends_on: tuple[str, ...]
+    share_of_residual_percent: float
+    log_e: float
+    nearest: Alternative | None
+    carries_over: bool
+    picture: Picture | None = None
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Everything that diagnosis.json, plots and the report need."""
+    """first, last: the study's fit and the extended study's. Report and document read this and compute
+    nothing."""
 
-    robot: str
-    model: str
-    channels: tuple[str, ...]
+    study: Study
+    first: FitResult
+    last: FitResult
     verdict: str  # effect | none | unexplained
     findings: tuple[Finding, ...]
     unexplained: tuple[Unexplained, ...]
-    before: Percent
-    after: Percent
-    noise_floor_percent: dict[str, float]
-    outcome: Outcome
-    study: Any = None
+    checks: tuple[Check, ...]
+    noise_floor_percent: Mapping[str, float]
+    explainable: Mapping[str, Mapping[str, float]]
+    alpha: float
     notes: tuple[str, ...] = ()
-    regenerated: Any = None  # a RegeneratedModel, see regenerated.with_regenerated
+    outcome: Outcome | None = field(default=None, compare=False, repr=False)
+
+    @property
+    def robot(self) -> str:
+        return str(self.first.columns.model.robot_name)
+
+    @property
+    def model(self) -> str:
+        return self.study.model
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        return self.first.columns.channels
+
+    @property
+    def extended(self) -> Study:
+        return self.last.study
 
 
-def diagnose_study(study, progress: Progress = silent, max_terms: int | None = None) -> Diagnosis:
+def diagnose_study(
+    study: Study, progress: Progress = silent, alpha: float | None = None, memory: float | None = None
+) -> Diagnosis:
     """Fit, trace the residual to what the model lacks, add it, fit again. Raises IdentError and its
-    relatives."""
+    relatives.
+
+    alpha: rate of false findings in the whole study (the study's own where not given). memory [bytes]: what
+    columns of candidates may take.
+    """
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, "blas"):
-        return _diagnose(study, progress, max_terms)
+        return _diagnose(study, progress, study.alpha if alpha is None else alpha, memory)
 
 
-def _diagnose(study, progress: Progress, max_terms: int | None) -> Diagnosis:
-    import generated
-    from ident.recordings.opening import need_of, open_recordings
-    from modelgen.geometry.robot_file import load_robot
-
-    progress("loading the model", 0.0)
-    effects = tuple(study.effects)
-    model = generated.load(study.robot_source, study.model)
-    payload_models = {
-        label: generated.load(study.robot_source, study.model, payload=label) for label in study.payloads
-    }
-    robot = load_robot(study.robot_source)
-    need = need_of(study.model, tuple(model.channels), study.positions)
-    progress("reading the recordings", 0.03)
-    streams = open_recordings(study, need)
-    recordings = joined_runs([recording for stream in streams for recording in stream.load()])
-    if study.drive_gains == "identify":
-        recordings = _with_identified_gains(study, recordings)
-    notes = tuple(warning for stream in streams for warning in stream.warnings)
-    if effects:
-        notes += ("effects of the study are not in the model that is diagnosed",)
-    cutoff = study.filter.position_cutoff_hz
-    return diagnose_recordings(
-        recordings,
-        model,
-        robot,
-        payload_models,
-        tuple(study.without),
-        cutoff,
-        progress,
-        study,
-        notes,
-        max_terms,
-        tuple(study.coupled_drives),
-    )
-
-
-@dataclass(frozen=True)
-class Run:
-    """A recording with its segments one after the other."""
-
-    label: str
-    role: str
-    payload: str | None
-    t: np.ndarray
-    q: np.ndarray
-    tau_m: np.ndarray | None
-    tau_l: np.ndarray | None
-
-
-def joined_runs(segments: Sequence) -> list[Run]:
-    """Segments of one recording as one run; the gap between them stays in the time stamps."""
-    labels = list(dict.fromkeys(s.label for s in segments))
-    out = []
-    for label in labels:
-        parts = [s for s in segments if s.label == label]
-
-        def joined(name: str, parts=parts):
-            values = [getattr(p, name) for p in parts]
-            return None if values[0] is None else np.concatenate(values)
-
-        first = parts[0]
-        out.append(
-            Run(label, first.role, first.payload, joined("t"), joined("q"), joined("tau_m"), joined("tau_l"))
-        )
-    return out
-
-
-def _with_identified_gains(study, recordings: list[Run]) -> list[Run]:
-    """Motor signals in N m with the gains that a fit of the study identifies."""
-    from ident.estimation.fit import fit_study
-
-    result = fit_study(study.with_(reduction=False))
-    gains = {name: float(v) for name, v in zip(result.columns.parameters, result.full.chi) if name[0] == "g"}
-    values = np.array([gains[f"g{k + 1}"] for k in range(recordings[0].q.shape[1])])
-    return [r if r.tau_m is None else replace(r, tau_m=r.tau_m * values) for r in recordings]
-
-
-def diagnose_recordings(
-    recordings: Sequence,
-    model,
-    robot,
-    payload_models: dict,
-    without: Sequence[str] = (),
-    position_cutoff_hz: float | None = None,
-    progress: Progress = silent,
-    study=None,
-    notes: tuple[str, ...] = (),
-    max_terms: int | None = None,
-    coupled_drives: Sequence[tuple[int, int]] = (),
-) -> Diagnosis:
-    """The loop on recordings in memory (label, role, payload, t, q, tau_m, tau_l)."""
-    progress("filtering", 0.05)
-    rows = build_rows(recordings, tuple(model.channels), position_cutoff_hz)
-    view = build_view(model, rows.fine, robot, rows.runs, payload_models, without, coupled_drives)
-    folds = make_folds(rows.run, rows.t, [r.role for r in rows.runs], [r.payload for r in rows.runs])
-    first = first_state(rows, view, folds)
-    outcome = run_loop(first, without, progress, **({} if max_terms is None else {"max_terms": max_terms}))
-    progress("uncertainties", 0.97)
-    outcome, findings = sure_findings(outcome)
-    unexplained = unexplained_of(outcome)
-    verdict = "effect" if findings else ("unexplained" if unexplained else "none")
-    last = outcome.last
-    floor = noise_floor(last.context.rows, last.context.torque, last.system.residual)
-    rows = last.context.rows
-    rms = np.sqrt(np.sum((rows.y * rows.keep) ** 2, axis=1) / np.maximum(rows.keep.sum(axis=1), 1))
+def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | None) -> Diagnosis:
+    prepared = prepare_study(study, progress)
+    checks = worst_first([*examine_tables(prepared), *examine_fit(prepared)])
+    mended = mended_study(study, checks)
+    first = fit_study(study, progress=_part(progress, 0.0, 0.1))
+    working = mended or study
+    base = fit_study(working, progress=_part(progress, 0.1, 0.15)) if mended else first
+    if working.drive_gains == "identify":
+        working = working.with_(drive_gains=tuple(drive_gains(base)))
+    begun = opened(prepare_study(working), _part(progress, 0.15, 0.2))
+    library = Library(list(catalogue().values()), begun.layout, 0.3 * memory if memory else 6e8)
+    outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
+    last = _extended(working, outcome, base, begun, _part(progress, 0.85, 0.97))
+    findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
+    unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
+    progress("done", 1.0)
     return Diagnosis(
-        getattr(model, "robot_name", ""),
-        getattr(study, "model", getattr(model, "model", "")),
-        tuple(view.channels),
-        verdict,
+        study,
+        first,
+        last,
+        "effect" if findings else "unexplained" if unexplained else "none",
         findings,
         unexplained,
-        errors(outcome.first),
-        errors(outcome.last),
-        {c: float(100 * f / max(r, 1e-30)) for c, f, r in zip(view.channels, floor, rms)},
+        checks,
+        noise_floor(prepared),
+        _explainable(outcome, begun),
+        alpha,
+        ("of long recordings stretches spread over them were looked at",) if begun.thinned else (),
         outcome,
-        study,
-        notes,
     )
+
+
+def _part(progress: Progress, low: float, high: float) -> Progress:
+    def tell(text: str, done: float | None = None) -> None:
+        progress(text, None if done is None else low + (high - low) * done)
+
+    return tell
+
+
+def _extended(
+    study: Study, outcome: Outcome, base: FitResult, begun: Opened, progress: Progress
+) -> FitResult:
+    """The study with the findings as its effects, fitted whole; without those that cannot be fitted there."""
+    declared = len(study.effects)
+    terms = outcome.last.terms[declared:]
+    if not terms:
+        return base
+    joints = base.columns.need.joints
+    settings = study.filter.model_copy(
+        update={
+            "decimation_cutoff_hz": max(
+                base.cutoff_hz, min(0.5 * study.filter.position_cutoff_hz, begun.cutoff_hz)
+            )
+        }
+    )
+    entries = [*study.effects, *(entry_of(_study_term(t, outcome.last), joints) for t in terms)]
+    last = base
+    while len(entries) > declared:
+        extended = study.with_(effects=tuple(entries), filter=settings, **_dry_keys(outcome.last))
+        try:
+            last = fit_study(extended, progress=progress)
+        except (FitFailedError, NotEnoughDataError):
+            entries.pop()
+            continue
+        lost = [k for k, told in enumerate(found_effects(last)) if k >= declared and not told.essential]
+        if not lost:
+            return last
+        entries = [entry for k, entry in enumerate(entries) if k not in lost]
+    return base
+
+
+def _dry_keys(state: State) -> dict[str, tuple[float, ...]]:
+    """How dry friction turns over, as keys of a study; 0: the fit's own sign."""
+    turns = [state.turns.get(j) for j in range(state.problem.robot.n)]
+    out = {
+        "turn_over": tuple(0.0 if t is None else float(t.rate) for t in turns),
+        "presliding": tuple(0.0 if t is None else float(t.travel) for t in turns),
+    }
+    return {key: values for key, values in out.items() if key in Study.model_fields and any(values)}
+
+
+def _study_term(term: Term, state: State) -> StudyTerm:
+    """A term of the loop as one of a study, its sizes and shapes as starts."""
+    found = next(f for f in state.found if f.term is term)
+    sizes = tuple(float(x) for x in found.sizes[: len(term.effect.parameters_of(term.place))])
+    return StudyTerm(
+        term.effect.name,
+        term.effect,
+        term.place,
+        dict(term.theta),
+        sizes,
+        tuple(term.effect.nonlinear_names),
+        {},
+        term.effect.bounds(term.place),
+    )
+
+
+def _joints(term: Term, state: State) -> tuple[int, ...]:
+    labels = state.problem.robot.joint_labels
+    return () if term.place.joint is None else (int(labels[term.place.joint]),)
+
+
+def _channel(c: int, state: State) -> str:
+    return state.model.channels[c].name(state.problem.robot.joint_labels)
+
+
+def _side(term: Term, c: int, state: State) -> str:
+    name = _channel(c, state)
+    return name[: len(name.rstrip("0123456789"))]
+
+
+def _findings(outcome: Outcome, last: FitResult, begun: Opened, alpha: float) -> tuple[Finding, ...]:
+    state = outcome.last
+    told = list(found_effects(last)) if last.terms else []
+    out = []
+    for step in sorted(outcome.steps, key=lambda s: -s.evidence.log_e):
+        term = next((t for t in state.terms if t.key == step.term.key), None)
+        fitted = next((f for f in told if term is not None and _same(f.term, term)), None)
+        if term is not None and fitted is not None:
+            out.append(_finding(step, term, fitted, outcome))
+    return tuple(out)
+
+
+def _same(a: StudyTerm, b: Term) -> bool:
+    names = ("joint", "source", "side", "recording", "link")
+    return a.effect.name == b.effect.name and all(
+        getattr(a.place, n) == getattr(b.place, n) for n in names if getattr(b.place, n) is not None
+    )
+
+
+def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> Finding:
+    state, e = outcome.last, step.evidence
+    place = term.place
+    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    labels = state.problem.robot.joint_labels
+    where = {
+        "side": place.side,
+        "source_joint": None if place.source is None else int(labels[place.source]),
+        "recording": place.recording,
+        "from": place.start,
+        "to": place.stop,
+        "link": place.link,
+    }
+    left = {u.channel for u in outcome.unnamed}
+    own = set(place.rows(state.model.channels))
+    partly = place.joint is not None and bool(left & own)
+    drop = 100 * (1 - np.exp(-e.per_channel[c] / max(state.metric.judged.free[c], 1.0)))
+    return Finding(
+        term.effect.name,
+        _joints(term, state),
+        _side(term, c, state),
+        {key: value for key, value in where.items() if value is not None},
+        {
+            name: {"value": p.value, "std": p.std, "unit": p.unit, "at_bound": p.at_bound}
+            for name, p in fitted.parameters.items()
+        },
+        float(min(1.0, np.exp(-e.log_e) * 40)),
+        float(e.log_e),
+        float(e.gain),
+        float(drop),
+        tuple(
+            Alternative(
+                eq.term.effect.name,
+                _joints(eq.term, state),
+                float(eq.log_e),
+                float(100 * (1 - np.exp(-eq.log_e / max(state.metric.judged.free[c], 1.0)))),
+            )
+            for eq in step.equivalent
+        ),
+        term.effect.remedy,
+        PARTLY if partly else ESTABLISHED,
+        term.effect.signature,
+        picture(state, term, c),
+    )
+
+
+def _unexplained(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
+    state = outcome.last
+    joint = int(state.problem.robot.joint_labels[state.model.channels[u.channel].joint])
+    name = _channel(u.channel, state)
+    near = u.nearest
+    return Unexplained(
+        (joint,),
+        name[: len(name.rstrip("0123456789"))],
+        tuple(dict.fromkeys(_signal(v, name) for v in u.variables)),
+        100 * u.share,
+        u.log_e,
+        None
+        if near is None
+        else Alternative(near.term.effect.name, _joints(near.term, state), float(near.log_e), 0.0),
+        u.carries_over,
+        picture(state, None, u.channel, u.variables),
+    )
+
+
+def _signal(variable: str, channel: str) -> str:
+    return channel if variable == "tau" else variable
+
+
+def _told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) -> tuple[Finding, ...]:
+    """Faults that the examination undid, as findings: the effect that declares to be told by such a check."""
+    if mended is None:
+        return ()
+    by_check = {name: e for e in catalogue().values() for name in e.told_by}
+    out = []
+    for check in checks:
+        effect = by_check.get(check.check)
+        if effect is None:
+            continue
+        values: dict[str, dict[str, Any]] = {}
+        if mended.gravity is not None and mended.gravity != study.gravity and not check.signals:
+            values = {
+                f"g{axis}": {"value": float(g), "std": None, "unit": "m/s^2", "at_bound": False}
+                for axis, g in zip("xyz", mended.gravity)
+            }
+        joints = tuple(int("".join(filter(str.isdigit, name)) or 0) for name in check.signals)
+        side = "tau_l" if any(name.startswith("tau_l") for name in check.signals) else "tau_m"
+        out.append(
+            Finding(
+                effect.name, joints, side, {}, values, 0.0, float("inf"), float("inf"), 0.0, (),
+                check.remedy or effect.remedy, ESTABLISHED, check.message,
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def _explainable(outcome: Outcome, begun: Opened) -> dict[str, dict[str, float]]:
+    """Per channel: nats that names explain of what names and functions without a name do together."""
+    state = outcome.last
+    named, nameless = np.zeros(state.rows.channels), np.zeros(state.rows.channels)
+    for step in outcome.steps:
+        named += np.maximum(step.evidence.per_channel, 0.0)
+    for u in outcome.unnamed:
+        nameless[u.channel] += max(u.log_e, 0.0)
+    out = {}
+    for c in range(state.rows.channels):
+        whole = float(named[c] + nameless[c])
+        share = 100.0 * float(named[c]) / whole if whole > 0 else 100.0
+        out[_channel(c, state)] = {"explainable_nats": whole, "explained_share_percent": share}
+    return out

@@ -1,184 +1,238 @@
-"""Loads of the whole robot: undeclared payloads (a run, or from a moment on), contacts, a tilted base.
+"""Loads that come and go: an undeclared body on a run or from a moment on, a contact for a while.
 
-Windows are searched by cumulative Gram matrices: sums over half-second blocks of a unit load's products
-with the model, itself and the residual give the gain of every window without touching the rows again. The
-held-out test is alternating blocks of all the runs, fitted apart and swapped, so a window is judged inside
-itself.
-"""
+Windows are searched in steps: products of a unit load with the model, itself and the residual, summed over
+short blocks once, give the gain of any window as small dense algebra; window lengths grow by a constant
+ratio and their starts by a quarter of the length, so their number grows as the recording's. The best one's
+edges are then moved. Rows of an event are in one recording alone, so it is judged there: alternating blocks
+of all rows, each predicted from the other half. Every window tried counts in the limit."""
+
+from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.candidates import Ranked
-from ident.diagnosis.scoring import Columns, Folds, System
-from ident.diagnosis.terms import Context, Term, columns
-from modelgen.effects import catalogue
+from ident.diagnosis.evidence import Evidence, Metric, _side, weigh
+from ident.diagnosis.refine import Refined, fit_sizes
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+from modelgen.effects.effect import Effect
+from modelgen.effects.place import Layout, Place
 
-BLOCK_SECONDS = 0.5
-SHORTEST_CONTACT = 0.75  # s
-MARGIN = 1.0  # s from the ends of a run
-SHORTEST_PAYLOAD = 4.0  # s, and as long without it
-
-
-def block_folds(run: np.ndarray, t: np.ndarray, usable: np.ndarray, seconds: float = 1.5) -> Folds:
-    """Two sets of alternating blocks over all usable rows; each predicts the other."""
-    sets = np.full(len(run), -1)
-    sets[usable] = (np.floor(t[usable] / seconds).astype(int) + run[usable]) % 2
-    return Folds(sets, (0, 1), (((0,), (1,)), ((1,), (0,))), False)
-
-
-def load_terms(context: Context, tilt: bool = True) -> list[Term]:
-    """Payload on each whole run (when there are several) and the tilted base."""
-    known = catalogue()
-    every = tuple(range(len(context.view.channels)))
-    out = []
-    if tilt:
-        out.append(Term(known["base_tilt"], None, every, ("roll", "pitch")))
-    roles = [r.role for r in context.rows.runs]
-    usable = [i for i, role in enumerate(roles) if role != "test"]
-    if len(usable) > 1:
-        effect = known["payload_change"]
-        for r in usable:
-            out.append(Term(effect, None, every, ("M", "MX", "MY", "MZ"), run=r))
-    return out
-
-
-def window_terms(
-    context: Context, system: System, usable_runs: Sequence[int], count: int = 3
-) -> list[Ranked]:
-    """Best windows of a payload from a moment on and of a contact, run by run."""
-    known = catalogue()
-    every = tuple(range(len(context.view.channels)))
-    out: list[Ranked] = []
-    for r in usable_runs:
-        duration = context.rows.runs[r].duration
-        payload = Term(known["payload_change"], None, every, ("M", "MX", "MY", "MZ"), run=r)
-        contact = Term(known["external_force"], None, every, ("FX", "FY", "FZ"), run=r)
-        if duration > 2 * SHORTEST_PAYLOAD:
-            out += _search(payload, context, system, r, SHORTEST_PAYLOAD, to_end=True)[:count]
-        if duration > 4 * SHORTEST_CONTACT:
-            out += _search(contact, context, system, r, SHORTEST_CONTACT, to_end=False)[:count]
-    return out
+STEP_S = 0.5  # s: edges of the search
+FOLD_S = 1.0  # s: blocks that predict each other
+SHORTEST_S = 1.5
+RATIO = 1.5  # of window lengths
+MARGIN_S = 1.0  # s from the ends, where a window would take up static friction
 
 
 @dataclass(frozen=True, slots=True)
-class Sums:
-    """Cumulative products of a unit load on one run: with the model, itself and the residual, block by
-    block."""
+class Event:
+    """A placed load with its window, judged by alternating blocks; `tried` windows were looked at."""
 
-    edges: np.ndarray  # (B + 1,) s
-    model: np.ndarray  # (B + 1, b, p)
-    own: np.ndarray  # (B + 1, p, p)
-    residual: np.ndarray  # (B + 1, p)
-
-    def gains(self, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gain (K,) and coefficients (K, p) of the windows between edges pairs[:, 0] and pairs[:, 1]."""
-        i, j = pairs[:, 0], pairs[:, 1]
-        a = self.model[j] - self.model[i]
-        g = self.own[j] - self.own[i]
-        h = self.residual[j] - self.residual[i]
-        left = g - np.swapaxes(a, 1, 2) @ a
-        scale = np.sqrt(np.maximum(np.einsum("kii->ki", g), 1e-300))
-        normal = left / scale[:, :, None] / scale[:, None, :] + 1e-6 * np.eye(g.shape[1])
-        x = np.linalg.solve(normal, (h / scale)[:, :, None])[:, :, 0]
-        return 0.5 * np.einsum("ki,ki->k", x, h / scale), x / scale
+    refined: Refined
+    evidence: Evidence
+    tried: int
 
 
-def _whole(term: Term, context: Context) -> Columns:
-    """Filtered columns of the load as if it acted all the time."""
-    key = ("filtered", term.effect.name)
-    if key not in context.cache:
-        context.cache[key] = columns(replace(term, run=None, window=None), context)
-    return context.cache[key]
+def crossed(m: Metric, usable: np.ndarray) -> tuple[Metric, Metric]:
+    """The same noise with alternating blocks fitted and judged, and the other way round."""
+    rows = m.rows
+    even = (np.floor(rows.t / FOLD_S).astype(int) + rows.recording) % 2 == 0
+    sides = [_side(rows, m.X, m.y, m.B, usable & half) for half in (even, ~even)]
+    return replace(m, fitted=sides[0], judged=sides[1]), replace(m, fitted=sides[1], judged=sides[0])
 
 
-def _sums(term: Term, context: Context, system: System, r: int, edges: np.ndarray) -> Sums | None:
-    rows = context.rows
-    inside = np.flatnonzero((rows.run == r) & (system.folds.sets >= 0))
-    if len(inside) < 20:
+def whole(m: Metric, usable: np.ndarray) -> Metric:
+    """Everything usable fitted."""
+    side = _side(m.rows, m.X, m.y, m.B, usable)
+    return replace(m, fitted=side, judged=side)
+
+
+def cross_evidence(halves: tuple[Metric, Metric], columns: dict[int, np.ndarray]) -> Evidence:
+    """Both predictions together."""
+    a, b = (weigh(m, columns) for m in halves)
+    return Evidence(
+        a.log_e + b.log_e,
+        a.gain + b.gain,
+        np.concatenate([a.blocks, b.blocks]),
+        0.5 * (a.sizes + b.sizes),
+        a.per_channel + b.per_channel,
+        a.rss + b.rss,
+        min(a.left, b.left),
+    )
+
+
+def best_event(
+    state: State, effects: Sequence[Effect], layout: Layout, tau: float, alpha: float
+) -> Event | None:
+    """The load that explains most of any recording, if its blocks predict each other."""
+    loads = [effect for effect in effects if effect.windowed]
+    if not loads:
         return None
-    B = len(edges) - 1
-    number = np.searchsorted(edges, rows.t[inside], side="right") - 1
-    firsts = np.searchsorted(number, np.arange(B + 1))
-    cols = _whole(term, context)
-    p = next(iter(cols.values())).shape[1]
-    k = system.basis.shape[0]
-    A, G, v = np.zeros((B, k, p)), np.zeros((B, p, p)), np.zeros((B, p))
-    for c, Z in cols.items():
-        w = np.sqrt(system.weight[c]) * system.keep[c, inside]
-        z = Z[inside] * w[:, None]
-        x = np.hstack([system.bank.base[c, inside], system.extra[c, inside]]) * w[:, None]
-        e = system.residual[c, inside] * w
-        for i in range(B):
-            s = slice(firsts[i], firsts[i + 1])
-            if s.stop > s.start:
-                A[i] += x[s].T @ z[s]
-                G[i] += z[s].T @ z[s]
-                v[i] += z[s].T @ e[s]
-    turned = np.matmul(system.basis.T, A)
-    totals = [np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, axis=0)]) for a in (turned, G, v)]
-    return Sums(edges, *totals)
-
-
-def _search(
-    term: Term, context: Context, system: System, r: int, shortest: float, to_end: bool
-) -> list[Ranked]:
-    edges = np.arange(0.0, context.rows.runs[r].duration + 2 * BLOCK_SECONDS, BLOCK_SECONDS)
-    sums = _sums(term, context, system, r, edges)
-    if sums is None:
-        return []
-    B = len(edges) - 1
-    least = int(np.ceil(shortest / BLOCK_SECONDS))
-    if to_end:
-        starts = np.arange(least, B - least + 1)
-        pairs = np.stack([starts, np.full(len(starts), B)], axis=1)
-    else:
-        i, j = np.triu_indices(B + 1, least)
-        pairs = np.stack([i, j], axis=1)
-        pairs = pairs[(pairs[:, 1] - pairs[:, 0]) <= 0.7 * B]
-        last = int(context.rows.runs[r].duration / BLOCK_SECONDS)
-        inside = (pairs[:, 0] * BLOCK_SECONDS > MARGIN) & (pairs[:, 1] < last - MARGIN / BLOCK_SECONDS)
-        pairs = pairs[inside]  # at the ends a window would take static friction
-        if len(pairs) > 3000:
-            pairs = pairs[(pairs % 2 == 0).all(axis=1) | (pairs[:, 1] - pairs[:, 0] < 3 * least)]
-    if not len(pairs):
-        return []
-    gain, x = sums.gains(pairs)
-    if term.effect.name == "payload_change":
-        gain = np.where(x[:, 0] > 0, gain, 0.0)
-    share = float(np.mean(system.share))
-    out: list[Ranked] = []
-    for k in np.argsort(gain)[::-1]:
-        lo, hi = edges[pairs[k, 0]], edges[pairs[k, 1]]
-        if any(min(hi, o.term.window[1]) - max(lo, o.term.window[0]) > 0 for o in out):  # type: ignore[index]
+    usable = state.rows.fitted | state.rows.judged
+    m = whole(state.metric, usable)
+    done = {term.key for term in state.terms}
+    found: list[tuple[float, Term, dict[int, np.ndarray], int]] = []
+    tried = 0
+    for effect in loads:
+        for place in effect.places(layout):
+            if place.recording is None or _role(state, place) == "test":
+                continue
+            term = Term(effect, place, dict(_first(effect, place, state)))
+            if term.key in done:
+                continue
+            columns = state.scene.columns(term)
+            if not columns:
+                continue
+            windows, gains = _windows(m, columns, state, place, _only_whole(state, place, layout))
+            tried += len(windows)
+            if not len(windows):
+                continue
+            k = int(np.argmax(gains))
+            if gains[k] > tau:
+                start, stop = windows[k]
+                found.append((float(gains[k]), _window(term, start, stop), columns, len(windows)))
+    if not found:
+        return None
+    limit = tau + float(np.log(max(tried, 1)))
+    halves = crossed(state.metric, usable)
+    best: Event | None = None
+    for gain, term, columns, _ in sorted(found, key=lambda item: -item[0])[:4]:
+        if gain < limit:
             continue
-        window = (float(lo), np.inf) if to_end else (float(lo), float(hi))
-        out.append(Ranked(replace(term, window=window), share * float(gain[k]), bool(gain[k] > 0)))
-        if len(out) == 3 or to_end:
-            break
-    return out
+        term, cut = _moved(m, term, columns, state)
+        evidence = cross_evidence(halves, cut)
+        sizes, gain = fit_sizes(m, cut)
+        names = term.effect.parameters_of(term.place)
+        if term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model) is not None:
+            continue
+        if evidence.log_e > tau and evidence.sign_p <= alpha and (best is None or gain > best.refined.gain):
+            best = Event(Refined(term, cut, sizes, gain), evidence, tried)
+    return best
 
 
-def refine_window(term: Term, context: Context, system: System) -> Term:
-    """Move the edges of a window where the gain is largest, on a grid of 0.05 s around them."""
-    if term.window is None or term.run is None:
-        return term
-    end = context.rows.runs[term.run].duration
-    lo, hi = term.window
-    fine = [np.arange(lo - 2 * BLOCK_SECONDS, lo + 2 * BLOCK_SECONDS, 0.05)]
-    if np.isfinite(hi):
-        fine += [np.arange(hi - 2 * BLOCK_SECONDS, hi + 2 * BLOCK_SECONDS, 0.05)]
-    edges = np.unique(np.clip(np.concatenate([*fine, [0.0, end + 1.0]]), 0.0, end + 1.0))
-    sums = _sums(term, context, system, term.run, edges)
-    if sums is None:
-        return term
-    starts = np.flatnonzero(np.abs(edges - lo) <= 2 * BLOCK_SECONDS)
-    stops = np.flatnonzero(np.abs(edges - hi) <= 2 * BLOCK_SECONDS) if np.isfinite(hi) else [len(edges) - 1]
-    pairs = np.array([(i, j) for i in starts for j in stops if edges[j] - edges[i] > 0.3])
-    if not len(pairs):
-        return term
-    gain, _ = sums.gains(pairs)
-    i, j = pairs[int(np.argmax(gain))]
-    return replace(term, window=(float(edges[i]), float(edges[j]) if np.isfinite(hi) else np.inf))
+def _role(state: State, place: Place) -> str:
+    return state.rows.roles[state.rows.names.index(str(place.recording))]
+
+
+def _first(effect: Effect, place: Place, state: State) -> dict[str, float]:
+    starts = effect.starts(place, state.motions, [np.zeros(len(m.t)) for m in state.motions], state.model)
+    return dict(starts[0]) if starts else {}
+
+
+def _only_whole(state: State, place: Place, layout: Layout) -> bool:
+    """Bodies on inner links are looked for on whole recordings."""
+    return place.link is not None and place.link != layout.robot.payload_link("L")
+
+
+def _window(term: Term, start: float | None, stop: float | None) -> Term:
+    return replace(term, place=replace(term.place, start=start, stop=stop))
+
+
+def _since(state: State, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a place's recording and their time since its first sample."""
+    number = state.rows.names.index(str(place.recording))
+    mine = np.flatnonzero(state.rows.recording == number)
+    begun = next(s.begun for s in state.segments if s.label == place.recording)
+    return mine, state.rows.t[mine] - begun
+
+
+def _windows(
+    m: Metric, columns: dict[int, np.ndarray], state: State, place: Place, only_whole: bool
+) -> tuple[list[tuple[float | None, float | None]], np.ndarray]:
+    mine, t = _since(state, place)
+    if len(t) < 20:
+        return [], np.zeros(0)
+    edges = np.arange(np.floor(t[0] / STEP_S), np.ceil(t[-1] / STEP_S) + 1) * STEP_S
+    sums = _sums(m, columns, mine, t, edges)
+    B = len(edges) - 1
+    pairs: list[tuple[int, int]] = [(0, B)]
+    if not only_whole:
+        least, margin = int(SHORTEST_S / STEP_S), int(MARGIN_S / STEP_S)
+        length = float(least)
+        while length < 0.7 * B:
+            n = round(length)
+            pairs += [(a, a + n) for a in range(margin, B - n - margin + 1, max(1, n // 4))]
+            length *= RATIO
+        pairs += [(a, B) for a in range(2 * least, B - 2 * least)]
+    alone = sum(r != "test" for r in state.rows.roles) < 2
+    pairs = pairs[1:] if alone else pairs  # on the only recording a load all along is the model's own
+    if not pairs:
+        return [], np.zeros(0)
+    chosen = np.array(pairs)
+    gains = _gains(sums, chosen)
+    windows = [(None if a == 0 else float(edges[a]), None if b == B else float(edges[b])) for a, b in chosen]
+    return windows, gains
+
+
+def _sums(
+    m: Metric, columns: dict[int, np.ndarray], mine: np.ndarray, t: np.ndarray, edges: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cumulative products over the blocks between edges: with the model (B+1, r, p), own, with the
+    residual."""
+    p = next(iter(columns.values())).shape[1]
+    r, B = m.fitted.basis.shape[1], len(edges) - 1
+    block = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, B - 1)
+    cross, own, right = np.zeros((B, r, p)), np.zeros((B, p, p)), np.zeros((B, p))
+    firsts = np.searchsorted(block, np.arange(B + 1))
+    for c, z in columns.items():
+        white = (m.whiteners[c] @ z)[mine] * (m.fitted.mask & m.rows.use[c])[mine, None]
+        places, values = m.X[c]
+        X = values[mine] @ m.fitted.basis[places]
+        e = m.fitted.residual[c, mine]
+        for k in range(B):
+            s = slice(firsts[k], firsts[k + 1])
+            if s.stop > s.start:
+                cross[k] += X[s].T @ white[s]
+                own[k] += white[s].T @ white[s]
+                right[k] += white[s].T @ e[s]
+
+    def cumulative(a: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, axis=0)])
+
+    return cumulative(cross), cumulative(own), cumulative(right)
+
+
+def _gains(sums: tuple[np.ndarray, np.ndarray, np.ndarray], pairs: np.ndarray) -> np.ndarray:
+    cross, own, right = sums
+    a, b = pairs[:, 0], pairs[:, 1]
+    x, g, h = cross[b] - cross[a], own[b] - own[a], right[b] - right[a]
+    left = g - np.swapaxes(x, 1, 2) @ x
+    scale = np.sqrt(np.maximum(np.einsum("kii->ki", g), 1e-300))
+    normal = left / scale[:, :, None] / scale[:, None, :] + 1e-6 * np.eye(g.shape[1])
+    told = h / scale
+    size = np.linalg.solve(normal, told[:, :, None])[:, :, 0]
+    return 0.5 * np.einsum("ki,ki->k", size, told)
+
+
+def _moved(
+    m: Metric, term: Term, columns: dict[int, np.ndarray], state: State
+) -> tuple[Term, dict[int, np.ndarray]]:
+    """The window's edges where the gain is largest, by rows, one edge after the other."""
+    mine, t = _since(state, term.place)
+    ends = [term.place.start, term.place.stop]
+
+    def cut(start: float | None, stop: float | None) -> dict[int, np.ndarray]:
+        inside = np.zeros(len(state.rows.t), bool)
+        inside[mine] = (t >= (start if start is not None else -np.inf)) & (
+            t < (stop if stop is not None else np.inf)
+        )
+        return {c: z * inside[:, None] for c, z in columns.items()}
+
+    for _ in range(2):
+        for which in (0, 1):
+            if ends[which] is None:
+                continue
+            near = float(ends[which] or 0.0) + np.arange(
+                -2 * STEP_S, 2.01 * STEP_S, max(state.rows.hop, 0.05)
+            )
+            gains = []
+            for edge in near:
+                trial = list(ends)
+                trial[which] = float(edge)
+                wide = (trial[1] if trial[1] is not None else np.inf) - (trial[0] or 0.0)
+                gains.append(fit_sizes(m, cut(*trial))[1] if wide > 0.5 * SHORTEST_S else 0.0)
+            ends[which] = float(near[int(np.argmax(gains))])
+    return _window(term, ends[0], ends[1]), cut(ends[0], ends[1])

@@ -1,225 +1,350 @@
-"""The loop: rank what could be missing, add the best that held-out data confirm, fit again, until nothing
-is left."""
+"""The loop: what explains most joins the model if rows that chose nothing agree; until nothing does.
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+Every decision is one comparison (evidence.py) at one rate, tau = ln(BUDGET / alpha): BUDGET hypotheses at
+most are held against the judged rows. An effect that passes is named only if a function without a name, of
+the very signals that the effect reads, does not say more than tau beyond it (sufficiency); two effects of
+the same signals may be sufficient together. What is left in the end is asked for by functions of everything
+(leftovers)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ident.diagnosis.acceptance import Step, gains, main_channel, required, try_candidate
-from ident.diagnosis.candidates import OWN_TERMS, all_terms, build_library
-from ident.diagnosis.events import block_folds
-from ident.diagnosis.generic_rival import Rival, best_rival, build_generic
-from ident.diagnosis.noise_floor import white_floor
-from ident.diagnosis.plausibility import physical
-from ident.diagnosis.ranking import Search, rank
-from ident.diagnosis.state import Found, State, refit, stack_columns
+from ident.diagnosis.candidates import Library, Ranked, screen, white_metric, with_size
+from ident.diagnosis.events import Event, best_event
+from ident.diagnosis.evidence import Evidence, Metric, metric, stacked, weigh
+from ident.diagnosis.nameless import Flexible, flexible
+from ident.diagnosis.refine import Refined, refine
+from ident.diagnosis.state import Found, State, recolumned, settled, solved, with_found, without
 from ident.diagnosis.terms import Term
+from ident.diagnosis.whitened import whitener
+from ident.progress import Progress, silent
 
-MAX_TERMS = 14
-SECONDS = 4  # candidates tried beside an accepted term
-TRIES = 5
-SMALLEST_SHARE = 0.02  # of the strongest finding's gain
-SHARE_BESIDE_UNEXPLAINED = 0.25  # of the gain of what has no name: its echoes are smaller
-LEFT_GAIN, LEFT_HELD_GAIN = 40.0, 15.0  # of a nameless explanation of what is left
-LEFT_SHARE = 0.10  # of the residual's variance, on both kinds of rows; coloured noise gives some per cent
-ABOVE_FLOOR = 8.0  # times the white floor (it misses slow noise): structure, where held-out rows agree
-FAR_ABOVE_FLOOR = 15.0  # structure, whatever it depends on
-SMALL_PART = 0.25
-PLAIN_GAIN, PLAIN_SHARE = 400.0, 0.5  # structure on fitted rows alone: held-out motion may differ too much
+BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
+STEPS = 14  # effects at most
+GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
+TOP_WAVE = 400.0  # 1/rad
+
+
+@dataclass(frozen=True)
+class Equivalent:
+    """Another explanation that these data cannot reject, with its log E."""
+
+    term: Term
+    log_e: float
+
+
+@dataclass(frozen=True)
+class Step:
+    """An effect taken in: what it said then, and what could not be rejected beside it."""
+
+    term: Term
+    evidence: Evidence
+    equivalent: tuple[Equivalent, ...]
+    flexible: Flexible | None = None  # the function without a name of the same signals
+
+
+@dataclass(frozen=True)
+class Unnamed:
+    """Structure of a channel that no effect explains: its signals, what it says, the nearest effect."""
+
+    channel: int
+    variables: tuple[str, ...]
+    log_e: float
+    gain: float
+    share: float  # of the channel's residual variance on the judged rows
+    nearest: Equivalent | None = None
+    carries_over: bool = True
 
 
 @dataclass(frozen=True)
 class Outcome:
-    steps: tuple[Step, ...]
     first: State
     last: State
-    unexplained: tuple[Rival, ...]
+    steps: tuple[Step, ...]
+    unnamed: tuple[Unnamed, ...]
+    tau: float
+    notes: tuple[str, ...] = field(default=())
+
+
+def threshold(alpha: float) -> float:
+    return float(np.log(BUDGET / alpha))
+
+
+def trace(
+    first: State, library: Library, alpha: float = 0.01, progress: Progress = silent, max_steps: int = STEPS
+) -> Outcome:
+    """Look for what the model lacks. Pure: rows in, an outcome out."""
+    tau = threshold(alpha)
+    state, steps, unnamed = first, [], []
+    closed: set[int] = set()
+    while len(steps) < max_steps:
+        progress(f"step {len(steps) + 1}: what could be missing", 0.15 + 0.75 * (1 - 0.75 ** len(steps)))
+        weighed = compared(state, screen(state, library, frozenset(closed)), tau, alpha)
+        event = best_event(state, library.events, library.layout, tau, alpha)
+        if event is not None and _first(event, weighed):
+            r = event.refined
+            steps.append(Step(r.term, event.evidence, ()))
+            state = with_found(state, Found(r.term, r.columns, r.sizes))
+            continue
+        if not weighed.passed:
+            break
+        best, evidence = simplest(weighed, tau)
+        c = main_channel(evidence, best.term, state)
+        flex = sufficiency(state, weighed.metric, best.term, c, tau)
+        if flex is not None and flex.evidence.log_e > evidence.log_e + tau:
+            pair = _pair(state, weighed, best, flex, tau, alpha)
+            if pair is None:
+                unnamed.append(
+                    Unnamed(
+                        c,
+                        flex.variables,
+                        flex.evidence.log_e,
+                        flex.evidence.gain,
+                        explained_share(state, weighed.metric, c, flex),
+                        Equivalent(best.term, evidence.log_e),
+                    )
+                )
+                closed.add(state.model.channels[c].joint)
+                state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
+                continue
+        equal = tuple(
+            Equivalent(r.term, e.log_e) for r, e in weighed.passed if e.log_e > evidence.log_e - tau
+        )
+        steps.append(Step(best.term, evidence, _rivals(state, best, equal), flex))
+        state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
+    progress("what is left", 0.92)
+    state, steps = pruned(state, steps, tau)
+    state, steps, left = leftovers(state, steps, closed, tau, alpha)
+    return Outcome(first, state, tuple(steps), (*unnamed, *left), tau)
+
+
+def _first(event: Event, weighed: Weighed) -> bool:
+    """A load that says more than every other explanation is taken before them."""
+    return not weighed.passed or event.evidence.log_e > max(e.gain + e.log_e for _, e in weighed.passed)
 
 
 @dataclass(frozen=True)
-class Leftover:
-    """Structure without a name: its gain and the sum of squares it explains, 0 unless held-out rows agree."""
+class Weighed:
+    """The hypotheses of one step in one metric, those that passed best first."""
 
-    rival: Rival
-    gain: float
-    energy: float
+    metric: Metric
+    all: tuple[tuple[Refined, Evidence], ...]
+    passed: tuple[tuple[Refined, Evidence], ...]
 
 
-def run_loop(
-    first: State,
-    without: Sequence[str],
-    progress: Callable[[str, float | None], None],
-    max_terms: int = MAX_TERMS,
-) -> Outcome:
-    context = first.context
-    rows = context.rows
-    terms = all_terms(context.view, without)
-    progress("candidate columns", 0.1)
-    roles = np.array([r.role for r in rows.runs])[rows.run]
-    search = Search(
-        terms,
-        build_library(terms, context),
-        build_generic(rows.fine, rows.low_pass),
-        block_folds(rows.run, rows.t, roles != "test"),
-        first.bank,
+def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float) -> Weighed:
+    """Refine, then weigh all in the noise that the best of them leaves."""
+    m = state.metric
+    refined = [refine(m, state.scene, r.term) for r in shortlist]
+    refined = [r for r in refined if r.columns and r.gain > 1.0]
+    if not refined:
+        return Weighed(m, (), ())
+    m = leading_metric(state, refined)
+    refined = [refine(m, state.scene, r.term, turns=2) for r in refined]
+    told = [(r, weigh(m, r.columns)) for r in refined]
+    plain = white_metric(state)
+    passed = [
+        (r, e)
+        for r, e in told
+        if passes(state, r, e, tau, alpha) and lowers(plain, r, main_channel(e, r.term, state))
+    ]
+    return Weighed(m, tuple(told), tuple(sorted(passed, key=lambda item: -item[1].log_e)))
+
+
+def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
+    """Of the explanations of the leading joint that cannot be told from the best, the one with fewest
+    parameters."""
+    lead, most = weighed.passed[0]
+    equal = [
+        (r, e)
+        for r, e in weighed.passed
+        if e.log_e > most.log_e - tau and r.term.place.joint == lead.term.place.joint
+    ]
+    return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
+
+
+def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
+    """Enough on both kinds of rows, block by block, and possible."""
+    names = r.term.effect.parameters_of(r.term.place)
+    values = {**r.term.theta, **dict(zip(names, e.sizes))}
+    possible = r.term.effect.physical(values, state.model) is None
+    return bool(
+        possible
+        and not r.at_bound
+        and e.log_e > tau
+        and e.gain > tau
+        and e.supported(alpha)
+        and e.left > 1e-5
     )
-    state = first
-    steps: list[Step] = []
-    unexplained: list[Rival] = []
-    blocked: set[int] = set()
-    strongest = 0.0
-    least_share = SMALLEST_SHARE
-    while len(state.terms) < max_terms:
-        progress(f"step {len(steps) + 1}: ranking", 0.15 + 0.8 * (1 - 0.8 ** len(steps)))
-        ranking = rank(state, search, blocked)
-        step = None
-        for candidate in ranking[:TRIES]:
-            step = try_candidate(state, candidate, ranking, least_share * strongest)
-            if step is not None:
-                break
-        if step is None:
-            break
-        rival, replaced = challenge(state, step, search, blocked)
-        if replaced and rival is not None:
-            unexplained.append(rival)
-            blocked.add(rival.channel)
-            nuisance = Found(None, {rival.channel: rival.columns}, rival.score.coefficients, "unexplained")
-            strongest, least_share = max(strongest, rival.score.identify), SHARE_BESIDE_UNEXPLAINED
-            state = search.resettled(refit(state, [*state.found, nuisance]))
+
+
+def lowers(plain: Metric, r: Refined, c: int) -> bool:
+    """The error itself falls on the judged rows, on the channel that says most: what a user sees."""
+    return bool(weigh(plain, r.columns).per_channel[c] > 0)
+
+
+def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
+    """The model's own columns, each channel in the least noise that any of the hypotheses leaves there:
+    beside a hypothesis that is right, noise that has swallowed its effect would count against it."""
+    usable = state.rows.fitted | state.rows.judged
+    least = list(state.whiteners)
+    for r in refined:
+        trial = solved(replace(state, found=(*state.found, Found(r.term, r.columns, r.sizes))))
+        own = r.term.place.rows(state.model.channels)
+        for c in own if r.term.place.joint is not None else r.columns:
+            w = whitener(state.rows, trial.noise[c], state.rows.use[c] & usable, state.rows.use[c])
+            if w.sigma < least[c].sigma:
+                least[c] = w
+    design, B = stacked(state.rows, [f.columns for f in state.found])
+    return metric(state.rows, design, B, least)
+
+
+def main_channel(evidence: Evidence, term: Term, state: State) -> int:
+    """Where it says most, among the channels that it acts in."""
+    own = list(term.place.rows(state.model.channels)) or list(range(state.rows.channels))
+    return max(own, key=lambda c: evidence.per_channel[c])
+
+
+def signals_read(term: Term) -> frozenset[str] | None:
+    """Names of a flexible function's signals that the effect reads itself; None: not such an effect."""
+    effect, place = term.effect, term.place
+    if effect.kind != "column" or place.joint is None:
+        return None
+    j = place.joint + 1
+    table = {"q": f"q{j}", "dq": f"dq{j}", "sign_dq": f"dq{j}", "ddq": f"ddq{j}", "tau_link": "tau", "t": "t"}
+    if place.source is not None:
+        k = place.source + 1
+        table |= {"q_source": f"q{k}", "dq_source": f"dq{k}", "ddq_source": f"ddq{k}", "sign_sum": f"dq{k}"}
+    read = set()
+    for name in effect.needs:
+        read |= {table[name]} if name in table else {f"q{j}", f"dq{j}", "memory"}
+    return frozenset(read)
+
+
+def sufficiency(state: State, m: Metric, term: Term, c: int, tau: float) -> Flexible | None:
+    """The best function without a name of the signals that the effect reads."""
+    read = signals_read(term)
+    if read is None:
+        return None
+    return ask(state, m, c, tau, read)
+
+
+def ask(
+    state: State, m: Metric, c: int, wanted: float, only: frozenset[str] | None = None
+) -> Flexible | None:
+    joint = state.model.channels[c].joint
+    load = [state.model.total(motion)[:, c] for motion in state.motions]
+    return flexible(m, c, joint, state.segments, load, TOP_WAVE, wanted, only)
+
+
+def _pair(
+    state: State, weighed: Weighed, best: Refined, flex: Flexible, tau: float, alpha: float
+) -> Refined | None:
+    """Another effect on the channel beside which the best one is sufficient after all."""
+    for other, _ in weighed.all:
+        if other.term.key == best.term.key or not set(other.columns) & set(best.columns):
             continue
-        strongest = max(strongest, step.gain)
-        steps.append(step)
-        state = search.resettled(step.after)
-    progress("what is left", 0.95)
-    state, steps = prune(state, steps, least_share * strongest)
-    for left in leftovers(state, search, blocked, strongest):
-        unexplained.append(left.rival)
-        impostors = {s.accepted.key for s in steps if s.accepted is not None and took_part_of(s, left)}
-        if impostors:
-            steps = [s for s in steps if s.accepted is None or s.accepted.key not in impostors]
-            state = refit(state, [f for f in state.found if f.term is None or f.term.key not in impostors])
-    return Outcome(tuple(steps), first, state, tuple(unexplained))
+        both = {
+            c: np.hstack([r.columns[c] if c in r.columns else np.zeros((len(state.rows.t), len(r.sizes)))
+                          for r in (best, other)])
+            for c in {*best.columns, *other.columns}
+        }  # fmt: skip
+        together = weigh(weighed.metric, both)
+        if together.log_e > flex.evidence.log_e - tau and together.supported(alpha):
+            return other
+    return None
 
 
-def took_part_of(step: Step, left: Leftover) -> bool:
-    """A finding of one joint that explains little beside what has no name there: a part of that."""
-    term, c = step.accepted, left.rival.channel
-    if (
-        term is None
-        or term.effect.name in OWN_TERMS
-        or term.effect.joints == "robot"
-        or c not in term.channels
-    ):
-        return False
-    energy = float(step.before.system.rss[c] - step.after.system.rss[c])
-    return step.gain + step.held_out < left.gain or energy < SMALL_PART * left.energy
+def _rivals(state: State, best: Refined, equal: Sequence[Equivalent]) -> tuple[Equivalent, ...]:
+    """Without those that only add parameters to it and gain nothing by them."""
+    own = max((e.log_e for e in equal if e.term.key == best.term.key), default=0.0)
+    return tuple(
+        e for e in equal if e.term.key != best.term.key and (e.term.free <= best.term.free or e.log_e > own)
+    )
 
 
-def challenge(state: State, step: Step, search: Search, blocked: set[int]) -> tuple[Rival | None, bool]:
-    """Does a nameless explanation beat the accepted term clearly on its main channel?"""
-    term = step.accepted
-    assert term is not None
-    if term.effect.name in OWN_TERMS:  # the study itself left it out, so it is there, whatever else is
-        return None, False
-    c = term.channels[0] if len(term.channels) == 1 else main_channel(step)
-    joint = state.context.view.joint_of[c]
-    done = {t.key for t in step.after.terms}
-    if c in blocked or any(left_out(t, joint) and t.key not in done for t in search.terms):
-        return None, False  # what the study left out there would look like a rival
-    rival = best_rival(search.generic, state.system, c, state.context)
-    if rival is None:
-        return None, False
-    every_row = state.system.score({c: rival.columns}, share=np.ones(len(state.system.y)))
-    if every_row.total < 1.05 * max(step.raw_total, best_pair(state, step, c)):
-        return rival, False
-    nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
-    gain, held = gains(state.system, refit(state, [*state.found, nuisance], turns=1).system)
-    if gain + held < 1.1 * (step.gain + step.held_out) + 10:
-        return rival, False
-    return rival, True
+def explained_share(state: State, m: Metric, c: int, flex: Flexible) -> float:
+    """Share of what the model leaves of the channel's torque (N m, judged rows, the model's parameters
+    free) that the function explains as it was learned."""
+    design, _ = state.design
+    on = state.rows.judged & state.rows.use[c]
+    X = design[c][1][on]
+    both = np.column_stack([state.rows.Y[c, on], flex.column[on]])
+    rho, z = (both - X @ np.linalg.lstsq(X, both, rcond=1e-9)[0]).T
+    return float(np.clip(1 - np.sum((rho - z) ** 2) / max(float(rho @ rho), 1e-300), 0.0, 1.0))
 
 
-def best_pair(state: State, step: Step, c: int) -> float:
-    """Score of the accepted term with the best second one on its channel: a rival has two columns as well.
-    Two shapes over the position together can draw anything, so they do not count as two effects."""
-    system, every = state.system, np.ones(len(state.system.y))
-    own = next(x for x in step.ranking if step.accepted is not None and x.term.key == step.accepted.key)
-    others = [x for x in step.ranking if x is not own and not x.event and c in x.columns]
-    if is_shape(own.term):
-        others = [x for x in others if not is_shape(x.term)]
-    best = 0.0
-    for other in others[:SECONDS]:
-        both = stack_columns(state.bank, [own.columns, other.columns])
-        touched = {*own.columns, *other.columns}
-        best = max(best, system.score({k: both[k] for k in touched}, share=every).total)
-    return best
+def refined_together(state: State) -> State:
+    """Shapes of all effects found, each beside the others, then the whole settled."""
+    for number, f in enumerate(state.found):
+        if f.term is None or not (f.term.effect.nonlinear or f.term.size is not None):
+            continue
+        others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
+        best = refine(others.metric, others.scene, f.term, turns=3)
+        term = best.term if best.term.size is None else with_size(best.term, best.sizes)
+        found = list(state.found)
+        found[number] = Found(term, best.columns, best.sizes)
+        state = solved(replace(state, found=tuple(found)))
+    return settled(recolumned(state), 1)
 
 
-def is_shape(term: Term) -> bool:
-    """A torque over the joint's own position alone."""
-    return term.effect.needs == {"q"}
-
-
-def left_out(term: Term, joint: int) -> bool:
-    """A term of the paper's own model, on this joint, that the study leaves out."""
-    return term.effect.name in OWN_TERMS and term.joint == joint
-
-
-def prune(state: State, steps: list[Step], least: float) -> tuple[State, list[Step]]:
-    """Take out found terms that became superfluous, or whose sign physics forbids in the last fit."""
-    while state.terms:
-        worst: tuple[float, int, State] | None = None
-        for i, f in enumerate(state.found):
-            if f.term is None or (f.lent and len(state.terms) == 1):
+def pruned(state: State, steps: list[Step], tau: float) -> tuple[State, list[Step]]:
+    """Leave out, one after the other, what the judged rows do not ask for beside the rest."""
+    while True:
+        weak: tuple[float, int] | None = None
+        for number, f in enumerate(state.found):
+            if f.term is None:
                 continue
-            reduced = refit(state, [g for k, g in enumerate(state.found) if k != i], turns=1)
-            gain, held = gains(reduced.system, state.system)
-            first, second = required(f.term)
-            value = min(gain / max(first, least), held / second)
-            if f.term.run is not None:
-                value = 2.0
-            if not physical(f):
-                value = -np.inf
-            if worst is None or value < worst[0]:
-                worst = (value, i, reduced)
-        if worst is None or worst[0] > 1.0 or (len(state.terms) == 1 and worst[0] > -np.inf):
-            break
-        key = state.found[worst[1]].term.key  # type: ignore[union-attr]
-        state = worst[2]
-        steps = [s for s in steps if s.accepted is None or s.accepted.key != key]
-    return state, steps
+            if f.term.place.recording is not None:
+                continue  # judged by blocks of its own recording
+            others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
+            e = weigh(others.metric, f.columns)
+            if e.log_e < tau and (weak is None or e.log_e < weak[0]):
+                weak = (e.log_e, number)
+        if weak is None:
+            return state, steps
+        gone = state.found[weak[1]].term
+        assert gone is not None
+        steps = [s for s in steps if s.term.key != gone.key]
+        state = without(state, weak[1])
 
 
-def leftovers(state: State, search: Search, blocked: set[int], strongest: float) -> list[Leftover]:
-    """Channels with structure left: a nameless explanation confirmed on held-out rows, or far above the noise
-    floor."""
-    rows = state.context.rows
-    floor = white_floor(rows, state.context.torque)
-    rms = np.sqrt(
-        np.sum((state.system.residual * rows.keep) ** 2, axis=1) / np.maximum(rows.keep.sum(axis=1), 1)
-    )
-    out = []
-    for c in range(len(state.system.y)):
-        if c in blocked:
+def leftovers(
+    state: State, steps: list[Step], closed: set[int], tau: float, alpha: float
+) -> tuple[State, list[Step], list[Unnamed]]:
+    """What functions of everything still explain, channel by channel; names beside it must hold alone."""
+    out: list[Unnamed] = []
+    for c in range(state.rows.channels):
+        if not (state.rows.use[c] & state.rows.judged).any():
             continue
-        rival = best_rival(search.generic, state.system, c, state.context, size=4)
-        if rival is None:
+        flex = ask(state, state.metric, c, tau)
+        if flex is None:
             continue
-        above = floor[c] > 1e-3 * rms[c] and rms[c] > ABOVE_FLOOR * floor[c]
-        far_above = above and rms[c] > FAR_ABOVE_FLOOR * floor[c]
-        if rival.score.identify < SMALL_PART * LEFT_GAIN and not above:
+        if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
+            if flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels):
+                share = explained_share(state, state.metric, c, flex)
+                told = flex.evidence
+                out.append(Unnamed(c, flex.variables, told.log_e, told.gain, share, None, carries_over=False))
             continue
-        nuisance = Found(None, {c: rival.columns}, rival.score.coefficients, "unexplained")
-        after = refit(state, [*state.found, nuisance], turns=1).system
-        gain, held = gains(state.system, after)
-        share = 1 - max(after.rss[c] / state.system.rss[c], after.rss_held[c] / state.system.rss_held[c])
-        enough = gain > max(LEFT_GAIN, 0.03 * strongest) and held > max(LEFT_HELD_GAIN, 0.15 * gain)
-        plain = gain > PLAIN_GAIN and after.rss[c] < (1 - PLAIN_SHARE) * state.system.rss[c]
-        confirmed = plain or (enough and share > LEFT_SHARE)
-        if confirmed or far_above or (above and held > LEFT_HELD_GAIN):
-            percent = rival.share_percent if confirmed else 100 * (1 - (floor[c] / rms[c]) ** 2)
-            energy = float(state.system.rss[c] - after.rss[c])
-            told = replace(rival, share_percent=float(percent))
-            out.append(Leftover(told, *((gain + held, energy) if confirmed else (0.0, 0.0))))
-    return out
+        share = explained_share(state, state.metric, c, flex)
+        column = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
+        for number, f in reversed(list(enumerate(state.found))):
+            if f.term is None or f.term.place.joint is None or c not in f.columns:
+                continue
+            others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
+            learned = ask(others, others.metric, c, tau)
+            if learned is None:
+                continue
+            beside = solved(
+                replace(others, found=(*others.found, replace(column, columns={c: learned.column[:, None]})))
+            )
+            if weigh(beside.metric, f.columns).log_e < tau:
+                steps = [s for s in steps if s.term.key != f.term.key]
+                state = without(state, number)
+        out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share))
+        closed.add(state.model.channels[c].joint)
+    return state, steps, out

@@ -1,327 +1,214 @@
-"""The model with what was found so far, fitted: columns, system and context move together.
+"""The model with everything found so far, settled on the fitted rows: estimate, noise, turn-over of friction.
 
-Terms whose columns follow the estimate (gain, delay, elasticity, tilt, load) are recomputed a few times;
-nonlinear parameters of all found terms are refined together by Gauss-Newton on the projected problem.
-"""
+These three wait for each other and are taken in turn: least squares in the noise at hand; the noise of what
+is left; the turn-over that fits best in that noise."""
 
-from collections.abc import Sequence
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
+import scipy.sparse
 
-from ident.diagnosis.friction_sign import settle_sign, sharpened
-from ident.diagnosis.model_view import ModelView
+from ident.diagnosis.evidence import Metric, metric, orthonormal, stacked
+from ident.diagnosis.fine import FineSegment
+from ident.diagnosis.model import FittedModel, motion_of
 from ident.diagnosis.rows import Rows
-from ident.diagnosis.scoring import Bank, Columns, Folds, System, make_bank, make_system
-from ident.diagnosis.terms import Context, Term, columns, fine_columns
+from ident.diagnosis.terms import Scene, Term
+from ident.diagnosis.turn_over import Dry, TurnOver, settle, sign_column, with_column, with_turn_overs
+from ident.diagnosis.whitened import Whitener, whiteners
+from ident.equations.columns import Columns
+from modelgen.effects.place import Motion
+from modelgen.geometry.robot import Robot
 
-LITTLE = 1e-3  # s
-MOVING = ("measurement", "motion")
-LASTING = ("payload", "wrench", "arm", "sensitivity", "filtered", "play", "shifted", "column")
+
+@dataclass(frozen=True)
+class Problem:
+    """What does not change while effects are looked for."""
+
+    robot: Robot
+    columns: Columns
+    dry: tuple[Dry, ...]
 
 
 @dataclass(frozen=True)
 class Found:
-    """A term in the model with its fitted linear coefficients; `nuisance` columns have no term."""
+    """Columns in the model: of a term, or (term None) of a function without a name of these signals."""
 
     term: Term | None
-    columns: Columns
-    coefficients: np.ndarray
-    label: str = ""
-    lent: bool = False  # estimated on identify and validate rows together: identify alone cannot see it
+    columns: Mapping[int, np.ndarray]
+    sizes: np.ndarray
+    variables: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
 class State:
-    """Fitted model. `system` columns: model parameters, then the columns of each found term in order."""
-
-    context: Context
-    system: System
+    problem: Problem
+    rows: Rows
+    segments: tuple[FineSegment, ...]
+    motions: tuple[Motion, ...]
+    turns: Mapping[int, TurnOver]
     found: tuple[Found, ...]
-    bank: Bank  # model columns at the kept instants
+    whiteners: tuple[Whitener, ...]
+    beta: np.ndarray  # (B,) model, then found
 
-    @property
-    def folds(self) -> Folds:
-        return self.bank.folds
+    @cached_property
+    def design(self) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:
+        return stacked(self.rows, [f.columns for f in self.found])
+
+    @cached_property
+    def metric(self) -> Metric:
+        design, B = self.design
+        return metric(self.rows, design, B, self.whiteners)
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """(C, M) unwhitened, of all used rows, frozen at the estimate."""
+        design, _ = self.design
+        rho = [self.rows.Y[c] - values @ self.beta[places] for c, (places, values) in enumerate(design)]
+        return np.where(self.rows.use, np.stack(rho), 0.0)
+
+    @cached_property
+    def noise(self) -> np.ndarray:
+        """(C, M) residual that is taken for noise: on the judged rows that of their own fit."""
+        design, B = self.design
+        beta = weighted_fit(self.rows, design, B, self.rows.judged)
+        own = np.stack([self.rows.Y[c] - values @ beta[places] for c, (places, values) in enumerate(design)])
+        return np.where(self.rows.use & self.rows.judged, own, self.residual)
+
+    @cached_property
+    def model(self) -> FittedModel:
+        return FittedModel(self.problem.robot, self.problem.columns, self.beta[: self.rows.b], self._added)
+
+    @cached_property
+    def scene(self) -> Scene:
+        return Scene(self.rows, self.segments, self.motions, self.model)
+
+    def _added(self, motion: Motion) -> np.ndarray:
+        out = np.zeros((len(motion.t), self.rows.channels))
+        bare = FittedModel(self.problem.robot, self.problem.columns, self.beta[: self.rows.b])
+        for f in self.found:
+            if f.term is None:
+                continue
+            size = np.array(f.term.size) if f.term.size is not None else None
+            for c, z in f.term.effect.columns(f.term.place, f.term.theta, size, motion, bare, {}).items():
+                out[:, c] += z @ f.sizes
+        return out
 
     @property
     def terms(self) -> tuple[Term, ...]:
         return tuple(f.term for f in self.found if f.term is not None)
 
 
-def base_columns(rows: Rows, view: ModelView) -> np.ndarray:
-    """(channels, M, b) filtered model columns."""
-    out = np.zeros((len(view.channels), len(rows.t), len(view.parameters)))
-    for c, (index, values) in enumerate(view.entries):
-        out[c][:, index] = rows.low_pass @ values
-    return out
-
-
-def first_state(rows: Rows, view: ModelView, folds: Folds) -> State:
-    bank = make_bank(base_columns(rows, view), rows.keep, folds)
-    rows, view, bank = settle_sign(rows, view, bank)
-    system = make_system(bank, no_columns(bank), rows.y)
-    context = _context(rows, view, system.coefficients, (), {})
-    return State(context, system, (), bank)
-
-
-def no_columns(bank: Bank) -> np.ndarray:
-    return np.zeros((*bank.base.shape[:2], 0))
-
-
-def _context(rows, view, chi, found: tuple[Found, ...], size) -> Context:
-    b = len(view.parameters)
-    torque = view.torque(chi[:b])
-    context = Context(rows, view, chi[:b], torque, _load(rows, view, chi[:b]), size)
-    for f in found:
-        if f.term is not None and f.term.effect.kind == "column":
-            extra = fine_columns(f.term, context) @ f.coefficients
-            for c in f.term.channels:
-                torque[c] += extra
-    return context
-
-
-def _load(rows: Rows, view: ModelView, chi: np.ndarray) -> np.ndarray:
-    """(n, N) torque that the gears pass on: the sensor's where motor and sensor are both measured."""
-    ddq = rows.fine.ddq
-    out = np.stack([view.link_torque(chi, j) - view.drive_inertia(j) * ddq[:, j] for j in range(view.n)])
-    if any(c.startswith("tau_m") for c in view.channels):
-        for c, name in enumerate(view.channels):
-            if name.startswith("tau_l"):
-                out[view.joint_of[c]] = rows.y_fine[c]
-    return out
-
-
-def refit(state: State, found: list[Found], turns: int | None = None) -> State:
-    """State with these found terms; coefficients of the given ones are starting values."""
-    context, view, rows = state.context, state.context.view, state.context.rows
-    b = len(view.parameters)
-    moving = any(f.term is not None and (f.term.effect.kind in MOVING or _follows(f.term)) for f in found)
-    current = list(found)
-    system = state.system
-    current = [replace(f, lent=f.term is not None and _needs_all(f.term, rows, state.folds)) for f in current]
-    if turns is None:
-        turns = 4 if moving else 1
-    previous = None
-    for _turn in range(turns):
-        size = {f.term.key: f.coefficients for f in current if f.term is not None}
-        context = _context(rows, view, context.chi, tuple(current), size)
-        context.cache.update(_lasting(state.context.cache))
-        cols = [
-            f.columns if f.term is None or (_turn == 0 and _static(f)) else columns(f.term, context)
-            for f in current
-        ]
-        current = [replace(f, columns=c) for f, c in zip(current, cols)]
-        system, current = solve(state.bank, rows, current)
-        context = replace(context, chi=system.coefficients[:b])
-        a = np.concatenate([f.coefficients for f in current]) if current else np.zeros(0)
-        if previous is not None and np.allclose(previous, a, rtol=1e-3, atol=1e-12):
-            break
-        previous = a
-    size = {f.term.key: f.coefficients for f in current if f.term is not None}
-    old = context.cache
-    context = _context(rows, view, system.coefficients[:b], tuple(current), size)
-    context.cache.update(_lasting(old))
-    return State(context, system, tuple(current), state.bank)
-
-
-def _lasting(cache: dict) -> dict:
-    """Parts of a cache that outlive a new estimate: exact ones, and the sensitivities that only rank."""
-    return {k: v for k, v in cache.items() if k[0] in LASTING}
-
-
-def _needs_all(term: Term, rows: Rows, folds: Folds) -> bool:
-    """True for a load on a validate run, one on the whole of the only identify run, and one on a recording
-    that the others must predict: they cannot know of it."""
-    if term.run is None or rows.runs[term.run].role == "test":
-        return False
-    if folds.by_recording:
-        return True
-    fitted = [i for i, r in enumerate(rows.runs) if r.role == "identify"]
-    return rows.runs[term.run].role == "validate" or (term.window is None and fitted == [term.run])
-
-
-def solve(bank: Bank, rows: Rows, found: list[Found]) -> tuple[System, list[Found]]:
-    """Fit everything; lent terms are estimated first on all runs that may be looked at, then taken off the
-    torque."""
-    y = rows.y
-    out = list(found)
-    if any(f.lent for f in found):
-        joint = make_system(both_bank(bank, rows), stack_columns(bank, [f.columns for f in found]), y)
-        out = _with_coefficients(out, joint.coefficients[bank.base.shape[2] :])
-        y = y.copy()
-        for f in out:
-            if f.lent:
-                for c, values in f.columns.items():
-                    y[c] -= values @ f.coefficients
-    own = [i for i, f in enumerate(out) if not f.lent]
-    system = make_system(bank, stack_columns(bank, [out[i].columns for i in own]), y)
-    for i, f in zip(
-        own, _with_coefficients([out[i] for i in own], system.coefficients[bank.base.shape[2] :])
-    ):
-        out[i] = f
-    return system, out
-
-
-_both: dict[int, tuple[Bank, Bank]] = {}
-
-
-def both_bank(bank: Bank, rows: Rows) -> Bank:
-    """The same model columns with identify and validate rows in one set."""
-    if id(bank) not in _both:
-        _both.clear()
-        roles = np.array([r.role for r in rows.runs])[rows.run]
-        _both[id(bank)] = (
-            bank,
-            make_bank(bank.base, bank.keep, Folds(np.where(roles != "test", 0, -1), (0,), (), False)),
+def first_state(problem: Problem, rows: Rows, segments: Sequence[FineSegment]) -> State:
+    every = np.arange(len(rows.t))
+    plain = tuple(
+        Whitener(
+            scipy.sparse.csr_array((u.astype(float), (every, every)), shape=(len(u), len(u))),
+            1.0,
+            np.zeros(0),
         )
-    return _both[id(bank)][1]
-
-
-def _with_coefficients(found: list[Found], a: np.ndarray) -> list[Found]:
-    out, at = [], 0
-    for f in found:
-        p = next(iter(f.columns.values())).shape[1]
-        out.append(replace(f, coefficients=a[at : at + p]))
-        at += p
-    return out
-
-
-def _static(f: Found) -> bool:
-    return f.term is not None and f.term.effect.kind == "column" and not _follows(f.term) and bool(f.columns)
-
-
-def _follows(term: Term) -> bool:
-    return "tau_link" in term.effect.needs or term.effect.name == "base_tilt"
-
-
-def stack_columns(bank: Bank, cols: list[Columns]) -> np.ndarray:
-    """(channels, M, all p) of columns that live on some channels each."""
-    widths = [next(iter(c.values())).shape[1] for c in cols]
-    out = np.zeros((*bank.base.shape[:2], sum(widths)))
-    at = 0
-    for c, p in zip(cols, widths):
-        for channel, values in c.items():
-            out[channel, :, at : at + p] = values
-        at += p
-    return out
-
-
-def sensitivity(f: Found, name: str, context: Context) -> Columns:
-    """d(contribution)/d(nonlinear parameter) by central differences."""
-    assert f.term is not None
-    theta = f.term.effect.complete(f.term.theta)
-    parameter = next(p for p in f.term.effect.nonlinear if p.name == name)
-    h = 1e-3 * max(abs(theta[name]), 1e-3 * (parameter.high - parameter.low))
-    up = columns(f.term.at(**{name: theta[name] + h}), context)
-    down = columns(f.term.at(**{name: theta[name] - h}), context)
-    return {c: ((up[c] - down[c]) @ f.coefficients / (2 * h))[:, None] for c in up}
-
-
-def resettle(state: State) -> State:
-    """Choose the turn-over of the friction signs again beside what was found."""
-    delays = [f for f in state.found if f.term is not None and f.term.effect.name == "time_delay"]
-    late = {c: float(f.coefficients[0]) for f in delays for c in f.columns}
-    context, system = state.context, state.system
-    tangents = stack_columns(state.bank, [_later(f, context) for f in delays])
-    extra = np.concatenate([system.extra, tangents], axis=2)
-    carried = carried_signs(state.found, context)
-    rows, view, bank = settle_sign(
-        context.rows, context.view, state.bank, extra, system.y, 1, RESETTLE, carried, late
+        for u in rows.use
     )
-    return state if bank is state.bank else _with_signs(state, rows, view, bank)
+    motions = tuple(motion_of(s) for s in segments)
+    state = State(problem, rows, tuple(segments), motions, {}, (), plain, np.zeros(rows.b))
+    return settled(state, 3)
 
 
-def carried_signs(found: Sequence[Found], context: Context) -> dict[int, dict[int, np.ndarray]]:
-    """{joint: {channel: (N,)}}: what found terms multiply the sign of their joint's rate with."""
-    rows = context.rows
-
-    def with_sign(value: float) -> Context:
-        sign = np.full_like(rows.fine.sign, value)
-        return replace(context, rows=replace(rows, fine=replace(rows.fine, sign=sign)))
-
-    on, off = with_sign(1.0), with_sign(0.0)
-    out: dict[int, dict[int, np.ndarray]] = {}
-    for f in found:
-        if f.term is None or f.term.joint is None or "sign_dq" not in f.term.effect.needs:
-            continue
-        amplitude = (fine_columns(f.term, on) - fine_columns(f.term, off)) @ f.coefficients
-        joint = out.setdefault(f.term.joint, {})
-        for c in f.term.channels:
-            joint[c] = joint.get(c, 0.0) + amplitude
-    return out
-
-
-def _later(f: Found, context: Context) -> Columns:
-    """What a little more delay would change: the column of a found delay is a secant, this the tangent."""
-    delay, filtered = float(f.coefficients[0]), context.rows.filter
-    torque = context.torque[list(f.columns)].T
-    change = (filtered.matrix(delay + LITTLE) - filtered.matrix(delay - LITTLE)) @ torque / (2 * LITTLE)
-    return {c: change[:, [i]] for i, c in enumerate(f.columns)}
+def solved(state: State) -> State:
+    """Weighted least squares on the fitted rows, white within a channel as the fit's; sizes of what was found
+    follow. (In coloured noise a wrong model would be fitted to its fast part: whitening decides, it does not
+    estimate.)"""
+    design, B = state.design
+    beta = weighted_fit(state.rows, design, B, state.rows.fitted)
+    found, at = [], state.rows.b
+    every: np.ndarray | None = None
+    for f in state.found:
+        p = next(iter(f.columns.values())).shape[1]
+        if not any(np.any(z[state.rows.fitted]) for z in f.columns.values()):  # a load on a run that judges
+            if every is None:
+                every = weighted_fit(state.rows, design, B, state.rows.fitted | state.rows.judged)
+            beta[at : at + p] = every[at : at + p]
+        found.append(replace(f, sizes=beta[at : at + p]))
+        at += p
+    return replace(state, beta=beta, found=tuple(found))
 
 
-def sharpen(state: State, joints: Sequence[int]) -> State:
-    """The state with friction that turns over at once on these joints."""
-    return _with_signs(state, *sharpened(state.context.rows, state.context.view, state.bank, joints))
+def weighted_fit(
+    rows: Rows, design: Sequence[tuple[np.ndarray, np.ndarray]], B: int, mask: np.ndarray
+) -> np.ndarray:
+    """(B,) with one noise level a channel, taken from its own residual."""
+    grams, rights, powers, counts = [], [], [], []
+    for c, (places, values) in enumerate(design):
+        on = mask & rows.use[c]
+        X, y = values[on], rows.Y[c, on]
+        grams.append((places, X.T @ X))
+        rights.append(X.T @ y)
+        powers.append(float(y @ y))
+        counts.append(max(int(on.sum()), 1))
+    weight = np.array([n / max(power, 1e-300) for n, power in zip(counts, powers)])
+    beta = np.zeros(B)
+    for _ in range(4):
+        gram, right = np.zeros((B, B)), np.zeros(B)
+        for (places, G), g, w in zip(grams, rights, weight):
+            gram[np.ix_(places, places)] += w * G
+            right[places] += w * g
+        basis = orthonormal(gram)
+        beta = basis @ (basis.T @ right)
+        for c, ((places, G), g) in enumerate(zip(grams, rights)):
+            b = beta[places]
+            left = powers[c] - 2 * g @ b + b @ G @ b
+            weight[c] = counts[c] / max(left, 1e-9 * powers[c], 1e-300)
+    return beta
 
 
-def _with_signs(state: State, rows: Rows, view: ModelView, bank: Bank) -> State:
-    context = replace(state.context, rows=rows, view=view)
+def settled(state: State, rounds: int = 2) -> State:
+    """Estimate, noise and turn-over in turn."""
+    for _ in range(rounds):
+        state = solved(state)
+        usable = state.rows.fitted | state.rows.judged
+        state = replace(state, whiteners=whiteners(state.rows, state.noise, usable))
+        state = turned(state)
+    return solved(state)
+
+
+def turned(state: State) -> State:
+    """Dry friction turns over as fits best beside everything found."""
+    p = state.problem
+    if not p.dry:
+        return state
+    design, B = state.design
+    turns = settle(state.rows, design, B, state.whiteners, state.segments, p.dry, state.turns)
+    if turns == state.turns:
+        return state
+    rows = state.rows
+    for d in p.dry:
+        if turns[d.joint] != state.turns.get(d.joint):
+            made = {c: sign_column(state.segments, rows, d.joint, c, turns[d.joint]) for c, _ in d.places}
+            rows = with_column(rows, d, made)
+    segments = with_turn_overs(state.segments, turns)
+    motions = tuple(motion_of(s) for s in segments)
+    return recolumned(replace(state, rows=rows, segments=segments, motions=motions, turns=turns))
+
+
+def recolumned(state: State) -> State:
+    """Columns of the terms found, made again (their signals, or the model, have changed)."""
+    if not state.terms:
+        return state
     found = [
-        replace(f, columns=columns(f.term, context))
-        if f.term is not None and f.term.effect.kind == "column"
-        else f
-        for f in state.found
+        replace(f, columns=state.scene.columns(f.term)) if f.term is not None else f for f in state.found
     ]
-    return refit(State(context, state.system, state.found, bank), found)
+    return replace(state, found=tuple(f for f in found if f.columns))
 
 
-RESETTLE = 8.0  # log-likelihood
+def with_found(state: State, *found: Found) -> State:
+    """The state with more in it, settled again."""
+    return settled(replace(state, found=(*state.found, *found)), 1)
 
 
-def refine(state: State, steps: int = 2) -> State:
-    """Gauss-Newton over the nonlinear parameters of all found terms, with shorter steps on failure."""
-    for _ in range(steps):
-        places = [(i, p) for i, f in enumerate(state.found) if f.term is not None for p in f.term.free]
-        if not places:
-            return state
-        cols = [f.columns for f in state.found if not f.lent]
-        extra = [sensitivity(state.found[i], p.name, state.context) for i, p in places]
-        system = make_system(state.bank, stack_columns(state.bank, cols + extra), state.system.y)
-        delta = system.coefficients[-len(extra) :]
-        now = objective(state)
-        scale, better = 1.0, None
-        for _halving in range(3):
-            found = list(state.found)
-            for (i, p), d in zip(places, delta):
-                term = found[i].term
-                assert term is not None
-                value = term.effect.complete(term.theta)[p.name]
-                limit = 0.5 * abs(value) if p.low > 0 else 0.3 * (p.high - p.low)
-                value = float(np.clip(value + scale * np.clip(d, -limit, limit), p.low, p.high))
-                found[i] = replace(found[i], term=term.at(**{p.name: value}), columns={})
-            found = [
-                replace(f, columns=columns(f.term, state.context))
-                if f.term is not None and not f.columns
-                else f
-                for f in found
-            ]
-            trial = refit(state, found, turns=1)
-            if objective(trial) < now:
-                better = trial
-                break
-            scale /= 4
-        if better is None:
-            return state
-        gain = now - objective(better)
-        state = better
-        if gain < 0.05:
-            break
-    return state
-
-
-def objective(state: State) -> float:
-    """Minus log-likelihood of the identify rows, noise levels profiled out."""
-    system = state.system
-    N = system.count[list(system.folds.identify)].sum(axis=0)
-    return float(np.sum(N / 2 * np.log(np.maximum(system.rss, 1e-30))))
+def without(state: State, number: int) -> State:
+    """The state with one thing less, settled again."""
+    left = tuple(f for k, f in enumerate(state.found) if k != number)
+    return settled(replace(state, found=left), 1)

@@ -58,13 +58,15 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
     progress("loading the model")
     columns = columns_of(study)
     progress("reading the recordings")
-    if study.turn_over is not None and len(study.turn_over) != len(columns.need.joints):
-        raise StudyError(
-            str(study.file),
-            "turn_over",
-            f"has {len(study.turn_over)} values, the robot {study.robot} has {len(columns.need.joints)} "
-            "joints; give one per joint, 0 for one that keeps the plain sign",
-        )
+    for key in ("turn_over", "presliding"):
+        values = getattr(study, key)
+        if values is not None and len(values) != len(columns.need.joints):
+            raise StudyError(
+                str(study.file),
+                key,
+                f"has {len(values)} values, the robot {study.robot} has {len(columns.need.joints)} "
+                "joints; give one per joint, 0 for one that keeps the plain sign",
+            )
     streams = tuple(open_recordings(study, columns.need, columns.model.prismatic))
-    banks = tuple(prepare(stream, study.filter, study.turn_over) for stream in streams)
+    banks = tuple(prepare(stream, study.filter, study.turn_overs) for stream in streams)
     return Prepared(study, columns.model, columns, streams, banks)

@@ -127,7 +127,7 @@ def predict(
     one = study.with_(recordings=(entry,), payload_mass={})
     progress("reading the log")
     stream = open_recording(one, entry, columns.need)
-    bank = prepare(stream, one.filter, study.turn_over)
+    bank = prepare(stream, one.filter, study.turn_overs)
     progress("predicting")
     system = observe(stream, bank, fit.rigid, fit.cutoff_hz, study.filter.order)
     measured = [segment.Y for segment in system.segments]

@@ -35,6 +35,7 @@ from pydantic import (
 from ident.errors import StudyError
 from ident.recordings import study_checks
 from ident.recordings.fill_in import refuse_marks
+from ident.signals.dry_friction import TurnOver
 from modelgen.errors import ModelgenError, shortened
 from modelgen.geometry import strict_yaml
 
@@ -169,10 +170,10 @@ class Study(_Strict):
     joint torque sensor an inertia of its own, Ial ddq_j; `coupled_drives` pairs joints whose motors a
     gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads
     [kg]; `bounds`, `robust`, `reduction`, `reduction_alpha` (of the F-test), `effective_rows` choose the
-    estimator; `turn_over` [rad/s] per joint makes the sign of its dry friction tanh(dq / w); `trim_rest:
-    false` keeps rest at the ends; `joints` are the joints' names in the recordings, in the robot's order;
-    `effort` says what the driver records as such; `folder` is where the recordings are.
-    """
+    estimator; `turn_over` [rad/s] and `presliding` [rad] per joint are the rate and the travel within which
+    its dry friction changes sign; `trim_rest: false` keeps rest at the ends; `joints` are the joints' names
+    in the recordings, in the robot's order; `effort` says what the driver records as such; `folder` is
+    where the recordings are."""
 
     robot: PathText
     model: Literal["A", "B", "C", "D"] = "A"
@@ -203,6 +204,7 @@ class Study(_Strict):
     estimator: Literal["wls", "irls", "iv", "didim", "tls"] = "wls"
     alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.01  # of the diagnosis
     turn_over: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
+    presliding: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
     folder: PathText | None = None
     file: Path = Field(default=Path("study.yaml"), exclude=True)  # where it was read; not a key of the file
 
@@ -293,6 +295,15 @@ class Study(_Strict):
     def remarks(self) -> tuple[str, ...]:
         """What is legal but seldom meant, one sentence each."""
         return study_checks.overlapping(self.recordings)
+
+    @property
+    def turn_overs(self) -> tuple[TurnOver, ...]:
+        """How the joints' dry friction changes sign, where the study says so."""
+        if self.turn_over is None and self.presliding is None:
+            return ()
+        many = len(self.turn_over or self.presliding or ())
+        pairs = zip(self.turn_over or (0.0,) * many, self.presliding or (0.0,) * many)
+        return tuple(TurnOver(rate, travel) for rate, travel in pairs)
 
     @property
     def payloads(self) -> tuple[str, ...]:
@@ -464,5 +475,6 @@ _EXPECTED = {
     "gravity": "three values in m/s^2 in the base frame, such as [0, 0, -9.81]",
     "channels": "a list such as [tau_m1, tau_m2]",
     "turn_over": "a list of rad/s, one per joint",
+    "presliding": "a list of rad, one per joint",
 }
 _TAGS = {"float", "int", "str", "tuple", "list", "function-before"}

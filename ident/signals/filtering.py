@@ -38,6 +38,7 @@ import scipy.fft
 
 from ident.recordings.recording import MIN_SAMPLES, RecordingStream, Segment
 from ident.recordings.study import FilterSettings
+from ident.signals.dry_friction import TurnOver
 
 TAIL = 1e-10  # where the impulse response is cut off, relative to its peak
 MAX_SHARE = 0.45  # of the sampling rate: highest usable cut-off
@@ -128,7 +129,7 @@ class FilteredBlock:
 
     t (N,), q, dq, ddq, sign_dq (N, n); motor, sensor (N, n) or None: torques as recorded, not filtered (or
     filtered with the position filter when that was asked). vs (n,) is the speed from which a sign is certain,
-    certain (N, n) the weight 0..1 that follows from it.
+    certain (N, n) the weight 0..1 that follows from it, speed (N, n) the rate whose sign it is.
     """
 
     t: np.ndarray
@@ -140,6 +141,7 @@ class FilteredBlock:
     sensor: np.ndarray | None
     vs: np.ndarray
     certain: np.ndarray
+    speed: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,7 +151,7 @@ class FilterBank:
     position: LowPass
     sign: LowPass
     vs: np.ndarray | None  # (n,) rad/s; None until estimated
-    turn_over: np.ndarray | None = None  # (n,) rad/s: the model's sign is tanh(dq / w) where w > 0
+    turn_over: tuple[TurnOver, ...] = ()  # of each joint's dry friction; none given: tanh(2.5 dq / vs)
 
     @property
     def halo(self) -> int:
@@ -191,11 +193,22 @@ def velocity_noise(q: np.ndarray, bank: FilterBank) -> np.ndarray:
     return high_band * np.sqrt(np.mean((derivative * response) ** 2) / above)
 
 
-def smooth_sign(dq: np.ndarray, vs: np.ndarray, turn_over: np.ndarray | None = None) -> np.ndarray:
-    """tanh(2.5 dq / vs), the plain sign where vs is zero; tanh(dq / turn_over) where that is given."""
-    if turn_over is not None:
-        vs = np.where(turn_over > 0, STEEPNESS * turn_over, vs)
+def smooth_sign(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
+    """tanh(2.5 dq / vs), the plain sign where vs is zero."""
     return np.where(vs > 0, np.tanh(STEEPNESS * dq / np.where(vs > 0, vs, 1.0)), np.sign(dq))
+
+
+def told_sign(
+    q: np.ndarray, dq: np.ndarray, vs: np.ndarray, turns: Sequence[TurnOver], states: list[float | None]
+) -> np.ndarray:
+    """`smooth_sign` (N, n), with the joints' own turn-over where one is given; states (n,) go from block to
+    block."""
+    out = smooth_sign(dq, vs)
+    for j, turn in enumerate(turns):
+        if turn.rate > 0 or turn.travel > 0:
+            out[:, j] = turn.sign(q[:, j], dq[:, j], states[j])
+            states[j] = float(turn.state(q[:, j], dq[:, j], states[j])[-1]) if turn.travel > 0 else None
+    return out
 
 
 def certainty(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
@@ -219,6 +232,7 @@ def filter_blocks(
     period = 1.0 / rate
     first = max(segment.move_start, segment.start + bank.transient * period)
     last = min(segment.move_end, segment.end - bank.transient * period)
+    states: list[float | None] = [None] * n
     for start, window, inner in windows(blocks, halo):
         count = inner.stop - inner.start
         t = segment.start + (start + np.arange(count)) * period
@@ -242,11 +256,12 @@ def filter_blocks(
             q[2:-2][span],
             first_difference(q, rate)[span],
             second_difference(q, rate)[span],
-            smooth_sign(speed[span], vs, bank.turn_over),
+            told_sign(light[2:-2][span], speed[span], vs, bank.turn_over, states),
             None if motor is None else motor[span],
             None if sensor is None else sensor[span],
             vs,
             certainty(speed[span], vs) * stream.weight(window[inner])[span],
+            speed[span],
         )
 
 
@@ -288,10 +303,10 @@ def _odd_end(rows: np.ndarray, halo: int) -> np.ndarray:
 
 
 def prepare(
-    stream: RecordingStream, settings: FilterSettings, turn_over: Sequence[float] | None = None
+    stream: RecordingStream, settings: FilterSettings, turn_over: Sequence[TurnOver] = ()
 ) -> FilterBank:
     """The filters of a recording with the velocity noise estimated on the first samples that move."""
-    bent = None if turn_over is None else np.array(turn_over, float)
+    bent = tuple(turn_over)
     bank = filter_bank(settings, stream.rate_hz)
     if settings.sign_velocity is not None:
         vs = np.full(len(stream.need.joints), settings.sign_velocity)

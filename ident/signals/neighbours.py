@@ -56,6 +56,7 @@ def sliced(block: FilteredBlock, rows: slice) -> FilteredBlock:
         None if block.sensor is None else block.sensor[rows],
         block.vs,
         block.certain[rows],
+        None if block.speed is None else block.speed[rows],
     )
 
 
@@ -76,4 +77,5 @@ def joined(blocks: Sequence[FilteredBlock]) -> FilteredBlock:
         None if first.sensor is None else whole("sensor"),
         first.vs,
         whole("certain"),
+        None if first.speed is None else whole("speed"),
     )

@@ -98,6 +98,7 @@ class Effect:
     shared: bool = False  # all joints may have it with one value (joints [])
     torque_terms: tuple[str, ...] = ()  # of a motion effect: terms that are torques, not displacements
     common: bool = True  # False: rarer than its rivals, to be preferred only when it fits clearly better
+    told_by: tuple[str, ...] = ()  # checks of a recording that are this effect
     replaces: tuple[str, ...] = ()  # kinds of the model's own parameters that it is, ("Fcm", "Fcl")
     changes_model: bool = False  # the model's own columns change with it, see `regressor_change`
     margin_s: float = 0.0  # s of motion either side of a block that `columns` needs and a caller cuts off

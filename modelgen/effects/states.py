@@ -29,8 +29,8 @@ def monotone_pieces(q: Array) -> Iterator[tuple[int, int, float]]:
 def integrate_dahl(q: Array, theta: Mapping[str, float], initial: float = 0.0) -> Array:
     """z (N,) of Dahl's law dz/dq = (1 - z sign dq)/width, exact: z[k] = s + (z[k-1] - s) exp(-|step|/width).
 
-    The recurrence is summed in stretches of travel whose decay is `FADE`; what is older than two of them is below
-    exp(-2 FADE) and left out.
+    The recurrence is summed in stretches of travel whose decay is `FADE`; what is older than two of them is
+    below exp(-2 FADE) and left out.
     """
     step = np.diff(q, prepend=q[:1])
     travelled = np.cumsum(np.abs(step)) / theta["width"]

@@ -39,6 +39,7 @@ class BaseTilt(LoadEffect):
     name = "base_tilt"
     summary = "the base is rolled and pitched, so gravity is not where the robot file puts it"
     signature = "gravity torques of the first joints: joint 1 of an upright arm carries sin and cos of q1"
+    told_by = ("base_orientation",)  # checks of a recording that are this effect
     source = "gravity is an acceleration of the base: Luh, Walker, Paul, J. Dyn. Sys. Meas. Control 102, 1980"
     equation = "gravity = (Ry(pitch) Rx(roll))^T gravity of the robot file"
     remedy = "give the study the gravity that was found, `gravity: [gx, gy, gz]`, or level the base"

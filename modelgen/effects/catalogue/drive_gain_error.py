@@ -25,6 +25,7 @@ class DriveGainError(RecordingEffect):
         "the residual is a scaled copy of the torque itself; inertial parameters shared with other "
         "joints move some of it there"
     )
+    told_by = ("torque_scale",)  # checks of a recording that are this effect
     source = (
         "Gautier and Briot, Global identification of joint drive gains and dynamic parameters of robots, "
         "J. Dyn. Sys. Meas. Control 136(5), 2014"

@@ -21,6 +21,7 @@ class TorqueSign(RecordingEffect):
     name = "torque_sign"
     summary = "a torque is recorded with the other sign"
     signature = "friction and rotor inertia of the joint come out negative, and its neighbours disagree"
+    told_by = ("torque_sign",)  # checks of a recording that are this effect
     source = "Khalil and Dombre, Modeling, identification and control of robots, 2002 (signs of joints)"
     equation = "recorded = -tau"
     remedy = "give the channel its sign: `columns: {NAME: {sign: -1}}`"

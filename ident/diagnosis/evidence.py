@@ -1,0 +1,201 @@
+"""What one model says for itself against another: a likelihood ratio on rows that chose nothing.
+
+Everything about a hypothesis (place, window, shape, size, noise) is chosen on the fitted rows. On the
+judged rows both models are whitened by the same noise and projected off the rigid model's own columns,
+whose parameters stay free there (residual contrasts: Perez-Ortiz et al., Ann. Statist. 52(4), 2024), and
+
+    log E = sum over channels  N_c / 2 ln(RSS_c of the null / RSS_c of the hypothesis as fitted)
+
+is the logarithm of a split likelihood ratio (Wasserman, Ramdas, Balakrishnan, PNAS 117(29), 2020): whatever
+the search on the fitted rows was, P(log E > ln 1/alpha) <= alpha if the noise is what it is taken for. That
+it is, is not taken for granted: blocks of `BLOCK_S` each give their own gain, and enough of them must be
+positive (a sign test, which needs no noise model)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+
+from ident.diagnosis.rows import Rows
+from ident.diagnosis.whitened import Whitener
+
+Columns = Mapping[int, np.ndarray]  # channel -> (M, p), the same p everywhere
+BLOCK_S = 2.0  # s, longer than the noise remembers; shorter where there would be too few to agree
+FEWEST = 12
+TOLERANCE = 1e-10  # of the scaled Gram matrix: a direction without data
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """The model on one set of rows: whitened columns times `basis` (B, r) are orthonormal there."""
+
+    mask: np.ndarray  # (M,)
+    basis: np.ndarray
+    residual: np.ndarray  # (C, M) whitened torque, projected; 0 elsewhere
+    rss: np.ndarray  # (C,)
+    free: np.ndarray  # (C,) rows less the parameters that they determine
+
+
+@dataclass(frozen=True, slots=True)
+class Metric:
+    """Rows and columns of a model in one noise: X[c] = (places (k,), values (M, k)) whitened, y (C, M)."""
+
+    rows: Rows
+    whiteners: tuple[Whitener, ...]
+    X: tuple[tuple[np.ndarray, np.ndarray], ...]
+    y: np.ndarray
+    B: int
+    fitted: Side
+    judged: Side
+
+    def whiten(self, columns: Columns) -> dict[int, np.ndarray]:
+        return {c: self.whiteners[c] @ z for c, z in columns.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """log_e on judged rows, gain (nats) on fitted ones, the blocks' own gains, the sizes as fitted."""
+
+    log_e: float
+    gain: float
+    blocks: np.ndarray  # (blocks,)
+    sizes: np.ndarray  # (p,)
+    per_channel: np.ndarray  # (C,) of log_e
+    rss: np.ndarray  # (C,) whitened, judged rows
+    left: float  # smallest share of a column that the model leaves, 1: orthogonal to it
+
+    @property
+    def sign_p(self) -> float:
+        """One-sided: as many positive blocks by chance."""
+        told = self.blocks[self.blocks != 0]
+        if not len(told):
+            return 1.0
+        return float(scipy.stats.binom.sf(int((told > 0).sum()) - 1, len(told), 0.5))
+
+    def supported(self, alpha: float) -> bool:
+        """Enough blocks agree that chance does so at most at the rate alpha."""
+        return self.sign_p <= alpha
+
+
+def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:
+    """The base columns with those of what was found behind them, channel by channel."""
+    parts = [([places], [values]) for places, values in rows.base]
+    at = rows.b
+    for columns in found:
+        p = next(iter(columns.values())).shape[1]
+        for c, z in columns.items():
+            parts[c][0].append(np.arange(at, at + p))
+            parts[c][1].append(z)
+        at += p
+    return tuple((np.concatenate(places), np.hstack(values)) for places, values in parts), at
+
+
+def metric(
+    rows: Rows, design: Sequence[tuple[np.ndarray, np.ndarray]], B: int, whiteners: Sequence[Whitener]
+) -> Metric:
+    """Whiten a model's columns and project its torque on both kinds of rows."""
+    X = tuple((places, w @ values) for (places, values), w in zip(design, whiteners))
+    y = np.stack([w @ rows.Y[c] for c, w in enumerate(whiteners)])
+    sides = [_side(rows, X, y, B, mask) for mask in (rows.fitted, rows.judged)]
+    return Metric(rows, tuple(whiteners), X, y, B, sides[0], sides[1])
+
+
+def _side(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray) -> Side:
+    gram, right = np.zeros((B, B)), np.zeros(B)
+    for c, (places, values) in enumerate(X):
+        here = values[mask & rows.use[c]]
+        gram[np.ix_(places, places)] += here.T @ here
+        right[places] += here.T @ y[c, mask & rows.use[c]]
+    basis = orthonormal(gram)
+    beta = basis @ (basis.T @ right)
+    residual = np.zeros_like(y)
+    rss, free = np.zeros(len(X)), np.zeros(len(X))
+    for c, (places, values) in enumerate(X):
+        on = mask & rows.use[c]
+        residual[c, on] = y[c, on] - values[on] @ beta[places]
+        rss[c] = residual[c] @ residual[c]
+        leverage = np.sum((values[on] @ basis[places]) ** 2)
+        free[c] = max(on.sum() - leverage, 1.0)
+    return Side(mask, basis, residual, rss, free)
+
+
+def orthonormal(gram: np.ndarray) -> np.ndarray:
+    """(B, r) that turns a Gram matrix to the identity; directions without data are left out."""
+    d = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    seen = np.diag(gram) > 1e-24 * max(float(np.diag(gram).max(initial=0.0)), 1e-300)
+    values, vectors = np.linalg.eigh(np.where(np.outer(seen, seen), gram / np.outer(d, d), 0.0))
+    good = values > TOLERANCE * max(values[-1], 1e-300)
+    return vectors[:, good] / np.sqrt(values[good]) / np.where(seen, d, np.inf)[:, None]
+
+
+def project(m: Metric, side: Side, white: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Whitened columns against a side's model -> coefficients (r, p), own products (p, p), products with the
+    residual (p,)."""
+    p = next(iter(white.values())).shape[1]
+    cross, own, right = np.zeros((m.B, p)), np.zeros((p, p)), np.zeros(p)
+    for c, z in white.items():
+        on = side.mask & m.rows.use[c]
+        here = z[on]
+        places, values = m.X[c]
+        cross[places] += values[on].T @ here
+        own += here.T @ here
+        right += here.T @ side.residual[c, on]
+    return side.basis.T @ cross, own, right
+
+
+def weigh(m: Metric, columns: Columns, sizes: np.ndarray | None = None) -> Evidence:
+    """Fit the sizes of columns on the fitted rows (or take those given), judge them on the others."""
+    white = m.whiten(columns)
+    cross, own, right = project(m, m.fitted, white)
+    scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+    left = (own - cross.T @ cross) / np.outer(scale, scale)
+    share = float(np.min(np.diag(left)))
+    if sizes is None:
+        sizes = np.linalg.lstsq(left + 1e-12 * np.eye(len(left)), right / scale, rcond=1e-9)[0] / scale
+    fitted_rss = _rss(m, m.fitted, white, sizes, cross)
+    judged_cross, _, _ = project(m, m.judged, white)
+    residual = _changed(m, m.judged, white, sizes, judged_cross)
+    rss = np.einsum("cm,cm->c", residual, residual)
+    per_channel = m.judged.free / 2 * np.log(np.maximum(m.judged.rss, 1e-300) / np.maximum(rss, 1e-300))
+    gain = float(np.sum(m.fitted.free / 2 * np.log(m.fitted.rss / np.maximum(fitted_rss, 1e-300))))
+    spread = np.maximum(rss / m.judged.free, 1e-300)[:, None]
+    each = np.sum((m.judged.residual**2 - residual**2) / (2 * spread), axis=0)
+    return Evidence(
+        float(per_channel.sum()),
+        gain,
+        block_sums(m.rows, each, m.judged.mask),
+        sizes,
+        per_channel,
+        rss,
+        share,
+    )
+
+
+def _changed(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.ndarray) -> np.ndarray:
+    """(C, M) residual of a side with the columns' torque taken off, the model free to answer."""
+    beta = side.basis @ (cross @ sizes)
+    out = side.residual.copy()
+    for c, (places, values) in enumerate(m.X):
+        on = side.mask & m.rows.use[c]
+        out[c, on] += values[on] @ beta[places]
+        if c in white:
+            out[c, on] -= white[c][on] @ sizes
+    return out
+
+
+def _rss(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.ndarray) -> np.ndarray:
+    residual = _changed(m, side, white, sizes, cross)
+    return np.einsum("cm,cm->c", residual, residual)
+
+
+def block_sums(rows: Rows, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Sums of values (M,) over blocks of the masked rows; half-empty blocks are left out."""
+    seconds = min(BLOCK_S, max(mask.sum() * rows.hop / FEWEST, 4 * rows.hop))
+    number = rows.piece[mask] * 1_000_000 + np.floor(rows.t[mask] / seconds).astype(int)
+    _, block = np.unique(number, return_inverse=True)
+    count = np.bincount(block)
+    total = np.bincount(block, values[mask])
+    return total[count > 0.5 * seconds / rows.hop] if len(total) else total

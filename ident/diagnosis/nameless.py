@@ -1,0 +1,252 @@
+"""What anything smooth could explain: penalised functions of one signal or two, without a name.
+
+Per channel, groups of functions of the joint's own position, rate, acceleration, load and time, of what it
+remembers of its last reversal, of the other joints' motion, products of two of them, and waves over the
+position. None is made after the shape of an effect. A group's evidence on the fitted rows is that of a
+Gaussian prior of one common size on its scaled columns (Bayesian ridge),
+
+    max over lambda of  1/2 sum_i [ (U'g)_i^2 lambda / (1 + lambda s_i) - ln(1 + lambda s_i) ],
+
+G = U S U' the columns' products and g those with the residual, the model partialled out. Its posterior mean
+is one column; what that says on the judged rows is compared with what an effect with a name says there."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.diagnosis.evidence import Evidence, Metric, weigh
+from ident.diagnosis.fine import FineSegment
+
+LAMBDAS = np.geomspace(1e-4, 1e6, 41)
+WAVES = 3  # peaks of the residual's spectrum over the position
+CHUNK = 160  # columns made at a time
+
+
+@dataclass(frozen=True, slots=True)
+class Signals:
+    """What functions are made of, one array a segment: name -> values (N,), scaled to about one."""
+
+    own: dict[str, list[np.ndarray]]
+    others: dict[str, list[np.ndarray]]
+    rate_widths: tuple[float, ...]  # of signs of the scaled rate
+
+
+@dataclass(frozen=True, slots=True)
+class Flexible:
+    """The best function found: its signals, its column (M,) as learned, what it says."""
+
+    variables: tuple[str, ...]
+    column: np.ndarray
+    prior_evidence: float  # nats on the fitted rows, its own size paid for
+    evidence: Evidence
+
+
+def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:
+    """Scaled signals of a joint (0-based) and of the others; load (N,) per segment [N m]."""
+
+    def scaled(parts: list[np.ndarray], centre: bool) -> list[np.ndarray]:
+        whole = np.concatenate(parts)
+        middle = 0.5 * (whole.max() + whole.min()) if centre else 0.0
+        reach = max(float(np.abs(whole - middle).max()), 1e-12)
+        return [(part - middle) / reach for part in parts]
+
+    n = segments[0].q.shape[1]
+    number = joint + 1
+    own = {
+        f"q{number}": scaled([s.q[:, joint] for s in segments], True),
+        f"dq{number}": scaled([s.dq[:, joint] for s in segments], False),
+        f"ddq{number}": scaled([s.ddq[:, joint] for s in segments], False),
+        "tau": scaled(list(load), False),
+        "t": scaled([s.t for s in segments], True),
+    }
+    for name, parts in _memory(segments, joint).items():
+        own[name] = scaled(parts, False)
+    others = {}
+    for k in range(n):
+        if k != joint:
+            others[f"q{k + 1}"] = scaled([s.q[:, k] for s in segments], True)
+            others[f"dq{k + 1}"] = scaled([s.dq[:, k] for s in segments], False)
+            others[f"ddq{k + 1}"] = scaled([s.ddq[:, k] for s in segments], False)
+    speed = np.abs(np.concatenate(own[f"dq{number}"]))
+    low = float(np.quantile(speed, 0.05))
+    return Signals(own, others, tuple(np.geomspace(max(low, 3e-3), 0.5, 4)))
+
+
+def _memory(segments: Sequence[FineSegment], joint: int) -> dict[str, list[np.ndarray]]:
+    """What a joint can remember of its last reversal: travel and age since then, each fading, with its
+    sign."""
+    whole = np.concatenate([s.q[:, joint] for s in segments])
+    reach = max(float(np.ptp(whole)), 1e-9)
+    out: dict[str, list[np.ndarray]] = {"memory": [], "memory_near": [], "memory_late": [], "memory_fast": []}
+    for s in segments:
+        dq, step = s.dq[:, joint], 1.0 / s.rate_hz
+        sign = np.sign(dq)
+        turned = np.flatnonzero(np.diff(sign, prepend=sign[0]) != 0)
+        last = np.zeros(len(dq), int)
+        last[turned] = turned
+        last = np.maximum.accumulate(last)
+        travel = np.abs(s.q[:, joint] - s.q[last, joint])
+        age = (np.arange(len(dq)) - last) * step
+        out["memory"].append(sign * np.exp(-travel / (0.1 * reach)))
+        out["memory_near"].append(sign * np.exp(-travel / (0.01 * reach)))
+        out["memory_late"].append(sign * np.exp(-age / 0.5))
+        out["memory_fast"].append(sign * np.exp(-age / 0.1))
+    return out
+
+
+def _basis(name: str, x: np.ndarray, widths: Sequence[float]) -> np.ndarray:
+    """(N, k) functions of one scaled signal."""
+    if name.startswith("dq"):
+        signs = [np.tanh(x / w) for w in widths]
+        return np.stack([*signs, x, x * np.abs(x), x**3, np.abs(x), x**2], axis=1)
+    if name.startswith("ddq"):
+        return np.stack([x, x * np.abs(x)], axis=1)
+    if name.startswith("memory"):
+        return x[:, None]
+    degree = 4
+    return np.polynomial.legendre.legvander(x, degree)[:, 1:]
+
+
+def _groups(signals: Signals, joint: int) -> Iterator[tuple[tuple[str, ...], Callable[[int], np.ndarray]]]:
+    """(signals, columns of a segment) of every group."""
+    number = joint + 1
+    every = {**signals.own, **signals.others}
+    widths = signals.rate_widths
+
+    def one(name: str) -> Callable[[int], np.ndarray]:
+        return lambda k: _basis(name, every[name][k], widths)
+
+    def two(a: str, b: str) -> Callable[[int], np.ndarray]:
+        def columns(k: int) -> np.ndarray:
+            first, second = _basis(a, every[a][k], widths), _basis(b, every[b][k], widths)
+            product = (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
+            return np.hstack([product, first, second])
+
+        return columns
+
+    memory = [name for name in signals.own if name.startswith("memory")]
+    yield (f"dq{number}", "memory"), lambda k: np.stack([every[name][k] for name in memory], axis=1)
+    main = [f"q{number}", f"dq{number}", "tau", f"ddq{number}", "t"]
+    for name in main:
+        yield (name,), one(name)
+    for i, a in enumerate(main):
+        for b in main[i + 1 :]:
+            yield (a, b), two(a, b)
+    for name in signals.others:
+        yield (name,), one(name)
+    for name in signals.others:
+        if name.startswith(("q", "dq")):
+            yield (f"q{number}", name), two(f"q{number}", name)
+            yield (f"dq{number}", name), two(f"dq{number}", name)
+
+
+def wave_peaks(
+    segments: Sequence[FineSegment], joint: int, back: Sequence[np.ndarray], top: float
+) -> list[float]:
+    """Wavenumbers [1/rad | 1/m] where the residual, spread over the position, has its largest lines."""
+    x = np.concatenate([s.q[:, joint] for s in segments])
+    w = np.concatenate(list(back))
+    low, reach = float(x.min()), max(float(np.ptp(x)), 1e-9)
+    first = max(2 * np.pi / reach, 1e-9)
+    top = min(top, first * 20_000)
+    width = np.pi / (4 * top)
+    size = 1 << int(np.ceil(np.log2(max(8 * reach / width, 16))))
+    density = np.bincount(np.floor((x - low) / width).astype(int), weights=w, minlength=8)
+    power = np.abs(np.fft.rfft(density, size)) ** 2
+    k = 2 * np.pi * np.arange(len(power)) / (size * width)
+    power[(k < 1.5 * first) | (k > top)] = 0.0
+    peaks = []
+    for _ in range(WAVES):
+        best = int(np.argmax(power))
+        if power[best] <= 0:
+            break
+        peaks.append(float(k[best]))
+        power[np.abs(k - k[best]) < first] = 0.0
+    return peaks
+
+
+def flexible(
+    m: Metric,
+    channel: int,
+    joint: int,
+    segments: Sequence[FineSegment],
+    load: Sequence[np.ndarray],
+    top_wave: float,
+    wanted: float,
+    only: frozenset[str] | None = None,
+) -> Flexible | None:
+    """The function of the channel with the largest evidence on the fitted rows, of the signals in `only`
+    where they are given; None below `wanted` nats."""
+    signals = signals_of(segments, joint, load)
+    groups = list(_groups(signals, joint))
+    back = _spread(m, channel, joint, segments)
+    name = f"q{joint + 1}"
+    for k in wave_peaks(segments, joint, back, top_wave):
+        groups.append(((name,), _wave(segments, joint, k, None)))
+        groups.append(((name, f"dq{joint + 1}"), _wave(segments, joint, k, signals.own[f"dq{joint + 1}"])))
+    best: tuple[float, tuple[str, ...], np.ndarray] | None = None
+    for variables, made in groups:
+        if only is not None and not set(variables) <= only:
+            continue
+        Z = np.concatenate([s.decimate(made(k), joint) for k, s in enumerate(segments)])
+        Z *= m.rows.scale[channel][:, None]
+        value, column = _ridge(m, channel, Z)
+        if best is None or value > best[0]:
+            best = (value, variables, column)
+    if best is None or best[0] < wanted:
+        return None
+    value, variables, column = best
+    return Flexible(variables, column, value, weigh(m, {channel: column[:, None]}, np.ones(1)))
+
+
+def _wave(
+    segments: Sequence[FineSegment], joint: int, k: float, rate: list[np.ndarray] | None
+) -> Callable[[int], np.ndarray]:
+    def columns(number: int) -> np.ndarray:
+        q = segments[number].q[:, joint]
+        waves = np.stack([np.sin(k * q), np.cos(k * q)], axis=1)
+        if rate is None:
+            return waves
+        x = rate[number][:, None]
+        return np.hstack([waves, waves * np.tanh(x / 0.02), waves * x])
+
+    return columns
+
+
+def _spread(m: Metric, channel: int, joint: int, segments: Sequence[FineSegment]) -> list[np.ndarray]:
+    """The whitened residual given back to the fine samples between the rows."""
+    e = m.whiteners[channel].L.T @ m.fitted.residual[channel]
+    out, at = [], 0
+    for s in segments:
+        rows = len(s.t) // s.every
+        piece = np.repeat(e[at : at + rows], s.every)
+        at += rows
+        out.append(np.concatenate([piece, np.zeros(len(s.t) - len(piece))]) * s.certain[:, joint])
+    return out
+
+
+def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray]:
+    """Evidence of a group on the fitted rows and its posterior mean (M,)."""
+    white = m.whiteners[channel] @ Z
+    on = m.fitted.mask & m.rows.use[channel]
+    places, values = m.X[channel]
+    here = white[on]
+    cross = m.fitted.basis[places].T @ (values[on].T @ here)
+    own = here.T @ here
+    scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+    G = (own - cross.T @ cross) / np.outer(scale, scale)
+    g = (here.T @ m.fitted.residual[channel, on]) / scale
+    s, U = np.linalg.eigh(G)
+    keep = s > 1e-9
+    s, U = s[keep], U[:, keep]
+    if not len(s):
+        return 0.0, np.zeros(len(Z))
+    h = (U.T @ g) ** 2
+    spread = LAMBDAS[:, None] * s[None, :]
+    values_ = 0.5 * np.sum(h * LAMBDAS[:, None] / (1 + spread) - np.log1p(spread), axis=1)
+    k = int(np.argmax(values_))
+    a = U @ ((U.T @ g) * LAMBDAS[k] / (1 + LAMBDAS[k] * s)) / scale
+    return float(values_[k]), Z @ a

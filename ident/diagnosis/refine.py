@@ -1,0 +1,128 @@
+"""Shape parameters of a hypothesis where the fitted rows want them: variable projection inside their bounds.
+
+Linear coefficients are projected out; each step solves for the shape parameters' change along the
+sensitivities of the columns (Golub and Pereyra, SIAM J. Numer. Anal. 10(2), 1973, in Kaufman's form),
+shortened while it does not help. Effects that are not linear in their size are taken again as secants at
+the size found."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.diagnosis.evidence import Metric, orthonormal, project
+from ident.diagnosis.terms import Scene, Term
+
+TURNS = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Refined:
+    """A term at its best shape: its columns, the coefficients, what it gains on the fitted rows (nats)."""
+
+    term: Term
+    columns: Mapping[int, np.ndarray]
+    sizes: np.ndarray
+    gain: float
+    at_bound: tuple[str, ...] = ()
+
+
+def fit_sizes(m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[np.ndarray, float]:
+    """Coefficients (p,) beside the model, and half the fall of the whitened sum of squares."""
+    if not columns:
+        return np.zeros(0), 0.0
+    cross, own, right = project(m, m.fitted, m.whiten(columns))
+    left = own - cross.T @ cross
+    basis = orthonormal(left)
+    a = basis @ (basis.T @ right)
+    return a, 0.5 * float(right @ a)
+
+
+def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
+    """The term with its shape and size as the fitted rows want them."""
+    bounds = term.effect.bounds(term.place)
+    columns = scene.columns(term)
+    sizes, gain = fit_sizes(m, columns)
+    best = Refined(term, columns, sizes, gain)
+    if term.size is None and len(sizes):
+        best = _secant(m, scene, best)
+    names = list(bounds)
+    damp = 1.0
+    for _ in range(turns if names and best.columns else 0):
+        step = _step(m, scene, best, bounds)
+        improved = False
+        for _half in range(3):
+            theta = dict(best.term.theta)
+            for name, d in step.items():
+                low, high = bounds[name]
+                theta[name] = float(np.clip(theta[name] + damp * d, low, high))
+            trial_term = replace(best.term, theta=theta)
+            columns = scene.columns(trial_term)
+            sizes, gain = fit_sizes(m, columns)
+            if gain > best.gain:
+                rise = gain - best.gain
+                best = Refined(trial_term, columns, sizes, gain)
+                improved = rise > 0.05
+                damp = min(1.0, 2 * damp)
+                break
+            damp /= 4
+        if not improved:
+            break
+    bound = tuple(
+        name
+        for name in names
+        if name in best.term.theta
+        and min(abs(best.term.theta[name] - bounds[name][0]), abs(best.term.theta[name] - bounds[name][1]))
+        < 1e-6 * max(bounds[name][1] - bounds[name][0], 1e-300)
+    )
+    return replace(best, at_bound=bound)
+
+
+def _secant(m: Metric, scene: Scene, start: Refined) -> Refined:
+    """Columns again at the size found, until it stays; the tangent where the columns do not depend on it."""
+    best = start
+    for _ in range(4):
+        term = replace(best.term, size=tuple(best.sizes))
+        columns = scene.columns(term)
+        sizes, gain = fit_sizes(m, columns)
+        if not len(sizes):
+            return best
+        same = np.allclose(sizes, best.sizes, rtol=1e-3, atol=1e-12)
+        linear = all(np.array_equal(columns[c], best.columns[c]) for c in columns if c in best.columns)
+        if linear:
+            return best
+        best = Refined(term, columns, sizes, gain)
+        if same:
+            break
+    return best
+
+
+def _step(
+    m: Metric, scene: Scene, at: Refined, bounds: Mapping[str, tuple[float, float]]
+) -> dict[str, float]:
+    """Gauss-Newton step of the shape parameters, each at most half of itself or a third of its range."""
+    p = len(at.sizes)
+    names = list(bounds)
+    extra: dict[int, list[np.ndarray]] = {c: [] for c in at.columns}
+    for name in names:
+        low, high = bounds[name]
+        value = at.term.theta[name]
+        h = 1e-3 * max(abs(value), 1e-3 * (high - low))
+        up, down = min(value + h, high), max(value - h, low)
+        plus, minus = scene.columns(at.term.at(**{name: up})), scene.columns(at.term.at(**{name: down}))
+        for c in at.columns:
+            zero = np.zeros_like(at.columns[c])
+            change = (plus.get(c, zero) - minus.get(c, zero)) @ at.sizes / max(up - down, 1e-300)
+            extra[c].append(change[:, None])
+    wide = {c: np.hstack([at.columns[c], *extra[c]]) for c in at.columns}
+    cross, own, right = project(m, m.fitted, m.whiten(wide))
+    basis = orthonormal(own - cross.T @ cross)
+    a = basis @ (basis.T @ right)
+    out = {}
+    for name, d in zip(names, a[p:]):
+        low, high = bounds[name]
+        limit = 0.5 * abs(at.term.theta[name]) if low > 0 else 0.3 * (high - low)
+        out[name] = float(np.clip(d, -limit, limit))
+    return out

@@ -1,0 +1,149 @@
+"""The noise of every channel, and rows whitened by it, so that a gain in log-likelihood means what it says.
+
+Residuals of decimated torque are correlated: by the filter, by slow drives, by friction that no model has.
+Per channel an autoregression of the residual is taken from its autocovariance (Levinson and Durbin; order
+by BIC, memory at most `MEMORY_S`: without such a bound a drift could not be told from noise). Each used row
+minus its prediction from the nearest used rows before it in its piece (Vecchia's approximation, exact for
+an autoregression without gaps; A. V. Vecchia, J. R. Statist. Soc. B 50, 1988), over the standard deviation
+of that prediction, is a whitened row. Stretches of unusual power (a contact, a knock) do not enter the
+autocovariance, or they would become noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse
+import scipy.stats
+
+from ident.diagnosis.rows import Rows
+
+MEMORY_S = 1.0  # s: the longest correlation that counts as noise
+BLOCK_S = 1.5  # s: stretches whose power is compared
+
+
+@dataclass(frozen=True, slots=True)
+class Whitener:
+    """L (M, M) sparse: rows of one channel -> whitened rows of unit variance; 0 where a row is not used."""
+
+    L: scipy.sparse.csr_array
+    sigma: float  # standard deviation of the innovation, N m
+    coefficients: np.ndarray  # (p,)
+
+    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+        return np.asarray(self.L @ x)
+
+
+def whiteners(rows: Rows, residual: np.ndarray, usable: np.ndarray) -> tuple[Whitener, ...]:
+    """One whitener a channel, from residuals (C, M) on the `usable` (M,) rows."""
+    return tuple(whitener(rows, residual[c], rows.use[c] & usable, rows.use[c]) for c in range(rows.channels))
+
+
+def whitener(rows: Rows, residual: np.ndarray, counted: np.ndarray, use: np.ndarray) -> Whitener:
+    """Noise from the `counted` rows, whitening for every row of `use`."""
+    longest = max(1, round(MEMORY_S / rows.hop))
+    calm = counted & _calm(rows, residual, counted)
+    covariance, pairs = _autocovariance(residual, calm, rows.piece, longest)
+    coefficients, variance = _order_by_bic(covariance, pairs)
+    extended = _extend(covariance[: len(coefficients) + 1], coefficients, 2 * max(len(coefficients), 1))
+    L = _vecchia(use, rows.piece, extended, len(coefficients))
+    return Whitener(L, float(np.sqrt(variance)), coefficients)
+
+
+def _calm(rows: Rows, residual: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """(M,) False in blocks whose innovation-like power exceeds what chance gives the highest of them."""
+    key = rows.piece * 1_000_000 + np.floor((rows.t - rows.t.min()) / BLOCK_S).astype(int)
+    _, block = np.unique(key, return_inverse=True)
+    step = np.where(counted, residual, 0.0)
+    n = np.bincount(block, counted)
+    power = np.bincount(block, step**2) / np.maximum(n, 1)
+    full = n > 0.3 * max(n.max(initial=1), 1)
+    if full.sum() < 8:
+        return np.ones(len(residual), bool)
+    typical = np.median(power[full])
+    spread = 1.4826 * np.median(np.abs(np.log(np.maximum(power[full], 1e-300) / max(typical, 1e-300))))
+    limit = scipy.stats.norm.isf(1e-3 / full.sum()) * max(spread, 0.2)
+    loud = np.log(np.maximum(power, 1e-300) / max(typical, 1e-300)) > limit
+    return ~loud[block]
+
+
+def _autocovariance(
+    x: np.ndarray, mask: np.ndarray, piece: np.ndarray, longest: int
+) -> tuple[np.ndarray, int]:
+    """(longest + 1,) over pairs that both count, tapered to stay positive definite; number of rows."""
+    rows = int(mask.sum())
+    z = np.where(mask, x, 0.0)
+    z = z - np.where(mask, z[mask].mean() if rows else 0.0, 0.0)
+    out = np.zeros(longest + 1)
+    for lag in range(longest + 1):
+        same = piece[lag:] == piece[: len(piece) - lag]
+        both = mask[lag:] & mask[: len(mask) - lag] & same
+        count = both.sum()
+        if count == 0:
+            break
+        out[lag] = (z[lag:] * z[: len(z) - lag] * same).sum() / count * (count / max(rows, 1))
+    out[0] = max(out[0], 1e-24)
+    return out, rows
+
+
+def _order_by_bic(r: np.ndarray, rows: int) -> tuple[np.ndarray, float]:
+    """Coefficients of the order that BIC prefers, and the innovation's variance."""
+    best, chosen = np.log(r[0]) * rows, (np.zeros(0), float(r[0]))
+    a, error = np.zeros(0), float(r[0])
+    for order in range(1, len(r)):
+        reflection = (r[order] - a @ r[order - 1 : 0 : -1]) / error if order > 1 else r[1] / error
+        if not abs(reflection) < 0.9999:
+            break
+        a = np.append(a - reflection * a[::-1], reflection)
+        error *= 1 - reflection**2
+        criterion = rows * np.log(error) + order * np.log(max(rows, 2))
+        if criterion < best:
+            best, chosen = criterion, (a.copy(), error)
+    return chosen
+
+
+def _extend(r: np.ndarray, a: np.ndarray, longest: int) -> np.ndarray:
+    """Autocovariance of the autoregression itself up to a longer lag."""
+    out = list(r)
+    while len(out) <= longest:
+        out.append(float(a @ np.array(out[-1 : -len(a) - 1 : -1])) if len(a) else 0.0)
+    return np.array(out)
+
+
+def _vecchia(use: np.ndarray, piece: np.ndarray, r: np.ndarray, p: int) -> scipy.sparse.csr_array:
+    """Whitening rows; those with the same pattern of used predecessors share one small solve."""
+    M = len(use)
+    places = np.flatnonzero(use)
+    if p == 0:
+        data = np.full(len(places), 1 / np.sqrt(r[0]))
+        return scipy.sparse.csr_array((data, (places, places)), shape=(M, M))
+    reach = 2 * p
+    lags = np.arange(1, reach + 1)
+    before = places[:, None] - lags[None, :]
+    there = (
+        (before >= 0) & use[np.maximum(before, 0)] & (piece[np.maximum(before, 0)] == piece[places][:, None])
+    )
+    there &= np.cumsum(there, axis=1) <= p
+    packed = np.packbits(there, axis=1)
+    _, first, pattern = np.unique(packed, axis=0, return_index=True, return_inverse=True)
+    pattern = pattern.ravel()
+    i, j, v = [places], [places], np.empty(len(places))
+    entries = [v]
+    for k, example in enumerate(first):
+        mine = np.flatnonzero(pattern == k)
+        chosen = lags[there[example]]
+        if len(chosen):
+            gram = r[np.abs(chosen[:, None] - chosen[None, :])]
+            weights = np.linalg.solve(gram + 1e-12 * r[0] * np.eye(len(chosen)), r[chosen])
+            variance = max(float(r[0] - weights @ r[chosen]), 1e-9 * r[0])
+        else:
+            weights, variance = np.zeros(0), float(r[0])
+        v[mine] = 1 / np.sqrt(variance)
+        if len(chosen):
+            here = np.repeat(places[mine], len(chosen))
+            i.append(here)
+            j.append((places[mine][:, None] - chosen[None, :]).ravel())
+            entries.append(np.tile(-weights / np.sqrt(variance), len(mine)))
+    return scipy.sparse.csr_array(
+        (np.concatenate(entries), (np.concatenate(i), np.concatenate(j))), shape=(M, M)
+    )

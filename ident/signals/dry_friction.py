@@ -1,0 +1,56 @@
+"""How dry friction changes its sign: within a rate and within a travel of presliding.
+
+    sign(dq) ~ z |tanh(dq / rate)|,   dz/dq = (1 - z sign dq) / travel   (Dahl, TOR-0158(3107-18)-1, 1968)
+
+Both widths 0: the plain sign. Between two samples the rate is taken as linear and the sign as its mean over
+the sample's step, so a reversal that falls between two samples moves the sign by its own share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modelgen.effects.states import integrate_dahl
+
+LN2 = float(np.log(2.0))
+
+
+@dataclass(frozen=True, slots=True)
+class TurnOver:
+    """rate in rad/s, travel in rad (m/s, m of a joint that slides); 0: at once."""
+
+    rate: float = 0.0
+    travel: float = 0.0
+
+    def sign(self, q: np.ndarray, dq: np.ndarray, state: float | None = None) -> np.ndarray:
+        """(N,) smoothed sign along one stretch or block; state: z before its first sample, None: slid in."""
+        direct = mean_sign(dq, self.rate)
+        if self.travel <= 0 or not len(q):
+            return direct
+        return np.asarray(self.state(q, dq, state) * np.abs(direct))
+
+    def state(self, q: np.ndarray, dq: np.ndarray, state: float | None = None) -> np.ndarray:
+        """(N,) z of the presliding."""
+        first = float(np.sign(dq[0])) if state is None else state
+        return integrate_dahl(q, {"width": self.travel}, first)
+
+
+def mean_sign(dq: np.ndarray, rate: float) -> np.ndarray:
+    """(N,) mean of tanh(dq / rate) over a step about each sample, dq (N,) linear inside it."""
+    if len(dq) < 2:
+        return np.asarray(np.tanh(dq / rate) if rate > 0 else np.sign(dq))
+    half = 0.5 * np.gradient(dq)
+    a, b = dq - half, dq + half
+    wide = np.abs(b - a) > 1e-9 * (np.abs(a) + np.abs(b)) + 1e-300
+    gap = np.where(wide, b - a, 1.0)
+    direct = np.tanh(dq / rate) if rate > 0 else np.sign(dq)
+    return np.asarray(np.where(wide, (_primitive(b, rate) - _primitive(a, rate)) / gap, direct))
+
+
+def _primitive(x: np.ndarray, rate: float) -> np.ndarray:
+    """Of tanh(x / rate): rate ln cosh(x / rate); |x| where rate is 0."""
+    size = np.abs(x)
+    if rate <= 0:
+        return size
+    return np.asarray(size + rate * (np.log1p(np.exp(-2 * size / rate)) - LN2))
