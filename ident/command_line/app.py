@@ -286,6 +286,96 @@ def inspect(
     inspecting.inspect(recordings, robot, output, topic, overwrite, verbose)
 
 
+@app.command(
+    epilog="Example: [bold]ident excite ur10e -o motion[/bold]   then look at motion/motion.html\n\n"
+    "Two suspects: [bold]ident excite ur10e --separate stribeck_friction:2,hysteresis:2 -o motion[/bold]"
+)
+def excite(
+    robot: Annotated[
+        str,
+        typer.Argument(
+            metavar="ROBOT",
+            help="Built-in name, robot file or URDF.",
+            autocompletion=robot_names,
+            show_default=False,
+        ),
+    ],
+    output: Output,
+    model: Annotated[
+        str, typer.Option("--model", help="Torques that are recorded.", autocompletion=model_names)
+    ] = "A",
+    duration: Annotated[float, typer.Option("--duration", help="Seconds.")] = 10.0,
+    criterion: Annotated[
+        str, typer.Option("--criterion", help="d (information), condition, or worst (relative deviation).")
+    ] = "d",
+    motion: Annotated[str, typer.Option("--motion", help="fourier or point_to_point.")] = "fourier",
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--limit",
+            help="q, dq, ddq, jerk, tau: KEY[:JOINT]=VALUE, as dq:2=1.5 or q=-1..1; may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    start: Annotated[
+        str | None,
+        typer.Option("--start", help="Where it starts and ends, as 0,-1.5,1.5,0,0,0.", show_default=False),
+    ] = None,
+    separate: Annotated[
+        str | None,
+        typer.Option(
+            "--separate", help="NAME:JOINT,NAME:JOINT: tell these two effects apart.", show_default=False
+        ),
+    ] = None,
+    from_: Annotated[
+        Path | None,
+        typer.Option("--from", help="Folder of ident diagnose: its suspects, its noise.", show_default=False),
+    ] = None,
+    evaluate: Annotated[
+        Path | None,
+        typer.Option("--evaluate", help="Say what this recording shows instead.", show_default=False),
+    ] = None,
+    parameters: Annotated[
+        Path | None,
+        typer.Option("--parameters", help="The robot's parameters: YAML, or a fit.json.", show_default=False),
+    ] = None,
+    noise: Annotated[float, typer.Option("--noise", help="Percent of the torques' rms.")] = 1.0,
+    rate: Annotated[float, typer.Option("--rate", help="Samples a second of the files.")] = 1000.0,
+    starts: Annotated[int, typer.Option("--starts", help="Motions to begin the search from.")] = 2,
+    seed: Annotated[int, typer.Option("--seed", help="Other seeds, other motions.")] = 0,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """Design a motion that shows every parameter, or one that tells two suspects apart, under limits.
+
+    Writes the motion (Parquet, CSV, ROS 2, URScript, a moving stick figure), the deviation that every
+    parameter is expected to have, the smallest effects that would be seen, and a study for the recording
+    that comes back. Ctrl-C gives the best so far. Nothing knows of obstacles: look before it runs.
+    """
+    from ident.command_line import exciting
+
+    exciting.excite(
+        robot,
+        output,
+        overwrite,
+        verbose,
+        rate,
+        start,
+        model=model,
+        duration=duration,
+        criterion=criterion,
+        kind=motion,
+        limits=tuple(limit or ()),
+        separate=separate,
+        diagnosis=from_,
+        evaluate=evaluate,
+        parameters=parameters,
+        noise=noise,
+        starts=starts,
+        seed=seed,
+    )
+
+
 @app.command(epilog="Example: [bold]ident robot arm.urdf -o arm.yaml[/bold]")
 def robot(
     file: Annotated[

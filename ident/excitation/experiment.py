@@ -1,0 +1,272 @@
+"""What is asked of `ident excite`, and the experiment that comes of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ident.excitation.diagnosed import Diagnosed, split_requests
+from ident.excitation.information import Rows, condition, d_optimal, scaled_condition, worst
+from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot, term_of
+from ident.excitation.limits import Bounds, ExcitationError, bounds_of
+from ident.excitation.motion import FourierMotion, basis_for
+from ident.excitation.optimal import Optimum, optimise, random_motion
+from ident.excitation.point_to_point import PointMotion, best_of_random
+from ident.excitation.recorded import Recorded, recorded_motion
+from ident.excitation.sensitivity import FINE_HZ, Visible, projector, table
+from ident.excitation.separate import Imitation, Projector, Separation, imitation, proof, seconds_needed
+from ident.progress import Progress, silent
+from modelgen.geometry.robot import Robot
+from modelgen.geometry.robot_file import load_robot
+
+Array = np.ndarray
+DURATION = (2.0, 600.0)  # s
+CRITERIA = ("d", "condition", "worst")
+MOTIONS = ("fourier", "point_to_point")
+TURN_OVER = 0.05  # of the top speed, of the smooth sign while designing
+
+
+@dataclass(frozen=True)
+class Request:
+    """Everything that `ident excite` is told."""
+
+    robot: str
+    model: str = "A"
+    duration: float = 10.0
+    criterion: str = "d"
+    kind: str = "fourier"
+    limits: tuple[str, ...] = ()
+    start: tuple[float, ...] | None = None
+    harmonics: int | None = None
+    starts: int = 2
+    iterations: int = 60
+    seed: int = 0
+    noise: float = 1.0  # percent of the torques' rms
+    parameters: Path | None = None
+    separate: str | None = None  # NAME:JOINT[:..],NAME:JOINT[:..]
+    diagnosis: Path | None = None
+    evaluate: Path | None = None
+    sensitivity: bool = True
+
+
+@dataclass(frozen=True)
+class Separated:
+    """Whether a motion tells two effects apart: each against the other, and in words."""
+
+    labels: tuple[str, str]
+    against: tuple[Imitation, Imitation]
+    seconds: float  # for a decision that is right in 99 of 100
+    sentence: str
+    exact: str | None = None  # the identity that makes them one
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """A motion (or a recording) and what it is expected to tell."""
+
+    request: Request
+    robot: Robot
+    bounds: Bounds
+    known: Known
+    motion: FourierMotion | PointMotion | Recorded
+    sigma: Array
+    std: Array  # (b,) expected, SI
+    condition: float
+    largest_use: tuple[float, str]
+    optimum: Optimum | None = None
+    separated: Separated | None = None
+    visible: tuple[Visible, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return self.known.parameters
+
+    @property
+    def percent(self) -> Array:
+        """(b,) std in per cent of the parameter's value; inf of one that is zero."""
+        size = np.abs(self.known.chi)
+        return np.where(size > 0, 100 * self.std / np.where(size > 0, size, 1.0), np.inf)
+
+    @property
+    def seconds(self) -> float:
+        return self.motion.duration
+
+
+def excite(
+    request: Request, progress: Progress = silent, stop: Callable[[], bool] = lambda: False
+) -> Experiment:
+    """Design (or evaluate) the experiment. Raises IdentError, ModelgenError, GeneratedError."""
+    check(request)
+    progress("loading the model")
+    robot = load_robot(request.robot)
+    bounds = bounds_of(robot, request.limits)
+    if request.start is not None and len(request.start) != robot.n:
+        raise ExcitationError(f"--start has {len(request.start)} values for {robot.n} joints; give one each.")
+    found = Diagnosed.read(request.diagnosis) if request.diagnosis else None
+    known = known_robot(robot, request.robot, request.model, request.parameters)
+    noise: Any = found.noise_percent if found and found.noise_percent else request.noise
+    texts = split_requests(request.separate) if request.separate else found.pair(robot) if found else None
+    holding = known.holding(bounds)
+    start = None if request.start is None else np.array(request.start)
+    remarks = _remarks(bounds, known)
+    if request.evaluate is not None:
+        motion: Any = recorded_motion(request.robot, request.model, request.evaluate, progress)
+        sigma, optimum, separation = known.sigma(motion.planned, noise), None, None
+    else:
+        basis = basis_for(request.duration, request.harmonics)
+        rng = np.random.default_rng([request.seed, 13])
+        rest = holding.rest(start, rng)
+        trial = random_motion(holding, basis, rest, request.duration, rng, start is not None)
+        sigma = known.sigma(_planned(trial), noise)
+        separation = _separation(known, bounds, basis, sigma, texts, trial, rest) if texts else None
+        optimum = _designed(request, holding, known, bounds, basis, sigma, separation, start, progress, stop)
+        motion = optimum.motion
+    planned = motion.planned if request.evaluate else _planned(motion)
+    std, number = _expected(known, planned, sigma, motion.duration)
+    separated = None
+    if texts and request.evaluate is not None:
+        pair = [term_of(known, text, bounds, planned) for text in texts]
+        separated = _told(known, planned, sigma, pair)
+    elif separation is not None:
+        separated = _told(known, planned, sigma, list(separation.terms))
+    visible = ()
+    if request.sensitivity and not stop() and not texts:
+        visible = table(known, bounds, planned, sigma, motion.duration, progress)
+    use = (np.nan, "") if request.evaluate else holding.use(motion)
+    return Experiment(
+        request, robot, bounds, known, motion, sigma, std, number, use, optimum, separated, visible, remarks
+    )
+
+
+def check(request: Request) -> None:
+    """Raises ExcitationError for what cannot be asked, before anything slow."""
+    low, high = DURATION
+    if not low <= request.duration <= high:
+        raise ExcitationError(
+            f"--duration {request.duration:g}: {low:g} to {high:g} s are designed; repeat it as you like."
+        )
+    for option, value, known in (
+        ("criterion", request.criterion, CRITERIA),
+        ("motion", request.kind, MOTIONS),
+    ):
+        if value not in known:
+            raise ExcitationError(f"--{option} {value}: choose {', '.join(known)}.")
+    if request.harmonics is not None and not 3 <= request.harmonics <= 20:
+        raise ExcitationError(f"--harmonics {request.harmonics}: choose 3 to 20.")
+    if not 0 < request.noise < 100:
+        raise ExcitationError(f"--noise {request.noise:g}: give percent of the torques' rms, as 1.")
+    if request.seed < 0 or request.starts < 1:
+        raise ExcitationError("--seed is not negative and --starts at least 1; change them.")
+    if request.separate and request.kind == "point_to_point":
+        raise ExcitationError("--separate designs Fourier motions; leave --motion point_to_point out.")
+
+
+def _planned(motion: FourierMotion | PointMotion, rate_hz: float = FINE_HZ) -> Any:
+    t = np.arange(0.0, motion.period, 1 / rate_hz)
+    return as_motion(motion.states(t), t)
+
+
+def _designed(  # type: ignore[no-untyped-def]
+    request, holding, known: Known, bounds, basis, sigma, separation, start, progress, stop
+) -> Optimum:
+    t = (np.arange(max(12 * basis.harmonics, 80)) + 0.5) * basis.period / max(12 * basis.harmonics, 80)
+    rows, B = Rows(known.model, sigma, TURN_OVER * bounds.dq), basis.at(t)[:3]
+    criterion = {"d": d_optimal, "condition": condition, "worst": worst(known.chi)}[request.criterion]
+
+    def objective(x: Array) -> tuple[float, Array]:
+        states = [b @ x.T for b in B]
+        A = rows(*states)
+        value, slope = criterion(A.reshape(-1, A.shape[2]))
+        back = rows.back(*states, slope.reshape(A.shape))
+        return value, sum(g.T @ b for g, b in zip(back, B))
+
+    if request.kind == "point_to_point":
+
+        def value(motion: PointMotion) -> float:
+            A = rows(*motion.states(np.arange(0.0, motion.period, 0.05))[:3])
+            return criterion(A.reshape(-1, A.shape[2]))[0]
+
+        return best_of_random(holding, request.duration, value, request.seed, start, progress, stop)
+    iterations = request.iterations if separation is None else min(request.iterations, 30)
+    return optimise(
+        holding, basis, request.duration, separation or objective, start=start, seed=request.seed,
+        starts=request.starts, iterations=iterations, progress=progress, stop=stop,
+    )  # fmt: skip
+
+
+def _separation(known: Known, bounds: Bounds, basis, sigma, texts, trial, rest) -> Separation:  # type: ignore[no-untyped-def]
+    a, b = (term_of(known, text, bounds, _planned(trial)) for text in texts)
+    if a.effect.name == b.effect.name and a.place == b.place:
+        raise ExcitationError(f"--separate {','.join(texts)}: these are one effect; name two.")
+    separation = Separation(known, basis, sigma, 0.02 * bounds.dq, a, b)
+    for its, term in zip(separation.both(trial.x), separation.terms):
+        if its.visible <= 1e-9 * _square(separation, trial.x, term):
+            raise ExcitationError(
+                f"{term.label} cannot be told from the model's own parameters in any motion; leave it out."
+            )
+    return separation
+
+
+def _square(separation: Separation, x: Array, term: Any) -> float:
+    project = Projector(separation.known, separation.motion(x), separation.sigma)
+    return float(np.sum(project.torque(term) ** 2)) * ROWS_HZ / project.instants
+
+
+def _told(known: Known, planned: Any, sigma: Array, pair: list[Any]) -> Separated:
+    project = projector(known, planned, sigma)
+    a, b = pair
+    against = imitation(project, a, b), imitation(project, b, a)
+    labels = (a.label, b.label)
+    same = [its.same for its in against]
+    exact = proof(a, against[0].other) if same[0] else None
+    rates = [its.rate for its in against if not its.same]
+    seconds = seconds_needed(min(rates)) if rates else float("inf")
+    if all(same):
+        shown = f"; exactly: {exact}" if exact else " in this motion and at the sizes given"
+        text = f"{a.label} and {b.label} span the same torques: no motion tells them apart{shown}."
+    elif any(same):
+        special, general = labels if same[0] else labels[::-1]
+        text = (
+            f"{general} contains {special}: what {special} does, {general} does too; only the other way "
+            f"round do {seconds:.3g} s of this motion decide."
+        )
+    else:
+        text = f"{a.label} or {b.label}: {seconds:.3g} s of this motion decide, right in 99 of 100 cases."
+    return Separated(labels, against, seconds, text, exact)
+
+
+def _expected(known: Known, planned: Any, sigma: Array, seconds: float) -> tuple[Array, float]:
+    """Standard deviations (b,) after `seconds` of the motion, and the condition of W with unit columns."""
+    every = max(len(planned.t) // 2000, 1)
+    thin = [getattr(planned, name)[::every] for name in ("q", "dq", "ddq", "sign_dq")]
+    A = known.model.regressor(*thin[:3], sign=thin[3]) / sigma[:, None]
+    A = A.reshape(-1, A.shape[2])
+    number = scaled_condition(A)
+    length = np.linalg.norm(A, axis=0)
+    if not np.isfinite(number) or number > 1e10:
+        return np.full(A.shape[1], np.inf), float("inf")
+    weight = seconds * ROWS_HZ / len(thin[0])
+    inverse = np.linalg.inv((A / length).T @ (A / length))
+    return np.sqrt(np.diag(inverse) / weight) / length, number
+
+
+def _remarks(bounds: Bounds, known: Known) -> tuple[str, ...]:
+    out = []
+    if bounds.assumed:
+        keys = ", ".join(bounds.assumed)
+        out.append(
+            f"limits of {keys} are not stated for all joints; usual ones were assumed, --limit gives them"
+        )
+    if known.assumed:
+        held = " torque limits and" if np.isfinite(bounds.tau).any() else ""
+        out.append(
+            f"{known.assumed}:{held} expected deviations hold for such a robot; --parameters FILE tells"
+        )
+    if not np.isfinite(bounds.tau).any():
+        out.append("no torque limit is known and none was held; --limit tau:1=... gives them")
+    return tuple(out)

@@ -1,0 +1,190 @@
+"""What is known of a robot before it moves: its parameters, the noise of its torques, effects at usual sizes.
+
+Parameters come from a file (those of `ident simulate`, or a fit.json), from the URDF, from the package; what
+nobody states is that of a plausible robot of the same size, and `assumed` says so. Noise is told as a
+standard deviation of each channel at ROWS_HZ independent rows a second, as of a signal filtered at 10 Hz.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+import generated
+from ident.equations.terms import Term, torque_of
+from ident.errors import IdentError
+from ident.excitation.limits import Bounds, ExcitationError
+from ident.excitation.optimal import Holding
+from ident.simulate.parameters import random_parameters, read_parameters, twin_parameters
+from ident.simulate.requests import parse_effect
+from ident.simulate.twin import placed
+from modelgen.effects.effect import metres_per_radian, radian_power
+from modelgen.effects.place import Layout, Motion
+from modelgen.geometry.names import Channel
+from modelgen.geometry.robot import Robot
+
+Array = np.ndarray
+ROWS_HZ = 20.0
+NOISE_PERCENT = 1.0
+FLOOR = 0.01  # N m
+
+
+@dataclass(frozen=True)
+class Known:
+    """A robot with numbers: `standard` parameters, and which model's channels are recorded.
+
+    It answers what an effect may ask of a model (modelgen.effects.place.Model)."""
+
+    robot: Robot
+    source: str
+    model: generated.Model
+    standard: Mapping[str, float]
+    assumed: str = ""  # what had to be assumed, in a clause
+
+    @cached_property
+    def chi(self) -> Array:
+        return self._chi(self.model)
+
+    @cached_property
+    def channels(self) -> tuple[Channel, ...]:
+        return tuple(Channel.of(name, self.robot.joint_labels) for name in self.model.channels)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return self.model.parameters
+
+    def torque(
+        self, motion: Motion, q: Array | None = None, dq: Array | None = None, ddq: Array | None = None
+    ) -> Array:
+        states = [a if b is None else b for a, b in zip((motion.q, motion.dq, motion.ddq), (q, dq, ddq))]
+        return self.model.torque(*states, self.chi, sign=motion.sign_dq)
+
+    def total(self, motion: Motion) -> Array:
+        return self.torque(motion)
+
+    def link_torque(self, motion: Motion) -> Array:
+        link = generated.load(self.source, "B")
+        return link.torque(motion.q, motion.dq, motion.ddq, self._chi(link), sign=motion.sign_dq)
+
+    def regressor(self, motion: Motion) -> Array:
+        return self.model.regressor(motion.q, motion.dq, motion.ddq, sign=motion.sign_dq)
+
+    def bodies(self) -> Mapping[str, float]:
+        return {k: v for k, v in self.standard.items() if not k.startswith(("Ia", "Fv", "Fc", "Off"))}
+
+    def drive_inertia(self, joint: int) -> float:
+        return self.number("Iam", joint) or 0.0
+
+    def number(self, kind: str, joint: int) -> float | None:
+        return self.standard.get(f"{kind}{self.robot.joint_labels[joint]}")
+
+    def _chi(self, model: generated.Model) -> Array:
+        return model.regroup({k: v for k, v in self.standard.items() if k in model.standard_parameters})
+
+    def holding(self, bounds: Bounds) -> Holding:
+        """Limits with the motor torques of these parameters."""
+        motor = generated.load(self.source, "A")
+        dry = sum(
+            np.array([abs(self.number(k, j) or 0.0) for j in range(self.robot.n)]) for k in ("Fcm", "Fcl")
+        )
+        return Holding(bounds, motor, self._chi(motor), np.minimum(dry, 0.9 * bounds.tau))
+
+    def sigma(self, motion: Motion, percent: Mapping[str, float] | float = NOISE_PERCENT) -> Array:
+        """(C,) noise of each channel, N m: per cent of its rms torque over the motion."""
+        rms = np.sqrt(np.mean(self.torque(motion) ** 2, axis=0))
+        given = percent if isinstance(percent, Mapping) else dict.fromkeys(self.model.channels, percent)
+        share = np.array([given.get(name, NOISE_PERCENT) for name in self.model.channels]) / 100
+        return np.maximum(share * rms, FLOOR)
+
+
+def known_robot(robot: Robot, source: str, model: str = "A", parameters: Path | None = None) -> Known:
+    """Raises IdentError where the file of parameters cannot be used."""
+    found = generated.load(source, model)
+    if parameters is not None:
+        return Known(robot, source, found, _from_file(parameters, robot))
+    usual = twin_parameters(robot, None, 0)
+    if usual.source != "random":
+        return Known(robot, source, found, usual.standard)
+    if found.standard_values:
+        rest = random_parameters(robot, np.random.default_rng([0, 77])).standard
+        drive = {k: v for k, v in rest.items() if k.startswith(("Ia", "Fv", "Fc", "Off"))}
+        told = "friction and rotors are those of a plausible robot of this size"
+        return Known(robot, source, found, {**drive, **found.standard_values}, told)
+    told = "masses, friction and rotors are those of a plausible robot of this size"
+    return Known(robot, source, found, usual.standard, told)
+
+
+def _from_file(file: Path, robot: Robot) -> Mapping[str, float]:
+    file = file / "fit.json" if file.is_dir() else file
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        raise ExcitationError(f"{file}: cannot be read; give a file of parameters or a fit.json.") from None
+    if file.suffix == ".json":
+        try:
+            rows = json.loads(text)["parameters"]
+            text = "".join(
+                f"{row['name']}: {float(row['value'])!r}\n" for row in rows if ":" not in row["name"]
+            )
+        except (ValueError, KeyError, TypeError):
+            raise ExcitationError(f"{file}: is no fit.json; give one that ident fit wrote.") from None
+    return read_parameters(text, robot, str(file)).standard
+
+
+def as_motion(states: Sequence[Array], t: Array, turn_over: Array | None = None) -> Motion:
+    """Planned states (q, dq, ddq) as effects take them; turn_over (n,): of a smooth sign of the rates."""
+    q, dq, ddq = states[:3]
+    sign = np.sign(dq) if turn_over is None else np.tanh(dq / turn_over)
+    rate = 1.0 / (t[1] - t[0])
+    return Motion("", None, t, q, dq, ddq, sign, None, float(rate))
+
+
+def term_of(known: Known, text: str, bounds: Bounds, motion: Motion, option: str = "--separate") -> Term:
+    """NAME:JOINT[:param=value,...] at usual values, as large as the effect's share of the joint's torque.
+
+    Raises IdentError for what is no effect, or what the recorded torques do not show.
+    """
+    try:
+        request = parse_effect(text, known.robot)
+        place = placed(request, known.robot, known.model.model)
+    except IdentError as error:
+        raise ExcitationError(
+            str(error).replace("--effect", option).replace("--model", "--model of excite,")
+        ) from None
+    return usual_term(known, request.effect, place, bounds, motion, request.values)
+
+
+def usual_term(
+    known: Known, effect, place, bounds: Bounds, motion: Motion, given: Mapping[str, float] = {}
+) -> Term:  # type: ignore[no-untyped-def]
+    """A term at a place with given reported values, usual ones for the rest."""
+    layout = Layout(known.robot, known.channels, travel=tuple((2 * bounds.half).tolist()))
+    own: dict[str, float] = {}
+    if place.joint is not None:
+        for kind in ("Fc", "Fv"):
+            own[kind] = sum(known.number(f"{kind}{side}", place.joint) or 0.0 for side in "ml") or 1.0
+    gravity = dict(zip(("g0x", "g0y", "g0z"), (float(known.robot.value(x)) for x in known.robot.gravity)))
+    context = {name: gravity.get(name, own.get(name, 1.0)) for name in effect.context}
+    values, scale = effect.usual(given, own), metres_per_radian(place, layout)
+    for quantity in effect.quantities:
+        if quantity.name in values and quantity.name not in given and not quantity.angle:
+            values[quantity.name] *= scale ** radian_power(quantity.unit)
+    linear, theta = effect.values_from_reported(values, context)
+    used = effect.parameters_of(place) or tuple(name for name in effect.linear_names if linear[name])
+    place = replace(place, parts=used)
+    size = tuple(linear[name] for name in used)
+    label = ":".join(
+        [effect.name, *(known.robot.joint_labels[j] for j in (place.joint, place.source) if j is not None)]
+    )
+    term = Term(label, effect, place, theta, size, effect.nonlinear_names, {}, effect.bounds(place, layout))
+    if set(given) & {*effect.size_names, *effect.size_aliases} or not effect.proportional:
+        return term
+    added = torque_of(term, motion, known, {})  # type: ignore[arg-type]
+    rms = np.sqrt(np.mean(known.torque(motion) ** 2, axis=0))
+    share = float(np.max(np.sqrt(np.mean(added**2, axis=0)) / np.maximum(rms, FLOOR)))
+    return replace(term, size=tuple(s * effect.share / share for s in size)) if share > 0 else term

@@ -1,0 +1,277 @@
+"""The best Fourier motion of a criterion under limits: IPOPT inside CasADi, from several random starts.
+
+Position, rate, acceleration and jerk are linear in the coefficients and held at every instant (motion.py).
+The torque is held on a grid, for the largest dry friction of either sign, and looked at afterwards at 1 kHz.
+A motion that is a little outside, or was interrupted, is drawn towards a posture of rest that is inside:
+positions then stay between limits and all rates shrink, so there is always a last step that holds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+import generated
+from ident.excitation.external import Steps, external
+from ident.excitation.limits import Bounds, ExcitationError
+from ident.excitation.motion import Basis, FourierMotion
+from ident.progress import Progress, silent
+
+Array = np.ndarray
+Objective = Callable[[Array], tuple[float, Array]]  # x (n, K) -> value, slope (n, K)
+MARGIN = 0.98  # of the torque limits on the grid
+
+
+@dataclass(frozen=True)
+class Holding:
+    """Whether a robot can hold a motion: its limits, and its motor torques where its parameters are known."""
+
+    bounds: Bounds
+    model: generated.Model | None = None  # of the motor torques
+    chi: Array = field(default_factory=lambda: np.zeros(0))
+    dry: Array = field(default_factory=lambda: np.zeros(0))  # (n,) Coulomb friction, N m
+
+    @property
+    def limited(self) -> bool:
+        return self.model is not None and bool(np.isfinite(self.bounds.tau).any())
+
+    @property
+    def smooth(self) -> Array:
+        """(n,) what the torque without dry friction may reach."""
+        return np.maximum(self.bounds.tau - self.dry, 1e-9)
+
+    def torque(self, states: tuple[Array, ...]) -> Array | None:
+        """(N, n) largest motor torque of either sign of dry friction."""
+        if not self.limited or self.model is None:
+            return None
+        tau = self.model.torque(*states[:3], self.chi, sign=np.zeros_like(states[0]))
+        return np.abs(tau) + self.dry
+
+    def use(self, motion: FourierMotion) -> tuple[float, str]:
+        """(largest use of a limit over one period, in words)."""
+        states = motion.fine
+        return self.bounds.excess(states, self.torque(states))
+
+    def rest(self, start: Array | None, rng: np.random.Generator) -> Array:
+        """(n,) a posture that can be held. Raises ExcitationError naming the limit that forbids it."""
+        bounds = self.bounds
+        tries = [bounds.middle, *rng.uniform(bounds.low, bounds.high, (200, len(bounds.low)))]
+        tries = [start] if start is not None else tries
+        zero, best = np.zeros((1, len(bounds.low))), (np.inf, "", bounds.middle)
+        for posture in tries:
+            states = (posture[None], zero, zero, zero)
+            used, told = bounds.excess(states, self.torque(states))
+            if used < 0.9 or (start is not None and used <= 1):
+                return posture
+            best = min(best, (used, told, posture), key=lambda entry: entry[0])
+        if start is None and best[0] <= 1:
+            return best[2]
+        whose = "the start" if start is not None else "every posture that was tried"
+        raise ExcitationError(f"{whose} is outside of {best[1]}; choose another start or limit.")
+
+    def drawn(self, basis: Basis, x: Array, rest: Array, duration: float) -> FourierMotion:
+        """The motion of x, as near as limits allow on the way from rest."""
+        still = np.zeros_like(x)
+        still[:, 0] = rest
+
+        def at(s: float) -> FourierMotion:
+            return FourierMotion(basis, still + s * (x - still), duration)
+
+        low, high = 0.0, 1.0
+        if self.use(at(1.0))[0] <= 1:
+            return at(1.0)
+        for _ in range(30):
+            middle = (low + high) / 2
+            low, high = (middle, high) if self.use(at(middle))[0] <= 1 else (low, middle)
+            if high - low < 1e-4:
+                break
+        return at(low)
+
+
+@dataclass(frozen=True)
+class Optimum:
+    """The best motion and its value, each start's value before and after, whether it was cut short."""
+
+    motion: FourierMotion
+    value: float
+    starts: tuple[tuple[float, float], ...]
+    stopped: bool = False
+
+
+def random_motion(
+    holding: Holding, basis: Basis, rest: Array, duration: float, rng: np.random.Generator, fixed: bool
+) -> FourierMotion:
+    """A feasible motion of random coefficients, as large as the limits allow."""
+    bounds = holding.bounds
+    x = rng.normal(size=(len(rest), basis.size))
+    x[:, 0] = 0.0
+    q, dq, ddq, jerk = (np.abs(B @ x.T).max(axis=0) for B in basis.at(basis.grid))
+    x *= np.min([bounds.half / q, bounds.dq / dq, bounds.ddq / ddq, bounds.jerk / jerk], axis=0)[:, None]
+    if not fixed:  # place it in the middle of the range
+        swing = basis.at(basis.grid)[0] @ x.T
+        x[:, 0] = np.clip(bounds.middle - (swing.max(0) + swing.min(0)) / 2, bounds.low, bounds.high)
+    else:
+        x[:, 0] = rest
+    return holding.drawn(basis, x, rest, duration)
+
+
+def optimise(
+    holding: Holding,
+    basis: Basis,
+    duration: float,
+    objective: Objective,
+    *,
+    start: Array | None = None,
+    seed: int = 0,
+    starts: int = 2,
+    iterations: int = 60,
+    first: FourierMotion | None = None,
+    progress: Progress = silent,
+    stop: Callable[[], bool] = lambda: False,
+) -> Optimum:
+    """The smallest value of the objective. `start` (n,) fixes where it begins; `stop` is asked at times."""
+    rng = np.random.default_rng([seed, 14])
+    rest = holding.rest(start, rng)
+    solve = _solver(holding, basis, objective, start, iterations, stop)
+    best: tuple[float, FourierMotion] | None = None
+    told = []
+    for number in range(starts):
+        if stop() and best is not None:
+            break
+        begin = first if first is not None and number == 0 else None
+        if begin is None:
+            tries = [random_motion(holding, basis, rest, duration, rng, start is not None) for _ in range(8)]
+            begin = min(tries, key=lambda motion: objective(motion.x)[0])
+        before = objective(begin.x)[0]
+        x = solve(begin.x, partial(_tell, progress, number, starts))
+        found = holding.drawn(basis, x, rest, duration)
+        for motion, value in ((found, objective(found.x)[0]), (begin, before)):
+            if best is None or value < best[0]:
+                best = (value, motion)
+        told.append((before, objective(found.x)[0]))
+    assert best is not None
+    return Optimum(best[1], best[0], tuple(told), stop())
+
+
+def _tell(progress: Progress, number: int, starts: int, share: float) -> None:
+    progress(f"motion {number + 1} of {starts}", (number + share) / starts)
+
+
+def _solver(
+    holding: Holding,
+    basis: Basis,
+    objective: Objective,
+    start: Array | None,
+    iterations: int,
+    stop: Callable[[], bool],
+) -> Callable[[Array, Callable[[float], None]], Array]:
+    """x0 (n, K), progress -> x (n, K) by IPOPT, the best point that it saw inside the limits at its end."""
+    import casadi as ca
+
+    bounds, n, K = holding.bounds, len(holding.bounds.low), basis.size
+    B = basis.at(basis.grid)
+    limits = (bounds.half, bounds.dq, bounds.ddq, bounds.jerk)
+    scale = np.min([half / np.abs(b[:, 1:]).max() for half, b in zip(limits[1:], B[1:])], axis=0)  # (n,)
+    rows, size = [], basis.tighter
+    for joint in range(n):
+        unit = np.column_stack((np.full(len(B[0]), bounds.half[joint]), B[0][:, 1:] * scale[joint]))
+        kinds = [unit, *(np.column_stack((np.zeros(len(b)), b[:, 1:] * scale[joint])) for b in B[1:])]
+        rows.append(np.vstack([kind / (limit[joint] * size) for kind, limit in zip(kinds, limits)]))
+    linear = ca.diagcat(*(ca.sparsify(ca.DM(part)) for part in rows))
+
+    def plain(z: Any) -> Array:
+        """x (n, K) of the solver's unknowns, all about one in size; joint by joint."""
+        z = np.array(z, dtype=float).reshape(n, K)
+        x = z * scale[:, None]
+        x[:, 0] = bounds.middle + z[:, 0] * bounds.half
+        return x
+
+    factor = np.hstack([bounds.half[:, None], np.tile(scale[:, None], (1, K - 1))])
+    memo: list[Any] = [None, None]  # value and slope are asked for one after the other
+
+    def both(z: Any) -> tuple[float, Array]:
+        x = plain(z)
+        if memo[0] is None or not np.array_equal(memo[0], x):
+            memo[:] = [x, objective(x)]
+        return memo[1]
+
+    value = external("value", n * K, 1, lambda z: both(z)[0], lambda z: both(z)[1] * factor)
+    z = ca.MX.sym("z", n * K)
+    g, low, high = [linear @ z], [-np.ones(linear.shape[0])], [np.ones(linear.shape[0])]
+    kept = [value]
+    if holding.limited:
+        torque = _torque(holding, basis, plain, factor)
+        kept.append(torque)
+        g.append(torque(z))
+        low.append(-np.full(torque.shape[0], MARGIN))
+        high.append(np.full(torque.shape[0], MARGIN))
+    steps = Steps(n * K, sum(len(part) for part in low), iterations, stop)
+    options = {
+        "ipopt.hessian_approximation": "limited-memory",
+        "ipopt.limited_memory_max_history": 6,
+        "ipopt.max_iter": iterations,
+        "ipopt.tol": 1e-4,
+        "ipopt.acceptable_tol": 1e-3,
+        "ipopt.acceptable_iter": 8,
+        "ipopt.mu_strategy": "adaptive",
+        "ipopt.print_level": 0,
+        "ipopt.sb": "yes",
+        "print_time": False,
+        "iteration_callback": steps.function,
+        "error_on_fail": False,
+    }
+    solver = ca.nlpsol("excite", "ipopt", {"x": z, "f": value(z), "g": ca.vertcat(*g)}, options)
+    bound = np.full((n, K), np.inf)
+    bound[:, 0] = 1.0
+    lbz, ubz = -bound, bound.copy()
+    if start is not None:
+        lbz[:, 0] = ubz[:, 0] = (start - bounds.middle) / bounds.half
+
+    def solve(x0: Array, progress: Callable[[float], None]) -> Array:
+        steps.progress, steps.done = progress, 0
+        z0 = np.hstack([((x0[:, 0] - bounds.middle) / bounds.half)[:, None], x0[:, 1:] / scale[:, None]])
+        found = solver(
+            x0=z0.ravel(), lbx=lbz.ravel(), ubx=ubz.ravel(), lbg=np.concatenate(low), ubg=np.concatenate(high)
+        )
+        del kept[2:]  # what CasADi calls must live as long as the solver
+        return plain(found["x"])
+
+    return solve
+
+
+def _torque(holding: Holding, basis: Basis, plain: Callable[[Any], Array], factor: Array) -> Any:
+    """Motor torques without dry friction on the grid, as shares of what they may reach."""
+    import casadi as ca
+
+    model, B = holding.model, basis.at(basis.grid)[:3]
+    assert model is not None
+    n, N = model.n, B.shape[1]
+    states = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
+    zero = np.zeros((N, n))
+    tau = model.casadi("torque")(*states, _without_dry(holding))
+    slope = ca.Function("slope", states, [ca.densify(ca.jacobian(tau, ca.vertcat(*states)))]).map(N)
+    share = holding.smooth[:, None, None]
+
+    def values(z: Any) -> Array:
+        q, dq, ddq = (b @ plain(z).T for b in B)
+        return model.torque(q, dq, ddq, holding.chi, sign=zero) / holding.smooth
+
+    def slopes(z: Any) -> Array:
+        J = np.array(slope(*((b @ plain(z).T).T for b in B)))
+        J = J.reshape(n, N, 3, n)  # torque, instant, derivative, joint
+        return np.einsum("aids,dik->iask", J, B) / share * factor
+
+    return external("torque", factor.size, N * n, values, slopes)
+
+
+def _without_dry(holding: Holding) -> Array:
+    """chi without what goes with the sign of a rate."""
+    model = holding.model
+    assert model is not None
+    one = np.full((model.n, model.n), 0.3)
+    both = [model.regressor(one, one, one, sign=s * np.eye(model.n)) for s in (1, -1)]
+    return np.where(np.abs(both[0] - both[1]).max(axis=(0, 1)) > 1e-9, 0.0, holding.chi)

@@ -1,0 +1,165 @@
+"""How large an effect must be to be seen: the smallest size that a motion and a noise show.
+
+Of an effect of torque F(size), the part that the base model cannot absorb has the noncentrality
+
+    lambda(size) = seconds * rows a second * mean over time of |(F - W d) / sigma|^2,   smallest over d
+
+and a likelihood-ratio test of level alpha with p parameters finds it with probability `power` from the lambda
+on that `needed` gives: P(chi2_p(lambda) > chi2_p quantile of 1 - alpha) = power. Rows are low-passed as an
+identification does it; shape parameters are those of a usual robot, and said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.optimize
+import scipy.stats
+
+from ident.equations.terms import Term
+from ident.errors import IdentError
+from ident.excitation.known import ROWS_HZ, Known, usual_term
+from ident.excitation.limits import Bounds
+from ident.excitation.separate import Projector
+from ident.progress import Progress, silent
+from ident.simulate.requests import parse_effect
+from ident.simulate.twin import placed
+from modelgen.effects import catalogue
+from modelgen.effects.place import Motion
+
+BAND_HZ = 10.0
+FINE_HZ = 250.0  # at which motions are looked at here; one row in TEN is kept
+TEN = 10
+RANGE = 1e6  # of a usual size, up and down
+
+
+@dataclass(frozen=True)
+class Visible:
+    """Smallest visible size of an effect at a place: reported values, units; None where no size is seen.
+
+    share: of the joint's rms torque that an effect of this size makes."""
+
+    effect: str
+    joints: tuple[str, ...]
+    values: dict[str, float] | None
+    units: dict[str, str]
+    sizes: tuple[str, ...]
+    share: float
+
+    @property
+    def told(self) -> str:
+        """'Fs = 0.3 N m'."""
+        values = self.values or {}
+        return ", ".join(f"{n} = {values[n]:.3g} {self.units[n]}" for n in self.sizes if n in values)
+
+    @property
+    def sentence(self) -> str:
+        where = f" in joint {', '.join(self.joints)}" if self.joints else ""
+        if self.values is None:
+            return f"{self.effect}{where} does not show in this motion."
+        return f"{self.effect}{where} as large as {self.told} would have been seen."
+
+
+def needed(parameters: int, alpha: float = 0.01, power: float = 0.95) -> float:
+    """The noncentrality of a chi-square test of that many parameters with this level and power."""
+    limit = scipy.stats.chi2.isf(alpha, parameters)
+    return float(
+        scipy.optimize.brentq(lambda nc: scipy.stats.ncx2.sf(limit, parameters, nc) - power, 1e-6, 1e4)
+    )
+
+
+def projector(known: Known, motion: Motion, sigma: np.ndarray) -> Projector:
+    """Of a motion sampled at FINE_HZ."""
+    return Projector(known, motion, sigma, BAND_HZ, TEN)
+
+
+def smallest_visible(
+    project: Projector, term: Term, seconds: float, noncentrality: float | None = None
+) -> Visible:
+    """The smallest size of a term whose shape is given. `noncentrality`: by default that of `needed`."""
+    aim = noncentrality or needed(len(term.linear) + len(term.free))
+    rms = np.sqrt(np.mean(project.known.torque(project.motion) ** 2, axis=0)) / project.sigma
+    total = seconds * ROWS_HZ / project.instants
+
+    def scaled(factor: float) -> Term:
+        if not term.size:  # an effect of shape parameters alone, as a tilt
+            return replace(term, theta={name: factor * value for name, value in term.theta.items()})
+        return replace(term, size=tuple(factor * value for value in term.size))
+
+    def shown(factor: float) -> float:
+        return total * float(np.sum(project.off(project.torque(scaled(factor))) ** 2))
+
+    whole = total * float(np.sum(project.torque(term) ** 2))
+    factor = np.sqrt(aim / max(shown(1.0), 1e-300))
+    if not term.effect.proportional:  # not a square law: searched between decades
+        decades = np.arange(-4.0, 3.5, 0.5)
+        above = [d for d in decades if shown(10**d) >= aim]
+        factor = np.inf
+        if above:
+            low, high = min(above) - 0.5, min(above)
+            for _ in range(12):
+                middle = (low + high) / 2
+                low, high = (low, middle) if shown(10**middle) >= aim else (middle, high)
+            factor = 10**high
+    hidden = shown(1.0) <= 1e-9 * whole
+    joints = tuple(term.label.split(":")[1:])
+    if hidden or not factor < RANGE:
+        return Visible(term.effect.name, joints, None, {}, term.effect.size_names, float("inf"))
+    at = scaled(float(factor))
+    values = {**dict.fromkeys(term.effect.linear_names, 0.0), **dict(zip(at.linear, at.size)), **at.theta}
+    context = dict.fromkeys(term.effect.context, 1.0) | context_of(project.known, term)
+    report = term.effect.report(values, None, context, term.place)
+    told = {name: float(entry["value"]) for name, entry in report.items()}
+    per_channel = project.torque(at).reshape(-1, len(rms))
+    share = float(np.max(np.sqrt(np.mean(per_channel**2, axis=0)) / np.maximum(rms, 1e-12)))
+    units = {name: str(entry["unit"]) for name, entry in report.items()}
+    return Visible(term.effect.name, joints, told, units, term.effect.size_names, share)
+
+
+def context_of(known: Known, term: Term) -> dict[str, float]:
+    """What reported values are relative to, as the model has it."""
+    gravity = dict(zip(("g0x", "g0y", "g0z"), (float(known.robot.value(x)) for x in known.robot.gravity)))
+    out = {}
+    for name in term.effect.context:
+        own = 0.0
+        if term.place.joint is not None:
+            own = sum(known.number(f"{name}{side}", term.place.joint) or 0.0 for side in "ml")
+        out[name] = gravity.get(name, own or 1.0)
+    return out
+
+
+def usual_terms(known: Known, bounds: Bounds, motion: Motion) -> Iterator[Term]:
+    """Every effect beyond the model's own at every joint that may have it, at usual values."""
+    for effect in catalogue().values():
+        if effect.replaces or not (effect.linear or effect.nonlinear):
+            continue
+        for label in ("",) if effect.joints == "robot" else known.robot.joint_labels:
+            try:
+                request = parse_effect(f"{effect.name}:{label}", known.robot)
+                place = placed(request, known.robot, known.model.model)
+            except IdentError:
+                continue  # this model's torques do not show it, or the robot has no second joint
+            if effect.windowed:  # what was always there is part of the robot
+                start, stop = effect.window or (0.5, None)
+                last = float(motion.t[-1])
+                place = replace(place, start=start * last, stop=None if stop is None else stop * last)
+            yield usual_term(known, effect, place, bounds, motion)
+
+
+def table(
+    known: Known,
+    bounds: Bounds,
+    motion: Motion,
+    sigma: np.ndarray,
+    seconds: float,
+    progress: Progress = silent,
+) -> tuple[Visible, ...]:
+    """The smallest visible size of every effect and joint; `motion` at FINE_HZ stands for `seconds` of it."""
+    project, terms = projector(known, motion, sigma), list(usual_terms(known, bounds, motion))
+    out: Sequence[Visible] = []
+    for k, term in enumerate(terms):
+        progress(f"sensitivity to {term.effect.name}", k / len(terms))
+        out = [*out, smallest_visible(project, term, seconds)]
+    return tuple(out)
