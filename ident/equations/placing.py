@@ -147,9 +147,9 @@ def _given(effect: Effect, entry: EffectEntry) -> tuple[dict[str, float], dict[s
     reported = {name: value for name, value in given.items() if name not in own}
     values = {name: value for name, value in given.items() if name in own}
     if reported:
-        told = {q.name for q in effect.quantities}
-        if unknown := sorted(set(reported) - told):
-            names = ", ".join(dict.fromkeys((*told, *own)))
+        told = [q.name for q in effect.quantities]
+        if unknown := sorted(set(reported) - set(told)):
+            names = ", ".join(dict.fromkeys((*told, *effect.linear_names, *effect.nonlinear_names)))
             raise ValueError(f"{effect.name} has no parameter {unknown[0]}; it has {names}")
         linear, shape = effect.values_from_reported({n: v for n, v in given.items() if n in told})
         values = {**linear, **shape, **values}
