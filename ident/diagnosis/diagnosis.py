@@ -25,7 +25,7 @@ from ident.diagnosis.terms import Term
 from ident.equations.placing import entry_of
 from ident.equations.prepared import prepare_study
 from ident.equations.terms import Term as StudyTerm
-from ident.errors import FitFailedError, NotEnoughDataError
+from ident.errors import FitFailedError, NotEnoughDataError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, fit_study
 from ident.estimation.found_effects import FoundEffect, found_effects
 from ident.examination.check import Check
@@ -192,7 +192,7 @@ def _extended(
         extended = study.with_(effects=tuple(entries), filter=settings, **_dry_keys(outcome.last))
         try:
             last = fit_study(extended, progress=progress)
-        except (FitFailedError, NotEnoughDataError):
+        except (FitFailedError, NotEnoughDataError, StudyError):
             entries.pop()
             continue
         lost = [k for k, told in enumerate(found_effects(last)) if k >= declared and not told.essential]
@@ -215,7 +215,9 @@ def _dry_keys(state: State) -> dict[str, tuple[float, ...]]:
 def _study_term(term: Term, state: State) -> StudyTerm:
     """A term of the loop as one of a study, its sizes and shapes as starts."""
     found = next(f for f in state.found if f.term is term)
-    sizes = tuple(float(x) for x in found.sizes[: len(term.effect.parameters_of(term.place))])
+    known = {p.name for p in term.effect.linear}
+    names = term.effect.parameters_of(term.place)
+    sizes = tuple(float(x) for name, x in zip(names, found.sizes) if name in known)
     return StudyTerm(
         term.effect.name,
         term.effect,

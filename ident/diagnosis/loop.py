@@ -25,6 +25,7 @@ from ident.progress import Progress, silent
 
 BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
 STEPS = 14  # effects at most
+WHOLE = 0.25  # by which the size of a change of the model may differ from one
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
 TOP_WAVE = 400.0  # 1/rad
 
@@ -119,6 +120,8 @@ def trace(
     progress("what is left", 0.92)
     state, steps = pruned(state, steps, tau)
     state, steps, left = leftovers(state, steps, closed, tau, alpha)
+    if steps or unnamed or any(u.carries_over for u in left):
+        left = [u for u in left if u.carries_over]
     return Outcome(first, state, tuple(steps), (*unnamed, *left), tau)
 
 
@@ -171,15 +174,11 @@ def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> b
     """Enough on both kinds of rows, block by block, and possible."""
     names = r.term.effect.parameters_of(r.term.place)
     values = {**r.term.theta, **dict(zip(names, e.sizes))}
-    possible = r.term.effect.physical(values, state.model) is None
-    return bool(
-        possible
-        and not r.at_bound
-        and e.log_e > tau
-        and e.gain > tau
-        and e.supported(alpha)
-        and e.left > 1e-5
-    )
+    if r.at_bound or r.term.effect.physical(values, state.model) is not None:
+        return False
+    if r.term.effect.changes_model and abs(e.sizes[-1] - 1.0) > WHOLE:
+        return False  # its last column is the change as it is: all of it or none
+    return bool(e.log_e > tau and e.gain > tau and e.left > 1e-5 and e.supported(alpha))
 
 
 def lowers(plain: Metric, r: Refined, c: int) -> bool:

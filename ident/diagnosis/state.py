@@ -16,7 +16,7 @@ from ident.diagnosis.evidence import Metric, metric, orthonormal, stacked
 from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.model import FittedModel, motion_of
 from ident.diagnosis.rows import Rows
-from ident.diagnosis.terms import Scene, Term
+from ident.diagnosis.terms import Scene, Term, columns_of
 from ident.diagnosis.turn_over import Dry, TurnOver, settle, sign_column, with_column, with_turn_overs
 from ident.diagnosis.whitened import Whitener, whiteners
 from ident.equations.columns import Columns
@@ -92,8 +92,7 @@ class State:
         for f in self.found:
             if f.term is None:
                 continue
-            size = np.array(f.term.size) if f.term.size is not None else None
-            for c, z in f.term.effect.columns(f.term.place, f.term.theta, size, motion, bare, {}).items():
+            for c, z in columns_of(f.term, motion, bare, {}).items():
                 out[:, c] += z @ f.sizes
         return out
 

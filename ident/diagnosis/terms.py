@@ -51,16 +51,13 @@ class Scene:
         """{channel: (M, p)} on the rows, weighted and scaled as they are; {} where it acts nowhere."""
         parts: list[dict[int, np.ndarray]] = []
         memory: dict = {}
-        size = None if term.size is None else np.array(term.size)
         p = 0
         acting: set[int] = set()
         for segment, motion in zip(self.segments, self.motions):
             if term.place.recording not in (None, segment.label):
                 parts.append({})
                 continue
-            made = dict(term.effect.columns(term.place, term.theta, size, motion, self.model, memory))
-            if term.effect.changes_model:
-                made = self._with_changes(term, motion, made)
+            made = columns_of(term, motion, self.model, memory)
             out = {}
             for c, z in made.items():
                 p = max(p, z.shape[1])
@@ -73,16 +70,6 @@ class Scene:
             whole = [part.get(c, np.zeros((s.rows, p))) for part, s in zip(parts, self.segments)]
             result[c] = np.concatenate(whole) * self.rows.scale[c][:, None]
         return result
-
-    def _with_changes(self, term: Term, motion: Motion, made: dict[int, np.ndarray]) -> dict[int, np.ndarray]:
-        """One more column: what changes of the model's own columns make of its parameters."""
-        changes = term.effect.regressor_change(term.place, term.theta, motion, self.model)
-        total = np.zeros((len(motion.t), len(self.model.channels)))
-        for number, change in changes.items():
-            total += self.model.chi[number] * change
-        p = next((z.shape[1] for z in made.values()), 0)
-        none = np.zeros((len(motion.t), p))
-        return {c: np.column_stack([made.get(c, none), total[:, c]]) for c in range(total.shape[1])}
 
     def back(self, channel: int, whitened_back: np.ndarray, use: np.ndarray) -> list[np.ndarray]:
         """A row quantity (M,) of a channel at the fine samples before each row, NaN where rows do not
@@ -100,3 +87,20 @@ def scene_of(
     rows: Rows, segments: Sequence[FineSegment], motions: Sequence[Motion], model: FittedModel
 ) -> Scene:
     return Scene(rows, tuple(segments), tuple(motions), model)
+
+
+def columns_of(
+    term: Term, motion: Motion, model: FittedModel, memory: dict[object, object]
+) -> dict[int, np.ndarray]:
+    """{channel: (N, p)} unfiltered; for an effect that changes the model's own columns one more column:
+    what the changes make of the model's parameters, so that its size is one where the term is right."""
+    size = None if term.size is None else np.array(term.size)
+    made = dict(term.effect.columns(term.place, term.theta, size, motion, model, memory))
+    if not term.effect.changes_model:
+        return made
+    total = np.zeros((len(motion.t), len(model.channels)))
+    for number, change in term.effect.regressor_change(term.place, term.theta, motion, model).items():
+        total += model.chi[number] * change
+    p = next((z.shape[1] for z in made.values()), 0)
+    none = np.zeros((len(motion.t), p))
+    return {c: np.column_stack([made.get(c, none), total[:, c]]) for c in range(total.shape[1])}
