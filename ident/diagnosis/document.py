@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from ident.diagnosis.diagnosis import Alternative, Diagnosis, Finding, Unexplained
+from ident.diagnosis.loop import Step
+from ident.diagnosis.requests import separable, separating_command
+
+PLACE = {"source_joint": "", "recording": "", "from": "s", "to": "s", "link": ""}  # contract 7: parameters
 
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -17,7 +22,8 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "robot": diagnosis.robot,
         "model": diagnosis.model,
         "alpha": diagnosis.alpha,
-        "findings": [_finding(f) for f in diagnosis.findings],
+        "judged": _judged(diagnosis),
+        "findings": [_finding(f, diagnosis) for f in diagnosis.findings],
         "unexplained": [_unexplained(u) for u in diagnosis.unexplained],
         "explainable": {name: dict(values) for name, values in diagnosis.explainable.items()},
         "error_percent": {"before": before.full_rate_error, "after": after.full_rate_error},
@@ -30,29 +36,65 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _finding(f: Finding) -> dict[str, Any]:
-    finite = f.log_e < float("inf")
-    return {
+def _judged(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The rows that every comparison was made on, and the log E that the rate asks for there."""
+    if diagnosis.outcome is None:
+        return {"recordings": [], "apart": False, "log_e_asked": None}
+    rows = diagnosis.outcome.last.rows
+    names = [name for k, name in enumerate(rows.names) if (rows.judged & (rows.recording == k)).any()]
+    return {"recordings": names, "apart": bool(rows.held_apart), "log_e_asked": diagnosis.outcome.tau}
+
+
+def _finding(f: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
+    told = f.log_e < float("inf")  # by the loop; else by the examination, before any fit
+    step = _step(f, diagnosis)
+    placed = {
+        name: {"value": f.where[name], "std": None, "unit": unit, "at_bound": False}
+        for name, unit in PLACE.items()
+        if name in f.where and name not in f.parameters
+    }
+    document = {
         "effect": f.effect,
         "joints": list(f.joints),
         "channel": f.channel,
         **dict(f.where),
-        "parameters": {name: dict(values) for name, values in f.parameters.items()},
+        "parameters": {**placed, **{name: dict(values) for name, values in f.parameters.items()}},
         "evidence": {
-            "p_value": f.p_value,
-            "error_drop_percent": f.error_drop_percent,
-            "log_e": f.log_e if finite else None,
-            "gain_fitted": f.gain if finite else None,
+            "p_value": f.p_value if told else None,
+            "error_drop_percent": f.error_drop_percent if told else None,
+            "log_e": f.log_e if told else None,
+            "gain_fitted": f.gain if told else None,
+            "blocks_for": None if step is None else int((step.evidence.blocks > 0).sum()),
+            "blocks": None if step is None else int(np.count_nonzero(step.evidence.blocks)),
         },
-        "alternatives": [_alternative(a) for a in f.equivalent],
-        "equivalent": [_alternative(a) for a in f.equivalent],
         "grade": f.grade,
         "remedy": f.remedy,
+        "signature": f.signature,
     }
+    robot = diagnosis.study.robot
+    equal = [
+        {**_alternative(a), "separate": separating_command(robot, document, other)}
+        if separable(document, other := _alternative(a))
+        else _alternative(a)
+        for a in f.equivalent
+    ]
+    return {**document, "alternatives": [_alternative(a) for a in f.equivalent], "equivalent": equal}
+
+
+def _step(f: Finding, diagnosis: Diagnosis) -> Step | None:
+    """What the loop saw when it took the finding in."""
+    steps = diagnosis.outcome.steps if diagnosis.outcome is not None else ()
+    same = (s for s in steps if s.term.effect.name == f.effect and float(s.evidence.log_e) == f.log_e)
+    return next(same, None)
 
 
 def _alternative(a: Alternative) -> dict[str, Any]:
-    return {**asdict(a), "joints": list(a.joints)}
+    return {
+        "effect": a.effect,
+        "joints": list(a.joints),
+        "log_e": a.log_e,
+        "error_drop_percent": a.error_drop_percent,
+    }
 
 
 def _unexplained(u: Unexplained) -> dict[str, Any]:
@@ -63,4 +105,5 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "share_of_residual_percent": u.share_of_residual_percent,
         "log_e": u.log_e,
         "nearest": None if u.nearest is None else _alternative(u.nearest),
+        "carries_over": u.carries_over,
     }

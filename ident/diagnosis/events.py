@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.evidence import Evidence, Metric, _side, weigh
+from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -21,7 +22,8 @@ from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
 
 STEP_S = 0.5  # s: edges of the search
-FOLD_S = 1.0  # s: blocks that predict each other
+FOLD_S, SHORTEST_FOLD_S = 1.0, 0.25  # s: blocks that predict each other
+FOLDS = 12  # of a window, where it is short
 SHORTEST_S = 1.5
 RATIO = 1.5  # of window lengths
 MARGIN_S = 1.0  # s from the ends, where a window would take up static friction
@@ -36,10 +38,10 @@ class Event:
     tried: int
 
 
-def crossed(m: Metric, usable: np.ndarray) -> tuple[Metric, Metric]:
+def crossed(m: Metric, usable: np.ndarray, fold_s: float) -> tuple[Metric, Metric]:
     """The same noise with alternating blocks fitted and judged, and the other way round."""
     rows = m.rows
-    even = (np.floor(rows.t / FOLD_S).astype(int) + rows.recording) % 2 == 0
+    even = (np.floor(rows.t / fold_s).astype(int) + rows.recording) % 2 == 0
     sides = [_side(rows, m.X, m.y, m.B, usable & half) for half in (even, ~even)]
     return replace(m, fitted=sides[0], judged=sides[1]), replace(m, fitted=sides[1], judged=sides[0])
 
@@ -52,7 +54,8 @@ def whole(m: Metric, usable: np.ndarray) -> Metric:
 
 def cross_evidence(halves: tuple[Metric, Metric], columns: dict[int, np.ndarray]) -> Evidence:
     """Both predictions together."""
-    a, b = (weigh(m, columns) for m in halves)
+    inside = np.any([np.any(z, axis=1) for z in columns.values()], axis=0)
+    a, b = (weigh(m, columns, inside=inside) for m in halves)
     return Evidence(
         a.log_e + b.log_e,
         a.gain + b.gain,
@@ -97,14 +100,17 @@ def best_event(
     if not found:
         return None
     limit = tau + float(np.log(max(tried, 1)))
-    halves = crossed(state.metric, usable)
     best: Event | None = None
     for gain, term, columns, _ in sorted(found, key=lambda item: -item[0])[:4]:
         if gain < limit:
             continue
         term, cut = _moved(m, term, columns, state)
-        evidence = cross_evidence(halves, cut)
-        sizes, gain = fit_sizes(m, cut)
+        sizes, _ = fit_sizes(m, cut)
+        own = leading_metric(state, [Refined(term, cut, sizes, gain)])
+        acting = np.any([np.any(z, axis=1) for z in cut.values()], axis=0)
+        fold = float(np.clip(acting.sum() * state.rows.hop / FOLDS, SHORTEST_FOLD_S, FOLD_S))
+        evidence = cross_evidence(crossed(own, usable, fold), cut)
+        sizes, gain = fit_sizes(whole(own, usable), cut)
         names = term.effect.parameters_of(term.place)
         if term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model) is not None:
             continue

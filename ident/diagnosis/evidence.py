@@ -146,8 +146,11 @@ def project(m: Metric, side: Side, white: Columns) -> tuple[np.ndarray, np.ndarr
     return side.basis.T @ cross, own, right
 
 
-def weigh(m: Metric, columns: Columns, sizes: np.ndarray | None = None) -> Evidence:
-    """Fit the sizes of columns on the fitted rows (or take those given), judge them on the others."""
+def weigh(
+    m: Metric, columns: Columns, sizes: np.ndarray | None = None, inside: np.ndarray | None = None
+) -> Evidence:
+    """Fit the sizes of columns on the fitted rows (or take those given), judge them on the others; blocks
+    are those of the rows `inside` (M,), where the columns act in some alone."""
     white = m.whiten(columns)
     cross, own, right = project(m, m.fitted, white)
     scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
@@ -166,7 +169,7 @@ def weigh(m: Metric, columns: Columns, sizes: np.ndarray | None = None) -> Evide
     return Evidence(
         float(per_channel.sum()),
         gain,
-        block_sums(m.rows, each, m.judged.mask),
+        block_sums(m.rows, each, m.judged.mask if inside is None else m.judged.mask & inside),
         sizes,
         per_channel,
         rss,

@@ -15,12 +15,12 @@ import numpy as np
 
 from ident.diagnosis.candidates import Library, Ranked, screen, white_metric, with_size
 from ident.diagnosis.events import Event, best_event
-from ident.diagnosis.evidence import Evidence, Metric, metric, stacked, weigh
+from ident.diagnosis.evidence import Evidence, Metric, weigh
+from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.nameless import Flexible, flexible
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import Found, State, recolumned, settled, solved, with_found, without
 from ident.diagnosis.terms import Term
-from ident.diagnosis.whitened import whitener
 from ident.progress import Progress, silent
 
 BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
@@ -184,22 +184,6 @@ def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> b
 def lowers(plain: Metric, r: Refined, c: int) -> bool:
     """The error itself falls on the judged rows, on the channel that says most: what a user sees."""
     return bool(weigh(plain, r.columns).per_channel[c] > 0)
-
-
-def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
-    """The model's own columns, each channel in the least noise that any of the hypotheses leaves there:
-    beside a hypothesis that is right, noise that has swallowed its effect would count against it."""
-    usable = state.rows.fitted | state.rows.judged
-    least = list(state.whiteners)
-    for r in refined:
-        trial = solved(replace(state, found=(*state.found, Found(r.term, r.columns, r.sizes))))
-        own = r.term.place.rows(state.model.channels)
-        for c in own if r.term.place.joint is not None else r.columns:
-            w = whitener(state.rows, trial.noise[c], state.rows.use[c] & usable, state.rows.use[c])
-            if w.sigma < least[c].sigma:
-                least[c] = w
-    design, B = stacked(state.rows, [f.columns for f in state.found])
-    return metric(state.rows, design, B, least)
 
 
 def main_channel(evidence: Evidence, term: Term, state: State) -> int:

@@ -1,0 +1,27 @@
+"""The one noise in which the hypotheses of a step are compared."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ident.diagnosis.evidence import Metric, metric, stacked
+from ident.diagnosis.refine import Refined
+from ident.diagnosis.state import Found, State, solved
+from ident.diagnosis.whitened import whitener
+
+
+def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
+    """The model's own columns, each channel in the least noise that any of the hypotheses leaves there:
+    beside a hypothesis that is right, noise that has swallowed its effect would count against it."""
+    usable = state.rows.fitted | state.rows.judged
+    least = list(state.whiteners)
+    for r in refined:
+        trial = solved(replace(state, found=(*state.found, Found(r.term, r.columns, r.sizes))))
+        own = r.term.place.rows(state.model.channels)
+        for c in own if r.term.place.joint is not None else r.columns:
+            w = whitener(state.rows, trial.noise[c], state.rows.use[c] & usable, state.rows.use[c])
+            if w.sigma < least[c].sigma:
+                least[c] = w
+    design, B = stacked(state.rows, [f.columns for f in state.found])
+    return metric(state.rows, design, B, least)

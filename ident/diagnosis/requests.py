@@ -1,0 +1,55 @@
+"""A finding as the commands take it, and the command whose motion tells it from another explanation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from modelgen.effects import catalogue
+
+
+def request_of(finding: Mapping[str, Any]) -> str:
+    """NAME:JOINT[:param=value,...] of a finding or an alternative, as --separate takes it."""
+    joints, parameters = list(finding.get("joints") or []), dict(finding.get("parameters") or {})
+    effect = catalogue().get(str(finding["effect"]))
+    told = {name: entry["value"] for name, entry in parameters.items() if isinstance(entry, Mapping)}
+    known = {quantity.name for quantity in effect.quantities} if effect else set()
+    given = [f"{name}={value:.6g}" for name, value in told.items() if name in known and value is not None]
+    source = parameters.get("source_joint", joints[1] if len(joints) > 1 else None)
+    source = source.get("value") if isinstance(source, Mapping) else source
+    if effect is not None and effect.joints == "pair" and source is not None:
+        given.append(f"source_joint={source}")
+    return ":".join([str(finding["effect"]), str(joints[0]) if joints else "", ",".join(given)]).rstrip(":")
+
+
+def separating_command(
+    robot: str, finding: Mapping[str, Any], alternative: Mapping[str, Any], diagnosis: str | None = None
+) -> str:
+    """The command that designs the motion which tells a finding from an alternative."""
+    pair = f"{request_of(finding)},{request_of(alternative)}"
+    return (
+        f"ident excite {robot} --separate {pair}"
+        + (f" --from {diagnosis}" if diagnosis else "")
+        + " -o MOTION"
+    )
+
+
+def separable(finding: Mapping[str, Any], alternative: Mapping[str, Any]) -> bool:
+    """Whether a motion could tell the two apart: two effects of joints, each with a place that is known."""
+    for item in (finding, alternative):
+        effect = catalogue().get(str(item["effect"]))
+        if effect is None or not item.get("joints"):
+            return False
+        if effect.joints == "pair" and "source_joint=" not in request_of(item):
+            return False
+    return request_of(finding) != request_of(alternative)
+
+
+def column_request(finding: Mapping[str, Any]) -> str | None:
+    """NAME:JOINT[:source_joint=K] as `regenerate-model --effect` takes it; None where it is no column."""
+    effect = catalogue().get(str(finding["effect"]))
+    where = [finding.get("recording"), finding.get("from"), finding.get("to")]
+    if effect is None or effect.kind != "column" or not finding.get("joints") or any(where):
+        return None
+    source = finding.get("source_joint")
+    return f"{effect.name}:{finding['joints'][0]}" + (f":source_joint={source}" if source else "")
