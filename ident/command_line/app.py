@@ -400,6 +400,58 @@ def robot(
 
 
 @app.command(
+    epilog="Example: [bold]ident fleet 'logs/{robot}/{day}.parquet' --robot kuka_lwr4p -o night[/bold]\n\n"
+    "Needs the extra [bold]fleet[/bold]: pip install 'dynident\\[fleet]'"
+)
+def fleet(
+    source: Annotated[
+        str,
+        typer.Argument(
+            metavar="PATTERN|TABLE",
+            help="Recordings, {robot} and {day} in their path (also s3://, gs://); a CSV: file, robot, day.",
+            show_default=False,
+        ),
+    ],
+    robot: Annotated[
+        str,
+        typer.Option(
+            "--robot",
+            help="Built-in name, robot file or URDF of all of them.",
+            autocompletion=robot_names,
+            show_default=False,
+        ),
+    ],
+    output: Output,
+    study: Annotated[
+        Path | None,
+        typer.Option("--study", help="Study whose other keys hold for every recording.", show_default=False),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            "--scheduler",
+            metavar="ADDRESS|local",
+            help="Dask scheduler, or local for workers on this machine; this process by default.",
+            show_default=False,
+        ),
+    ] = None,
+    diagnose: Annotated[
+        bool, typer.Option(help="Diagnose the last recording of each robot that changed.")
+    ] = True,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
+) -> None:
+    """Many robots, many days: one table, and what changed in which joint.
+
+    Every recording is summarised once; a run that was stopped, or is repeated with more recordings, goes on
+    where it was. Writes fleet.parquet (one row a robot and 15 min), report.html and summaries/.
+    """
+    from ident.command_line import fleet as fleets
+
+    fleets.fleet(source, robot, study, output, scheduler, diagnose, overwrite, verbose)
+
+
+@app.command(
     epilog="Example: [bold]ident demo[/bold]   or, into a folder of your own, [bold]ident demo -o look[/bold]"
 )
 def demo(

@@ -99,7 +99,7 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         picks = _every(t, COARSE_S, coarse_t[-1][-1] if coarse_t else -np.inf)
         if len(picks):
             coarse_t.append(t[picks])
-            coarse_q.append(values[picks, :n])
+            coarse_q.append(values[picks, :n].astype(np.float32))
         last_t, last_row = float(t[-1]), values[-1]
     if begin is None or last_t is None:
         raise RecordingError(
@@ -178,6 +178,14 @@ def _every(t: np.ndarray, spacing: float, last: float) -> np.ndarray:
     return np.flatnonzero(new)
 
 
+def _away(positions: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Rows of positions (N, n) that are elsewhere; joint by joint, as a night of them is large."""
+    out = np.zeros(len(positions), bool)
+    for joint, its in zip(positions.T, place):
+        out |= np.abs(joint - its) > MOVED
+    return np.flatnonzero(out)
+
+
 def _segments(
     edges: list[float], t: np.ndarray, q: np.ndarray, trim: bool, rate: float
 ) -> tuple[Segment, ...]:
@@ -186,12 +194,11 @@ def _segments(
     for start, end in zip(edges[::2], edges[1::2]):
         if (end - start) * rate < MIN_SAMPLES:
             continue
-        inside = (t >= start) & (t <= end)
+        inside = slice(np.searchsorted(t, start), np.searchsorted(t, end, side="right"))
+        times, positions = t[inside], q[inside]
         move_start, move_end = start, end
-        if trim and inside.sum() > 2:
-            times, positions = t[inside], q[inside]
-            away = np.flatnonzero((np.abs(positions - positions[0]) > MOVED).any(axis=1))
-            back = np.flatnonzero((np.abs(positions - positions[-1]) > MOVED).any(axis=1))
+        if trim and len(times) > 2:
+            away, back = _away(positions, positions[0]), _away(positions, positions[-1])
             if len(away) and len(back):
                 move_start = float(times[max(away[0] - 1, 0)]) if away[0] > 1 else start
                 move_end = (

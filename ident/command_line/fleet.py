@@ -1,0 +1,53 @@
+"""`ident fleet`: the table, the page, and on the terminal what changed."""
+
+import sys
+from pathlib import Path
+
+from ident.command_line.terminal import print_table, progress_bar
+
+
+def fleet(
+    source: str,
+    robot: str,
+    study: Path | None,
+    output: Path,
+    scheduler: str | None,
+    diagnose: bool,
+    overwrite: bool,
+    verbose: bool,
+) -> None:
+    """Check, mark the folder as ours, work, write, say what came."""
+    try:
+        import fsspec  # noqa: F401
+    except ImportError:
+        from ident.errors import IdentError
+
+        raise IdentError("ident fleet needs the extra fleet; pip install 'dynident[fleet]'") from None
+    from ident.fleet.fleet import run_fleet, study_keys
+    from ident.fleet.page import page
+    from ident.fleet.trends import WATCH
+    from ident.output import staged
+    from ident.report.render import render
+
+    keys = study_keys(robot, study)
+    inputs = [study] if study else []
+    with staged(output, "ident fleet", overwrite=overwrite, inputs=inputs, complete=False) as stage:
+        (stage / "fleet.txt").write_text(f"{source}\n{robot}\n", encoding="utf-8")
+    with progress_bar(verbose) as progress:
+        done = run_fleet(source, keys, output, scheduler, diagnose, progress)
+        with staged(output, "ident fleet", overwrite=overwrite, inputs=inputs, complete=False) as stage:
+            (stage / "fleet.parquet").write_bytes(done.table)
+            (stage / "report.html").write_text(render(page(done)), encoding="utf-8")
+    for job in done.jobs:
+        if job in done.reasons:
+            print(f"warning: {job.robot}, {job.day}: {done.reasons[job]}", file=sys.stderr)
+    changes = done.trends.changes if done.trends else ()
+    rows = [(c.robot, c.joint, c.level, f"{c.percent:+.0f}", c.since, c.day) for c in changes]
+    header = ("robot", "joint", "level", "friction %", "since", "seen on")
+    if rows:
+        print_table("what changed", header, rows, numbers=(3,))
+    used, robots = len(done.summaries), len(done.robots)
+    print(
+        f"{used} of {len(done.jobs)} recordings of {robots} robots; {WATCH:g} watch a robot-year is chance\n"
+        f"wrote {output / 'fleet.parquet'} and {output / 'report.html'}"
+    )

@@ -1,0 +1,1 @@
+"""Many robots, many days: one table, and what changed in which joint."""
