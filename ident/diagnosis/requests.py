@@ -15,7 +15,8 @@ def request_of(finding: Mapping[str, Any]) -> str:
     told = {name: entry["value"] for name, entry in parameters.items() if isinstance(entry, Mapping)}
     known = {quantity.name for quantity in effect.quantities} if effect else set()
     given = [f"{name}={value:.6g}" for name, value in told.items() if name in known and value is not None]
-    source = parameters.get("source_joint", joints[1] if len(joints) > 1 else None)
+    beside = finding.get("source_joint", joints[1] if len(joints) > 1 else None)
+    source = parameters.get("source_joint", beside)
     source = source.get("value") if isinstance(source, Mapping) else source
     if effect is not None and effect.joints == "pair" and source is not None:
         given.append(f"source_joint={source}")

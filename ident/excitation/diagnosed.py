@@ -12,35 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from ident.diagnosis.requests import request_of
 from ident.excitation.limits import ExcitationError
-from modelgen.effects import catalogue
 from modelgen.geometry.robot import Robot
-
-
-def request_of(finding: Mapping[str, Any]) -> str:
-    """NAME:JOINT[:param=value,...] of a finding or an alternative, as --separate takes it."""
-    joints, parameters = list(finding.get("joints") or []), dict(finding.get("parameters") or {})
-    effect = catalogue().get(str(finding["effect"]))
-    told = {name: entry["value"] for name, entry in parameters.items() if isinstance(entry, Mapping)}
-    known = {quantity.name for quantity in effect.quantities} if effect else set()
-    given = [f"{name}={value:.6g}" for name, value in told.items() if name in known and value is not None]
-    source = parameters.get("source_joint", joints[1] if len(joints) > 1 else None)
-    source = source.get("value") if isinstance(source, Mapping) else source
-    if effect is not None and effect.joints == "pair" and source is not None:
-        given.append(f"source_joint={source}")
-    return ":".join([str(finding["effect"]), str(joints[0]) if joints else "", ",".join(given)]).rstrip(":")
-
-
-def separating_command(
-    robot: str, finding: Mapping[str, Any], alternative: Mapping[str, Any], diagnosis: str | None = None
-) -> str:
-    """The command that designs the motion which tells a finding from an alternative."""
-    pair = f"{request_of(finding)},{request_of(alternative)}"
-    return (
-        f"ident excite {robot} --separate {pair}"
-        + (f" --from {diagnosis}" if diagnosis else "")
-        + " -o MOTION"
-    )
 
 
 def split_requests(text: str) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ident.equations.terms import plain
 from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.information import Rows, condition, d_optimal, scaled_condition, worst
 from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot, term_of
@@ -123,8 +124,10 @@ def excite(
         rest = holding.rest(start, rng)
         trial = random_motion(holding, basis, rest, request.duration, rng, start is not None)
         sigma = known.sigma(_planned(trial), noise)
-        separation = _separation(known, bounds, basis, sigma, texts, trial, rest) if texts else None
-        optimum = _designed(request, holding, known, bounds, basis, sigma, separation, start, progress, stop)
+        separation = _separation(known, bounds, basis, sigma, texts, trial) if texts else None
+        decides = separation is not None and not all(its.same for its in separation.both(trial.x, warm=True))
+        aim = separation if decides else None
+        optimum = _designed(request, holding, known, bounds, basis, sigma, aim, start, progress, stop)
         motion = optimum.motion
     planned = motion.planned if request.evaluate else _planned(motion)
     std, number = _expected(known, planned, sigma, motion.duration)
@@ -192,14 +195,17 @@ def _designed(  # type: ignore[no-untyped-def]
             return criterion(A.reshape(-1, A.shape[2]))[0]
 
         return best_of_random(holding, request.duration, value, request.seed, start, progress, stop)
-    iterations = request.iterations if separation is None else min(request.iterations, 30)
+    starts, iterations = request.starts, request.iterations
+    if separation is not None:  # its slopes cost more, those of effects that move the link most
+        quick = all(plain(term) for term in separation.terms)
+        starts, iterations = (starts, min(iterations, 30)) if quick else (1, min(iterations, 8))
     return optimise(
         holding, basis, request.duration, separation or objective, start=start, seed=request.seed,
-        starts=request.starts, iterations=iterations, progress=progress, stop=stop,
+        starts=starts, iterations=iterations, progress=progress, stop=stop,
     )  # fmt: skip
 
 
-def _separation(known: Known, bounds: Bounds, basis, sigma, texts, trial, rest) -> Separation:  # type: ignore[no-untyped-def]
+def _separation(known: Known, bounds: Bounds, basis, sigma, texts, trial) -> Separation:  # type: ignore[no-untyped-def]
     a, b = (term_of(known, text, bounds, _planned(trial)) for text in texts)
     if a.effect.name == b.effect.name and a.place == b.place:
         raise ExcitationError(f"--separate {','.join(texts)}: these are one effect; name two.")

@@ -92,7 +92,7 @@ class Known:
         dry = sum(
             np.array([abs(self.number(k, j) or 0.0) for j in range(self.robot.n)]) for k in ("Fcm", "Fcl")
         )
-        return Holding(bounds, motor, self._chi(motor), np.minimum(dry, 0.9 * bounds.tau))
+        return Holding(bounds, motor, self._chi(motor), dry)
 
     def sigma(self, motion: Motion, percent: Mapping[str, float] | float = NOISE_PERCENT) -> Array:
         """(C,) noise of each channel, N m: per cent of its rms torque over the motion."""

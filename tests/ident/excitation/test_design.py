@@ -1,0 +1,147 @@
+"""Gradients against differences; what separates; what would be seen, held to by an arm of its own."""
+
+import numpy as np
+import pytest
+import scipy.stats
+import sympy as sp
+
+from ident.diagnosis.requests import request_of, separating_command
+from ident.equations.terms import Term
+from ident.excitation.diagnosed import split_requests
+from ident.excitation.information import Rows, condition, d_optimal, worst
+from ident.excitation.known import as_motion, known_robot, term_of
+from ident.excitation.limits import ExcitationError, bounds_of
+from ident.excitation.motion import Basis
+from ident.excitation.sensitivity import FINE_HZ, projector, smallest_visible
+from ident.excitation.separate import Projector, Separation, imitation, proof, seconds_needed
+from ident.simulate.requests import parse_effect
+from ident.simulate.twin import ActiveEffect, make_twin, placed, run_twin
+from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
+from modelgen.effects.place import Place
+from modelgen.geometry.robot_file import load_robot
+
+ROBOT = "kuka_lwr4p"
+
+
+@pytest.fixture(scope="module")
+def arm():
+    robot = load_robot(ROBOT)
+    bounds, basis = bounds_of(robot), Basis(10.0, 6)
+    x = 0.25 * np.random.default_rng(1).normal(size=(7, basis.size))
+    return known_robot(robot, ROBOT), bounds, basis, x
+
+
+def planned(basis, x, rate=FINE_HZ):
+    t = np.arange(0.0, basis.period, 1 / rate)
+    return as_motion([B @ x.T for B in basis.at(t)], t)
+
+
+@pytest.mark.parametrize("name", ["d", "condition", "worst"])
+def test_gradients_are_those_of_differences(arm, name):
+    known, bounds, basis, x = arm
+    rng = np.random.default_rng(2)
+    criterion = {"d": d_optimal, "condition": condition, "worst": worst(known.chi)}[name]
+    rows, B = (
+        Rows(known.model, rng.uniform(0.5, 2, 7), 0.1 * bounds.dq),
+        basis.at(np.arange(0, 10, 0.125))[:3],
+    )
+
+    def value(x):
+        A = rows(*(b @ x.T for b in B))
+        return criterion(A.reshape(-1, A.shape[2])), A.shape
+
+    (_, slope), shape = value(x)
+    back = rows.back(*(b @ x.T for b in B), slope.reshape(shape))
+    found = sum(g.T @ b for g, b in zip(back, B))
+    way = rng.normal(size=x.shape)
+    differences = (value(x + 1e-6 * way)[0][0] - value(x - 1e-6 * way)[0][0]) / 2e-6
+    assert found.ravel() @ way.ravel() == pytest.approx(differences, rel=1e-4)  # of differences of 1e-6
+
+
+def test_the_slope_of_a_separation_is_that_of_differences(arm):
+    known, bounds, basis, x = arm
+    motion = planned(basis, x)
+    pair = [
+        term_of(known, text, bounds, motion) for text in ("asymmetric_friction:2", "quadratic_friction:2")
+    ]
+    separation = Separation(known, basis, known.sigma(motion), 0.05 * bounds.dq, *pair)
+    way = np.random.default_rng(3).normal(size=x.shape)
+    ends = [separation(x + h * way)[0] for h in (1e-5, -1e-5)]
+    assert np.sum(separation(x)[1] * way) == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-3)
+
+
+def test_a_ripple_is_a_gear_ripple_but_not_the_other_way_round(arm):
+    known, bounds, basis, x = arm
+    motion = planned(basis, x, 50.0)
+    ripple, gear = (term_of(known, f"{name}:3", bounds, motion) for name in ("torque_ripple", "gear_ripple"))
+    project = Projector(known, motion, known.sigma(motion))
+    assert imitation(project, ripple, gear).same
+    assert not imitation(project, gear, ripple).same
+
+
+def test_effects_that_are_the_same_are_proven_so():
+    """|dq| and half of |dq| + dq differ by viscous friction, which the model has."""
+    one = Effect(name="one", terms={"a": sp.Abs(SIGNALS.dq)}, linear=(LinearParameter("a", "N m", -9, 9),))
+    half = (sp.Abs(SIGNALS.dq) + SIGNALS.dq) / 2
+    other = Effect(name="other", terms={"c": half}, linear=(LinearParameter("c", "N m", -9, 9),))
+    cube = Effect(name="cube", terms={"e": SIGNALS.dq**3}, linear=(LinearParameter("e", "N m", -9, 9),))
+    terms = [Term(e.name, e, Place(1), {}, (1.0,)) for e in (one, other, cube)]
+    assert proof(terms[0], terms[1]) is not None
+    assert proof(terms[0], terms[2]) is None
+
+
+def test_the_seconds_that_are_told_decide_99_of_100():
+    """Log likelihood ratios are normal, mean T s / 2 and variance T s, beyond log 100."""
+    rate = 3.0
+    s = seconds_needed(rate)
+    draws = np.random.default_rng(4).normal(rate * s / 2, np.sqrt(rate * s), 20000)
+    assert np.mean(draws > np.log(100)) == pytest.approx(0.99, abs=0.003)  # four sigma of 20,000 draws
+
+
+@pytest.mark.parametrize("name", ["stribeck_friction:4", "spring:2", "offset_drift:3"])
+def test_the_smallest_visible_size_is_seen_in_95_of_100(arm, name):
+    """Torques of the twin, which knows no columns; noise at the rate that is assumed; a chi-square test."""
+    known, bounds, basis, x = arm
+    motion = planned(basis, x)
+    sigma, seconds = known.sigma(motion), 10.0
+    project, term = projector(known, motion, sigma), term_of(known, name, bounds, motion)
+    seen = smallest_visible(project, term, seconds)
+    request = parse_effect(name, known.robot)
+    linear, nonlinear = request.effect.values_from_reported(seen.values)
+    place = placed(request, known.robot, "A")
+    twin = make_twin(known.robot, ROBOT, known.standard)
+    active = ActiveEffect(request, place, linear, nonlinear, {})
+    with_it, without = (
+        run_twin(twin, motion.t, (motion.q, motion.dq, motion.ddq), effects) for effects in ((active,), ())
+    )
+    left = project.off(project.seen(with_it.tau_m - without.tau_m))
+    C = project.off(project.columns(term))
+    scale = np.sqrt(20.0 * seconds / project.instants)  # rows that count as independent
+    Q = np.linalg.qr(C)[0]
+    draws = np.random.default_rng(5).normal(size=(4000, Q.shape[1]))
+    statistic = np.sum((scale * (Q.T @ left) + draws) ** 2, axis=1)
+    power = np.mean(statistic > scipy.stats.chi2.isf(0.01, Q.shape[1]))
+    if term.free:  # a shape that is searched costs power, which the table allows for
+        assert power >= 0.95
+    else:
+        assert power == pytest.approx(0.95, abs=0.03)
+
+
+def test_a_finding_and_its_rival_become_a_command_that_is_read_back():
+    finding = {
+        "effect": "stribeck_friction",
+        "joints": [2],
+        "parameters": {"Fs": {"value": 5.1}, "vs": {"value": 0.1}},
+    }
+    rival = {"effect": "joint_coupling", "joints": [3], "source_joint": 2}
+    command = separating_command("ur10e", finding, rival, "RESULTS")
+    assert command == (
+        "ident excite ur10e --separate stribeck_friction:2:Fs=5.1,vs=0.1,joint_coupling:3:source_joint=2 "
+        "--from RESULTS -o MOTION"
+    )
+    pair = split_requests(command.split()[4])
+    assert pair == (request_of(finding), request_of(rival))
+    for text in pair:
+        parse_effect(text, load_robot("ur10e"))
+    with pytest.raises(ExcitationError, match="name two effects"):
+        split_requests("stribeck_friction:2")

@@ -1,0 +1,96 @@
+"""The command end to end on a small arm: files that others read, and refusals in a sentence."""
+
+import json
+import os
+import signal
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import yaml
+from small_arm import ARM
+
+from ident.command_line.cli import run
+from ident.command_line.exciting import stopping
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    file = tmp_path_factory.mktemp("arm") / "arm.yaml"
+    file.write_text(ARM)
+    return file
+
+
+@pytest.fixture(scope="module")
+def designed(arm):
+    out = arm.parent / "motion"
+    options = ["--duration", "6", "--limit", "dq=1.5", "--starts", "1", "--rate", "200"]
+    assert run(["excite", str(arm), "-o", str(out), *options]) == 0
+    return out
+
+
+def test_what_is_written_is_one_motion(designed):
+    table = pq.read_table(designed / "motion.parquet").to_pydict()
+    document = json.loads((designed / "excitation.json").read_text())
+    q, dq = np.array(table["q1"]), np.array(table["dq1"])
+    np.testing.assert_allclose(np.gradient(q, 0.005)[1:-1], dq[1:-1], atol=1e-3)  # h^2 of the jerk
+    assert abs(dq[0]) < 1e-9 and abs(dq[-1]) < 1e-9 and np.abs(dq).max() <= 1.5
+    lines = (designed / "motion.csv").read_text().splitlines()
+    assert len(lines) == len(q) + 1
+    assert document["largest_use_of_a_limit"]["share"] <= 1
+    study = yaml.safe_load((designed / "study.yaml").read_text())
+    assert study["recordings"] == [{"file": "recording.parquet", "use": "identify"}]
+    assert "<canvas" in (designed / "motion.html").read_text()
+    assert (designed / "motion.script").read_text().count("servoj") == 751
+
+
+def test_the_bag_holds_the_motion(designed):
+    rosbag2 = pytest.importorskip("rosbags.rosbag2")
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    with rosbag2.Reader(designed / "trajectory") as reader:
+        ((connection, _, raw),) = reader.messages()
+        message = store.deserialize_cdr(raw, connection.msgtype)
+    table = pq.read_table(designed / "motion.parquet").to_pydict()
+    last = message.points[-1]
+    assert last.time_from_start.sec + 1e-9 * last.time_from_start.nanosec == pytest.approx(6.0)
+    np.testing.assert_array_equal(message.points[3].positions[0], table["q1"][6])
+
+
+def test_two_suspects_and_how_long(arm, capsys):
+    pair = "stribeck_friction:1,offset_drift:1"
+    options = ["--duration", "6", "--starts", "1", "--separate", pair]
+    assert run(["excite", str(arm), "-o", str(arm.parent / "pair"), *options]) == 0
+    told = json.loads((arm.parent / "pair" / "excitation.json").read_text())["separation"]
+    assert told["seconds_for_99_percent"] < 600 and told["same_in_any_motion"] == [False, False]
+    assert "decide, right in 99 of 100 cases" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["--duration", "43200"], "2 to 600 s"),
+        (["--limit", "dq=0"], "may not move"),
+        (["--separate", "stribeck:1,hysteresis:1"], "did you mean stribeck_friction"),
+        (["--separate", "coulomb_friction:1,hysteresis:1"], "cannot be told from the model's own"),
+        (["--start", "9,0"], "start"),
+        (["--from", "nowhere"], "diagnosis.json"),
+        (["--evaluate", "nowhere.parquet"], "nowhere.parquet"),
+        (["--rate", "1"], "Hz"),
+    ],
+)
+def test_wrong_inputs_end_in_a_sentence(arm, capsys, options, told):
+    assert run(["excite", str(arm), "-o", str(arm.parent / "refused"), *options]) == 2
+    error = capsys.readouterr().err
+    assert told in error and "Traceback" not in error
+    assert not (arm.parent / "refused").exists()
+
+
+def test_ctrl_c_asks_for_the_best_so_far():
+    before = signal.getsignal(signal.SIGINT)
+    with stopping() as stopped:
+        assert not stopped()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert stopped()
+    assert signal.getsignal(signal.SIGINT) is before
