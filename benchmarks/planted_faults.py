@@ -1,0 +1,353 @@
+"""Everyday faults planted in recordings of real robots: what `ident.diagnose` says first, and what beside it.
+
+    python benchmarks/planted_faults.py [-o FOLDER] [--robots NAME ...] [--faults NAME ...] [--summary]
+
+Sign, scale and delay are written into copies of the recordings; gravity, `without` and an undeclared load
+into the study. Every robot is diagnosed as it is too: what it lacks of its own is no false answer. Answers
+are kept in FOLDER (build/planted): a broken run goes on where it stopped. A run marked *test* decides
+nothing; the errors are its. DYNIDENT_DATA holds the recordings.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[2] / "shared" / "data")
+LATE_S = 0.02
+SCALED, TURNED = 2, 3  # joints whose torque is scaled, and has the other sign (the last one at most)
+
+
+@dataclass(frozen=True, slots=True)
+class Base:
+    """A robot's study with a run that decides nothing."""
+
+    robot: str
+    model: str
+    runs: tuple[Mapping[str, Any], ...]
+    keys: Mapping[str, Any]
+    torque: str = "tau_m"  # name of its torque columns
+    load: Mapping[str, Any] | None = None  # a run with a load that the study does not declare
+
+
+def run(file: str, use: str, begin: float | None = None, end: float | None = None) -> dict[str, Any]:
+    out: dict[str, Any] = {"file": file, "use": use, "name": f"{file.removesuffix('.parquet')}_{use}"}
+    return out | ({"from": begin} if begin is not None else {}) | ({"to": end} if end is not None else {})
+
+
+def cut(file: str, *at: float) -> tuple[dict[str, Any], ...]:
+    """One recording as identify, validate and test run."""
+    return (
+        run(file, "identify", None, at[0]),
+        run(file, "validate", at[0], at[1]),
+        run(file, "test", at[1], at[2] if len(at) > 2 else None),
+    )
+
+
+GAINS = [11.976, 11.976, 9.839, 10.763, 10.764, 10.763]
+BASES = (
+    Base(
+        "barrett_wam_2dof",
+        "A",
+        (run("identify.parquet", "identify", None, 4.7), run("validate.parquet", "validate"),
+         run("identify.parquet", "test", 4.7)),
+        {"robot": "robot.yaml"},
+    ),
+    Base(
+        "kuka_kr300",
+        "A",
+        (run("traj_a.parquet", "identify"), *cut("traj_b.parquet", 0, 5.0)[1:]),
+        {"filter": {"position_cutoff_hz": 10, "decimation_cutoff_hz": 5}},
+    ),
+    Base(
+        "airbot_play",
+        "A",
+        (run("identify_a.parquet", "identify"), run("identify_b.parquet", "identify"),
+         run("validate.parquet", "validate"), run("test.parquet", "test")),
+        {"robot": "robot.yaml"},
+    ),
+    Base(
+        "franka_panda",
+        "B",
+        cut("excite_first.parquet", 6.5, 9.8),
+        {"link_inertia": True, "reduction": False, "filter": {"position_cutoff_hz": 8, "resample_hz": 1000}},
+        "tau_l",
+    ),
+    Base(
+        "staubli_tx40",
+        "A",
+        cut("excite_first.parquet", 2.8, 3.9),
+        {"coupled_drives": [[5, 6]], "filter": {"position_cutoff_hz": 100, "decimation_cutoff_hz": 20}},
+    ),
+    Base(
+        "rokae_xmate3pro",
+        "B",
+        cut("excite_first.parquet", 7, 9.7),
+        {"link_inertia": True, "filter": {"position_cutoff_hz": 8, "decimation_cutoff_hz": 4}},
+        "tau_l",
+    ),
+    Base(
+        "ur10e",
+        "A",
+        (run("excite_a_50s.parquet", "identify"), run("excite_c_30s.parquet", "validate"),
+         run("excite_f_20s.parquet", "test")),
+        {"drive_gains": GAINS, "filter": {"position_cutoff_hz": 8, "decimation_cutoff_hz": 4}},
+        "i",
+        run("excite_e_50s_load.parquet", "identify"),
+    ),
+)  # fmt: skip
+
+Table = dict[str, np.ndarray]
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """What is told or recorded wrongly, and the names that are a right answer to it."""
+
+    name: str
+    answers: tuple[str, ...]
+    joint: int | None = None
+    table: Callable[[Table, str, int], None] | None = None
+    study: Callable[[dict[str, Any], Base], bool] | None = None  # False: not for this robot
+
+
+def gravity_of(base: Base) -> np.ndarray:
+    from modelgen.geometry.robot_file import load_robot
+
+    own = DATA / base.robot / "robot.yaml"
+    robot = load_robot(str(own) if "robot" in base.keys else base.robot)
+    return np.array([float(g) for g in robot.gravity])
+
+
+def tilted(degrees: float) -> Callable[[dict[str, Any], Base], bool]:
+    def change(study: dict[str, Any], base: Base) -> bool:
+        g = gravity_of(base)
+        size = np.linalg.norm(g)
+        axis = np.eye(3)[int(np.argmin(np.abs(g)))]
+        side = size * (axis - g * (axis @ g) / size**2)
+        angle = np.deg2rad(degrees)
+        study["gravity"] = [float(x) for x in np.cos(angle) * g + np.sin(angle) * side]
+        return True
+
+    return change
+
+
+def scaled(factor: float) -> Callable[[Table, str, int], None]:
+    def change(table: Table, torque: str, joint: int) -> None:
+        table[f"{torque}{joint}"] = factor * table[f"{torque}{joint}"]
+
+    return change
+
+
+def late(table: Table, torque: str, joint: int) -> None:
+    for name in table:
+        if name.startswith(torque) and name[len(torque) :].isdigit():
+            table[name] = np.interp(table["t"] - LATE_S, table["t"], table[name])
+
+
+def without(term: str) -> Callable[[dict[str, Any], Base], bool]:
+    def change(study: dict[str, Any], base: Base) -> bool:
+        study["without"] = [term]
+        return True
+
+    return change
+
+
+def loaded(study: dict[str, Any], base: Base) -> bool:
+    if base.load is None:
+        return False
+    study["recordings"] = [study["recordings"][0], dict(base.load), *study["recordings"][1:]]
+    return True
+
+
+FAULTS = (
+    Fault("as it is", ()),
+    Fault("gravity told wrong by 180 degrees", ("base_tilt",), study=tilted(180)),
+    Fault("gravity told wrong by 90 degrees", ("base_tilt",), study=tilted(90)),
+    Fault("gravity told wrong by 10 degrees", ("base_tilt",), study=tilted(10)),
+    Fault(f"sign of torque {TURNED}", ("torque_sign",), TURNED, table=scaled(-1.0)),
+    Fault(f"torque {SCALED} x 5", ("drive_gain_error",), SCALED, table=scaled(5.0)),
+    Fault(f"torque {SCALED} x 1.3", ("drive_gain_error",), SCALED, table=scaled(1.3)),
+    Fault("torques late by 20 ms", ("time_delay",), table=late),
+    Fault("a load on one run not declared", ("payload_change",), study=loaded),
+    Fault("Coulomb friction left out", ("coulomb_friction",), study=without("coulomb_friction")),
+    Fault("viscous friction left out", ("viscous_friction",), study=without("viscous_friction")),
+)
+
+
+def planted(base: Base, fault: Fault, folder: Path) -> Path | None:
+    """The study with the fault in it, written; None where it is not one of this robot."""
+    source = DATA / base.robot
+    study: dict[str, Any] = {"robot": base.robot, "model": base.model, **base.keys}
+    study["recordings"] = [dict(entry) for entry in base.runs]
+    if "robot" in base.keys:
+        study["robot"] = str(source / "robot.yaml")
+    if fault.study is not None and not fault.study(study, base):
+        return None
+    if fault.table is None:
+        study["folder"] = str(source)
+    else:
+        for name in {entry["file"] for entry in study["recordings"]}:
+            read = pq.read_table(source / name)
+            table = {key: read.column(key).to_numpy() for key in read.column_names}
+            fault.table(table, base.torque, _joint(base, fault) or 1)
+            pq.write_table(pa.table(table), folder / name)
+    path = folder / "study.yaml"
+    path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+    return path
+
+
+def _joint(base: Base, fault: Fault) -> int | None:
+    return fault.joint and min(fault.joint, 2 if base.robot == "barrett_wam_2dof" else 9)
+
+
+def examine(base: Base, fault: Fault, limit: int) -> dict[str, Any] | None:
+    """The document of the diagnosis with the seconds it took, or the error that came instead."""
+    import ident
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"no answer after {limit} s")
+
+    with tempfile.TemporaryDirectory() as scratch:
+        path = planted(base, fault, Path(scratch))
+        if path is None:
+            return None
+        signal.signal(signal.SIGALRM, stop)
+        signal.alarm(limit)
+        begun = time.process_time()
+        try:
+            document = ident.diagnose(ident.load(path)).document()
+        except Exception as error:
+            return {"error": f"{type(error).__name__}: {error}"[:300]}
+        finally:
+            signal.alarm(0)
+    return {
+        "cpu_seconds": time.process_time() - begun,
+        "document": json.loads(json.dumps(document, default=float)),
+    }
+
+
+def told(finding: Mapping[str, Any]) -> str:
+    joints = ", ".join(map(str, finding["joints"]))
+    return finding["effect"].replace("_", " ") + (f" {joints}" if joints else "")
+
+
+def right(base: Base, fault: Fault, finding: Mapping[str, Any]) -> bool:
+    joint = _joint(base, fault)
+    return finding["effect"] in fault.answers and (joint is None or joint in finding["joints"])
+
+
+def row(base: Base, fault: Fault, answer: Mapping[str, Any], plain: Mapping[str, Any]) -> list[str]:
+    """Planted, said first (bold: right), other names (new: the robot as it is does not get it), the rest."""
+    joint = _joint(base, fault)
+    name = fault.name if joint is None else fault.name.replace(str(fault.joint), str(joint), 1)
+    if "error" in answer:
+        return [base.robot.replace("_", " "), name, answer["error"][:90], "", "", "", ""]
+    document = answer["document"]
+    findings = document["findings"]
+    own = {told(f) for f in plain.get("document", {}).get("findings", ())}
+    first = told(findings[0]) if findings else document["verdict"]
+    if findings and right(base, fault, findings[0]):
+        first = f"**{first}**"
+    elif any(right(base, fault, f) for f in findings):
+        first += " (the fault later)"
+    others = [told(f) for f in findings[1:] if not right(base, fault, f)]
+    others = [text if text in own else f"{text} (new)" for text in others]
+    warned = [c["check"].replace("_", " ") for c in document["checks"] if c["outcome"] != "mended"]
+    before, after = (
+        document["error_percent"][k].get("test", {}).get("total", np.nan) for k in ("before", "after")
+    )
+    left = [
+        f"{','.join(map(str, u['joints']))} ({', '.join(u['depends_on'])})" for u in document["unexplained"]
+    ]
+    return [
+        base.robot.replace("_", " "),
+        name,
+        first,
+        ", ".join(others) or "-",
+        "; ".join(left) or "-",
+        ", ".join(dict.fromkeys(warned)) or "-",
+        f"{before:.1f} → {after:.1f}",
+    ]
+
+
+def table(folder: Path) -> str:
+    head = ["robot", "planted", "said first", "also named", "unexplained", "warnings", "test error, %"]
+    lines = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
+    count = first_right = new = 0
+    for base in BASES:
+        stored = {f.name: _read(folder, base, f) for f in FAULTS}
+        plain = stored["as it is"] or {}
+        for fault in FAULTS:
+            answer = stored[fault.name]
+            if not answer:
+                continue
+            cells = row(base, fault, answer, plain)
+            lines.append("| " + " | ".join(cells) + " |")
+            if fault.answers:
+                count += 1
+                first_right += cells[2].startswith("**")
+                new += cells[3].count("(new)")
+    told_of = (
+        f"{first_right} of {count} faults were said first; {new} names beside them that the robot as it is"
+    )
+    lines += ["", f"{told_of} does not get."]
+    return "\n".join(lines)
+
+
+def _path(folder: Path, base: Base, fault: Fault) -> Path:
+    return folder / f"{base.robot}-{fault.name.replace(' ', '_')}.json"
+
+
+def _read(folder: Path, base: Base, fault: Fault) -> dict[str, Any] | None:
+    path = _path(folder, base, fault)
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("-o", "--output", type=Path, default=Path("build/planted"))
+    parser.add_argument("--robots", nargs="+", choices=[b.robot for b in BASES])
+    parser.add_argument("--faults", nargs="+", help="words of their names")
+    parser.add_argument("--limit", type=int, default=240, help="seconds of one diagnosis")
+    parser.add_argument("--summary", action="store_true", help="only the table of what is there already")
+    a = parser.parse_args()
+    a.output.mkdir(parents=True, exist_ok=True)
+    for base in BASES:
+        for fault in FAULTS:
+            wanted = not a.faults or any(word in fault.name for word in a.faults)
+            if a.summary or not wanted or (a.robots and base.robot not in a.robots):
+                continue
+            if not (DATA / base.robot).is_dir() or _path(a.output, base, fault).exists():
+                continue
+            answer = examine(base, fault, a.limit)
+            if answer is None:
+                continue
+            if "error" not in answer or "TimeoutError" in answer["error"]:
+                _path(a.output, base, fault).write_text(json.dumps(answer), encoding="utf-8")
+            print(
+                " | ".join(row(base, fault, answer, {})), f"{answer.get('cpu_seconds', 0):.0f} s", flush=True
+            )
+    print(table(a.output))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+"""Columns made at the fine rate land on the equations' own rows, with the equations' own weights."""
+
+import numpy as np
+import pytest
+
+from ident.diagnosis.fine import FINE_HZ, FineSegment, stride_of
+from ident.diagnosis.model import motion_of, place_of
+from ident.diagnosis.terms import Scene
+from ident.signals.decimation import decimate, kept_every
+from ident.signals.filtering import LowPass
+
+CUTOFF, RATE = 5.0, 1000.0
+
+
+def segment(N, stride, certain=None):
+    """A stretch whose fine samples are every stride-th of one sampled at RATE, as FineKeeper takes them."""
+    every = kept_every(CUTOFF, RATE)
+    n = len(range(stride - 1, N, stride))
+    rate = RATE / stride
+    t = (np.arange(n) + 1) * stride / RATE - 1 / RATE
+    ones = np.ones((n, 1))
+    return FineSegment(
+        0, "run1", None, 0.0, t, 0 * ones, ones, 0 * ones, ones, ones, ones if certain is None else certain,
+        ones, rate, LowPass(CUTOFF, rate, 4), every // stride, np.ones(1),
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("N", [6000, 6037])
+@pytest.mark.parametrize("stride", [1, 5])
+def test_against_the_decimation_of_the_equations(N, stride):
+    """Same instants and, up to what lies above the fine rate, the same values."""
+    t = np.arange(N) / RATE
+    x = np.column_stack([np.sin(2 * np.pi * 1.3 * t), np.tanh(np.cos(2 * np.pi * 0.4 * t) / 0.02), t])
+    s = segment(N, stride)
+    there = decimate(x, RATE, CUTOFF)
+    here = s.decimate(x[stride - 1 :: stride])
+    assert here.shape == there.shape == (s.rows, 3)
+    inside = slice(4, -4)
+    assert np.allclose(here[inside], there[inside], atol=2e-3 if stride > 1 else 2e-4)
+
+
+def test_ones_stay_ones():
+    s = segment(4000, 5)
+    assert np.allclose(s.decimate(np.ones((len(s.t), 1))), 1.0)
+
+
+def test_uncertain_samples_do_not_count():
+    certain = np.ones((800, 1))
+    certain[300:500] = 0.0
+    s = segment(4000, 5, certain)
+    out = s.decimate(np.ones((800, 1)), 0)[:, 0]
+    assert out.min() < 1e-2 and np.allclose(out[[0, -1]], 1.0, atol=1e-3)
+
+
+@pytest.mark.parametrize("every", [1, 4, 40, 41, 80])
+def test_the_stride_divides_and_leaves_the_rate(every):
+    step = stride_of(every, RATE)
+    assert every % step == 0 and (RATE / step >= FINE_HZ or step == 1)
+
+
+def test_fine_rows_are_the_rows_of_the_equations(clean_arm):
+    """The model's own column of the rate, made again at the fine rate, is the equations' column."""
+    state = clean_arm.state
+    rows = state.rows
+    joint = 1
+    column = place_of(state.model.names, "Fvm", state.problem.robot.joint_labels[joint])
+    made = np.concatenate([s.decimate(s.dq[:, [joint]], joint)[:, 0] for s in state.segments])
+    made *= rows.scale[joint]
+    places, values = rows.base[joint]
+    own = values[:, list(places).index(column)]
+    use = rows.use[joint]
+    assert np.linalg.norm((made - own)[use]) < 1e-3 * np.linalg.norm(own[use])
+
+
+def test_back_gives_every_row_to_its_samples(clean_arm):
+    state = clean_arm.state
+    scene = Scene(state.rows, state.segments, tuple(motion_of(s) for s in state.segments), state.model)
+    number = np.arange(float(len(state.rows.t)))
+    back = scene.back(0, number, np.ones(len(number), bool))
+    assert [len(b) for b in back] == [len(s.t) for s in state.segments]
+    s = state.segments[0]
+    assert np.array_equal(back[0][: 3 * s.every], np.repeat([0.0, 1.0, 2.0], s.every))

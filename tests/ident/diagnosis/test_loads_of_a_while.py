@@ -1,0 +1,73 @@
+"""A contact for a while and a body from a moment on: their windows, and nothing where none is."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from ident.diagnosis.events import _gains, best_event, crossed, whole
+from ident.diagnosis.loop import threshold
+from ident.diagnosis.opening import opened
+from ident.diagnosis.refine import fit_sizes
+from ident.equations.prepared import prepare_study
+from modelgen.effects import catalogue
+
+ALPHA = 0.01
+
+
+def event_of(made):
+    loads = [effect for effect in catalogue().values() if effect.windowed]
+    return best_event(made.state, loads, made.layout, threshold(ALPHA), ALPHA)
+
+
+def test_nothing_where_nothing_is(clean_arm):
+    assert event_of(clean_arm) is None
+
+
+def test_a_contact(arm):
+    request = "external_force:fx=0.2,fy=-0.15,fz=0.15,from=5,to=9,recording=run1"
+    event = event_of(opened(prepare_study(arm(request))))
+    assert event is not None and event.refined.term.effect.name == "external_force"
+    place = event.refined.term.place
+    assert place.recording == "run1"
+    assert place.start == pytest.approx(5.0, abs=0.2) and place.stop == pytest.approx(9.0, abs=0.2)
+    assert event.evidence.log_e > threshold(ALPHA)
+
+
+def test_a_body_from_a_moment_on(arm):
+    event = event_of(opened(prepare_study(arm("payload_change:m=0.1,mz=0.01,from=6,recording=run1"))))
+    assert event is not None and event.refined.term.effect.name == "payload_change"
+    place = event.refined.term.place
+    assert place.recording == "run1" and place.stop is None
+    assert place.start == pytest.approx(6.0, abs=0.2)
+
+
+def test_gains_of_windows_are_those_of_their_columns(tiny):
+    """Sums over blocks against the dense fit of each window."""
+    rng = np.random.default_rng(0)
+    M, k = 400, 10
+    rows = tiny["rows"](rng.normal(size=(M, 3)), rng.normal(size=M))
+    m = whole(tiny["metric"](rows), np.ones(M, bool))
+    z = rng.normal(size=(M, 2))
+    edges = np.arange(0, M + 1, M // k)
+    parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    X = m.X[0][1] @ m.fitted.basis
+    sums = (
+        np.stack([X[s].T @ z[s] for s in parts]),
+        np.stack([z[s].T @ z[s] for s in parts]),
+        np.stack([z[s].T @ m.fitted.residual[0, s] for s in parts]),
+    )
+    cumulative = tuple(np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, axis=0)]) for a in sums)
+    pairs = np.array([(0, 10), (2, 5), (7, 8)])
+    for (a, b), gain in zip(pairs, _gains(cumulative, pairs)):
+        inside = np.zeros((M, 1))
+        inside[edges[a] : edges[b]] = 1.0
+        assert gain == pytest.approx(fit_sizes(m, {0: z * inside})[1], rel=1e-4)
+
+
+def test_halves_are_each_others_judges(tiny):
+    M = 400
+    rows = tiny["rows"](np.ones((M, 1)), np.zeros(M))
+    a, b = crossed(tiny["metric"](rows), np.ones(M, bool), 1.0)
+    assert np.array_equal(a.fitted.mask, b.judged.mask) and np.array_equal(a.judged.mask, b.fitted.mask)
+    assert np.array_equal(a.fitted.mask, ~a.judged.mask)

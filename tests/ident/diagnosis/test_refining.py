@@ -1,0 +1,69 @@
+"""Shapes by variable projection, against scipy's optimiser on the same likelihood."""
+
+import numpy as np
+import pytest
+import scipy.optimize
+
+from ident.diagnosis.opening import opened
+from ident.diagnosis.refine import fit_sizes, refine
+from ident.diagnosis.terms import Term
+from ident.equations.prepared import prepare_study
+from modelgen.effects import catalogue
+
+
+@pytest.fixture(scope="module")
+def lacking(arm):
+    return opened(prepare_study(arm("stribeck_friction:2"))).state
+
+
+def stribeck(vs):
+    effect = catalogue()["stribeck_friction"]
+    from modelgen.effects.place import Place
+
+    return Term(effect, Place(1, None, "motor", parts=()), {"vs": vs})
+
+
+def test_sizes_are_those_of_least_squares_beside_the_model(lacking):
+    m = lacking.metric
+    columns = lacking.scene.columns(stribeck(0.1))
+    sizes, gain = fit_sizes(m, columns)
+    on = m.fitted.mask & m.rows.use[1]
+    blocks, torque = [], []
+    for c, (places, values) in enumerate(m.X):
+        here = m.fitted.mask & m.rows.use[c]
+        wide = np.zeros((here.sum(), m.B + 1))
+        wide[:, places] = values[here]
+        if c in columns:
+            wide[:, -1] = (m.whiteners[c] @ columns[c])[here, 0]
+        blocks.append(wide)
+        torque.append(m.y[c, here])
+    X, y = np.vstack(blocks), np.concatenate(torque)
+    scale = np.maximum(np.linalg.norm(X, axis=0), 1e-12)
+    full = np.linalg.lstsq(X / scale, y, rcond=1e-9)[0] / scale
+    bare = np.linalg.lstsq(X[:, :-1] / scale[:-1], y, rcond=1e-9)[0] / scale[:-1]
+    fall = np.sum((y - X[:, :-1] @ bare) ** 2) - np.sum((y - X @ full) ** 2)
+    assert on.any() and sizes[0] == pytest.approx(full[-1], rel=1e-3)
+    assert gain == pytest.approx(0.5 * fall, rel=1e-3)
+
+
+def test_the_shape_is_the_optimisers(lacking):
+    found = refine(lacking.metric, lacking.scene, stribeck(0.3), turns=15)
+
+    def loss(log_vs):
+        return -fit_sizes(lacking.metric, lacking.scene.columns(stribeck(float(np.exp(log_vs)))))[1]
+
+    best = scipy.optimize.minimize_scalar(loss, bounds=(np.log(0.02), np.log(0.5)), method="bounded")
+    assert found.term.theta["vs"] == pytest.approx(float(np.exp(best.x)), rel=0.03)
+    assert found.gain == pytest.approx(-best.fun, abs=0.5)
+    assert not found.at_bound
+
+
+def test_a_shape_outside_stays_at_its_bound(lacking):
+    effect = catalogue()["stribeck_friction"]
+    low, high = effect.bounds(stribeck(0.1).place)["vs"]
+    found = refine(lacking.metric, lacking.scene, stribeck(high))
+    assert low <= found.term.theta["vs"] <= high
+
+
+def test_no_columns_no_gain(lacking):
+    assert fit_sizes(lacking.metric, {})[1] == 0.0

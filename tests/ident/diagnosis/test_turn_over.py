@@ -1,0 +1,69 @@
+"""Within which rate dry friction changes its sign is read off the torque."""
+
+import numpy as np
+import pytest
+from recordings import motion, write_parquet, write_study
+from small_arm import ARM
+
+import generated
+from ident.diagnosis.opening import opened
+from ident.diagnosis.turn_over import SHORTEST, _peak, grids, reverses
+from ident.equations.prepared import prepare_study
+from ident.recordings.study import load_study
+
+RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns over
+
+
+@pytest.fixture(scope="module")
+def turned(tmp_path_factory):
+    """An arm whose torque is that of the model but for how its dry friction changes sign."""
+    folder = tmp_path_factory.mktemp("turned")
+    (folder / "robot.yaml").write_text(ARM)
+    model = generated.load(str(folder / "robot.yaml"), "A")
+    rng = np.random.default_rng(0)
+    chi = 0.3 * rng.normal(size=len(model.parameters))
+    for k, name in enumerate(model.parameters):
+        if name.startswith(("Fv", "Fc", "Iam")):
+            chi[k] = 1.0
+    for k, seconds in enumerate((20, 12)):
+        t, q, dq, ddq = motion(seconds, 200.0, k, 3, 2.0)
+        sign = np.tanh(dq / np.array(RATES))
+        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign)) + 0.02 * rng.normal(size=(len(t), 3))
+        columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}
+        write_parquet(
+            folder / f"run{k + 1}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)}
+        )
+    entries = [{"file": "run1.parquet"}, {"file": "run2.parquet", "use": "validate"}]
+    study = load_study(write_study(folder, entries, robot="robot.yaml"))
+    return opened(prepare_study(study)).state
+
+
+def test_the_rates_are_recovered(turned):
+    assert turned.turns[1].rate == pytest.approx(RATES[1], rel=0.1)
+    assert turned.turns[2].rate == pytest.approx(RATES[2], rel=0.2)
+    assert turned.turns[0].rate < 0.015
+
+
+def test_what_is_left_is_the_noise(turned):
+    """0.02 N m of white noise at 200 Hz, below the rows' own cut-off."""
+    for c in range(3):
+        left = np.std(turned.residual[c][turned.rows.use[c]])
+        assert left < 1.6 * 0.02 * np.sqrt(2 * 10.0 / 200.0)
+
+
+def test_grids_stay_inside_the_motion(turned):
+    segments = turned.segments
+    for joint in range(3):
+        assert reverses(segments, joint)
+        ladders = grids(segments, joint)
+        top = max(np.abs(s.speed[:, joint]).max() for s in segments)
+        reach = max(s.q[:, joint].max() for s in segments) - min(s.q[:, joint].min() for s in segments)
+        assert ladders["rate"][0] > 0 and ladders["rate"][-1] <= 0.31 * top
+        assert ladders["travel"][0] == pytest.approx(SHORTEST * reach, rel=1e-3)
+        assert np.all(np.diff(ladders["rate"]) > 0)
+
+
+def test_the_vertex_of_a_parabola():
+    x = np.log(np.geomspace(0.01, 1, 9))
+    assert _peak(x, -((x - np.log(0.07)) ** 2)) == pytest.approx(np.log(0.07))
+    assert _peak(x, x) == x[-1]

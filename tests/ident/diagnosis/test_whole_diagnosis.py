@@ -1,0 +1,116 @@
+"""End to end on an arm of three joints: an effect by its name, silence, and a shape that has no name."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ident.diagnosis import diagnose_study
+from ident.diagnosis.candidates import Library, linear_gains, screen
+from ident.diagnosis.document import diagnosis_document
+from ident.diagnosis.loop import BUDGET, signals_read, threshold
+from ident.diagnosis.terms import Term
+from ident.estimation.fit import fit_study
+from ident.estimation.found_effects import found_effects
+from modelgen.effects import catalogue
+from modelgen.effects.place import Place
+
+
+@pytest.fixture(scope="module")
+def stribeck(arm):
+    return diagnose_study(arm("stribeck_friction:2"))
+
+
+def test_the_effect_and_nothing_else(stribeck):
+    assert stribeck.verdict == "effect"
+    assert [(f.effect, f.joints) for f in stribeck.findings] == [("stribeck_friction", (2,))]
+    found = stribeck.findings[0]
+    assert found.parameters["vs"]["value"] == pytest.approx(0.1, rel=0.1)  # the twin's typical one
+    assert found.parameters["vs"]["unit"] == "rad/s" and found.channel == "tau_m"
+    assert found.log_e > threshold(0.01) and found.error_drop_percent > 10
+    assert not stribeck.unexplained
+
+
+def test_the_extended_study_is_fitted_to_the_same_numbers(stribeck):
+    """What a finding says is what `ident fit` of the extended study says."""
+    again = fit_study(stribeck.extended)
+    told = found_effects(again)[0].parameters
+    for name, value in stribeck.findings[0].parameters.items():
+        assert told[name].value == pytest.approx(value["value"], rel=1e-3)
+        assert told[name].std == pytest.approx(value["std"], rel=1e-2)
+    role = "validate"
+    after = stribeck.last.full_rate_error[role]["total"]
+    assert after < 0.7 * stribeck.first.full_rate_error[role]["total"]
+
+
+def test_the_document_is_plain(stribeck):
+    document = json.loads(json.dumps(diagnosis_document(stribeck)))
+    assert document["verdict"] == "effect" and document["alpha"] == 0.01
+    assert document["findings"][0]["evidence"]["log_e"] > threshold(0.01)
+    assert set(document["error_percent"]) == {"before", "after"}
+
+
+def test_silence_on_a_clean_arm(arm):
+    diagnosis = diagnose_study(arm())
+    assert diagnosis.verdict == "none"
+    assert not diagnosis.findings and not diagnosis.unexplained
+    assert diagnosis.last is diagnosis.first
+
+
+def test_a_strange_shape_is_unexplained(arm):
+    """Friction of joint 2 that goes with the position of joint 1: on joint 2, of q1, and no culprit."""
+
+    def strange(columns):
+        q1, dq = columns["q1"], np.gradient(columns["q2"], columns["t"])
+        columns["tau_m2"] = columns["tau_m2"] + 0.3 * np.cos(1.5 * q1) * dq
+
+    diagnosis = diagnose_study(arm(change=strange))
+    assert diagnosis.verdict == "unexplained" and not diagnosis.findings
+    told = diagnosis.unexplained[0]
+    assert told.joints == (2,) and "q1" in told.depends_on and told.carries_over
+    assert 10 < told.share_of_residual_percent <= 100
+
+
+def test_a_torque_with_the_other_sign_is_said_first(arm):
+    def turned(columns):
+        columns["tau_m2"] = -columns["tau_m2"]
+
+    diagnosis = diagnose_study(arm(change=turned))
+    assert diagnosis.findings[0].effect == "torque_sign" and diagnosis.findings[0].joints == (2,)
+    assert len(diagnosis.findings) == 1
+
+
+def test_the_screen_puts_the_effect_on_its_list(arm, clean_arm):
+    from ident.diagnosis.opening import opened
+    from ident.equations.prepared import prepare_study
+
+    state = opened(prepare_study(arm("stribeck_friction:2"))).state
+    library = Library(list(catalogue().values()), clean_arm.layout)
+    keys = [(r.term.effect.name, r.term.place.joint) for r in screen(state, library, frozenset())]
+    assert ("stribeck_friction", 1) in keys and len(keys) <= 10
+    # one joint closed: nothing of it on the list
+    closed = screen(state, library, frozenset({1}))
+    assert all(r.term.place.joint != 1 for r in closed)
+
+
+def test_linear_gains_are_half_the_fall(clean_arm):
+    state = clean_arm.state
+    rng = np.random.default_rng(0)
+    columns = [{0: rng.normal(size=(len(state.rows.t), 1))} for _ in range(3)]
+    term = Term(catalogue()["offset"], Place(0, None, "motor"))
+    gains = linear_gains(state.metric, columns, [(term, None)] * 3)
+    from ident.diagnosis.refine import fit_sizes
+
+    for made, gain in zip(columns, gains):
+        assert gain == pytest.approx(fit_sizes(state.metric, made)[1], rel=1e-6)
+
+
+def test_what_an_effect_reads():
+    place = Place(1, None, "motor")
+    assert signals_read(Term(catalogue()["stribeck_friction"], place)) == {"dq2"}
+    assert signals_read(Term(catalogue()["load_dependent_friction"], place)) == {"dq2", "tau"}
+    assert signals_read(Term(catalogue()["base_tilt"], Place())) is None
+
+
+def test_the_threshold_shares_alpha_among_all_hypotheses():
+    assert threshold(0.01) == pytest.approx(np.log(BUDGET / 0.01))
