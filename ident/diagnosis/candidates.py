@@ -88,6 +88,8 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
     for effect, place in library.places:
         if place.joint is not None and place.joint in closed:
             continue
+        if set(effect.context) - set(effect.context_of(place, state.model)):
+            continue  # it is told relative to a parameter that this model does not have
         for theta in starts(state, library, effect, place):
             term = Term(effect, place, theta)
             if term.key in done and not effect.nonlinear:

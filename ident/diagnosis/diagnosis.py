@@ -146,6 +146,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     last = _extended(working, outcome, base, begun, _part(progress, 0.85, 0.97))
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
+    unexplained = unexplained or _not_predicted(first, findings)
     progress("done", 1.0)
     return Diagnosis(
         study,
@@ -326,6 +327,22 @@ def _unexplained(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
         u.carries_over,
         picture(state, None, u.channel, u.variables),
     )
+
+
+def _not_predicted(first: FitResult, findings: Sequence[Finding]) -> tuple[Unexplained, ...]:
+    """Channels that the model predicts worse than nothing would, somewhere: what is left there is no noise,
+    whatever its rows look like."""
+    if findings:
+        return ()
+    errors = first.full_rate_error.values()
+    out = []
+    for c, name in enumerate(first.columns.channels):
+        if max(percent.get(name, 0.0) for percent in errors) > 100.0:
+            channel = first.columns.need.channels[c]
+            joint = first.columns.need.joints[channel.joint]
+            kind = name[: len(name.rstrip("0123456789"))]
+            out.append(Unexplained((joint,), kind, (), 100.0, 0.0, None, False))
+    return tuple(out)
 
 
 def _signal(variable: str, channel: str) -> str:

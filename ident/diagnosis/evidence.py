@@ -24,7 +24,7 @@ from ident.diagnosis.whitened import Whitener
 
 Columns = Mapping[int, np.ndarray]  # channel -> (M, p), the same p everywhere
 BLOCK_S = 2.0  # s, longer than the noise remembers; shorter where there would be too few to agree
-FEWEST = 12
+FEWEST, MANY = 12, 20
 TOLERANCE = 1e-10  # of the scaled Gram matrix: a direction without data
 
 
@@ -76,8 +76,11 @@ class Evidence:
         return float(scipy.stats.binom.sf(int((told > 0).sum()) - 1, len(told), 0.5))
 
     def supported(self, alpha: float) -> bool:
-        """Enough blocks agree that chance does so at most at the rate alpha."""
-        return self.sign_p <= alpha
+        """Enough blocks agree that chance does so at most at the rate alpha; of fewer than MANY blocks less
+        can be asked (ten of twelve have 2 %), and they only guard the likelihood, which has passed alpha
+        itself."""
+        told = int((self.blocks != 0).sum())
+        return self.sign_p <= alpha * max(1.0, (MANY / max(told, 1)) ** 2)
 
 
 def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:

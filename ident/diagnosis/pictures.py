@@ -28,7 +28,7 @@ class Picture:
 
 
 def picture(state: State, term: Term | None, c: int, variables: Sequence[str] = ()) -> Picture | None:
-    """Rows of all recordings, thinned evenly."""
+    """Rows of all recordings that it acts in, thinned evenly."""
     found = next(
         (
             f
@@ -45,7 +45,10 @@ def picture(state: State, term: Term | None, c: int, variables: Sequence[str] = 
     elif term is not None:
         return None
     name, unit, x = _signal(state, term, joint, labels[joint], variables)
-    on = np.flatnonzero(state.rows.use[c])
+    seen = state.rows.use[c]
+    if term is not None and term.place.recording is not None:
+        seen = seen & (state.rows.recording == state.rows.names.index(term.place.recording))
+    on = np.flatnonzero(seen)
     pick = on[:: max(1, len(on) // POINTS)]
     before = state.residual[c] + own
     return Picture(state.model.channels[c].name(labels), name, unit, x[pick], before[pick], own[pick])

@@ -81,7 +81,7 @@ def _autocovariance(
         count = both.sum()
         if count == 0:
             break
-        out[lag] = (z[lag:] * z[: len(z) - lag] * same).sum() / count * (count / max(rows, 1))
+        out[lag] = (z[lag:] * z[: len(z) - lag] * same).sum() / count * (1 - lag / max(rows, lag + 1))
     out[0] = max(out[0], 1e-24)
     return out, rows
 

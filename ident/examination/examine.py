@@ -103,7 +103,8 @@ def _best(
     found = [*one_sign(quick, fit, how, names, currents)]
     if error.max() > DOUBTFUL:
         found += swapped(quick, fit, how, names, currents)
-        found += scales(quick, fit, how, names, currents)
+        if not prepared.study.without:  # a torque that misses a term of the model looks scaled
+            found += scales(quick, fit, how, names, currents)
         found += _degrees(quick, fit, how, names)
     bad = bool(error.max() > BAD or np.median(error) > 0.25 * BAD)
     if bad:
