@@ -14,7 +14,7 @@ from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.information import Rows, condition, d_optimal, scaled_condition, worst
 from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot, term_of
 from ident.excitation.limits import Bounds, ExcitationError, bounds_of
-from ident.excitation.motion import FourierMotion, basis_for
+from ident.excitation.motion import Planned, basis_for
 from ident.excitation.optimal import Optimum, optimise, random_motion
 from ident.excitation.point_to_point import PointMotion, best_of_random
 from ident.excitation.recorded import Recorded, recorded_motion
@@ -73,7 +73,7 @@ class Experiment:
     robot: Robot
     bounds: Bounds
     known: Known
-    motion: FourierMotion | PointMotion | Recorded
+    motion: Planned | Recorded
     sigma: Array
     std: Array  # (b,) expected, SI
     condition: float
@@ -137,7 +137,7 @@ def excite(
         separated = _told(known, planned, sigma, pair)
     elif separation is not None:
         separated = _told(known, planned, sigma, list(separation.terms))
-    visible = ()
+    visible: tuple[Visible, ...] = ()
     if request.sensitivity and not stop() and not texts:
         visible = table(known, bounds, planned, sigma, motion.duration, progress)
     use = (np.nan, "") if request.evaluate else holding.use(motion)
@@ -169,7 +169,7 @@ def check(request: Request) -> None:
         raise ExcitationError("--separate designs Fourier motions; leave --motion point_to_point out.")
 
 
-def _planned(motion: FourierMotion | PointMotion, rate_hz: float = FINE_HZ) -> Any:
+def _planned(motion: Planned, rate_hz: float = FINE_HZ) -> Any:
     t = np.arange(0.0, motion.period, 1 / rate_hz)
     return as_motion(motion.states(t), t)
 
@@ -182,10 +182,10 @@ def _designed(  # type: ignore[no-untyped-def]
     criterion = {"d": d_optimal, "condition": condition, "worst": worst(known.chi)}[request.criterion]
 
     def objective(x: Array) -> tuple[float, Array]:
-        states = [b @ x.T for b in B]
-        A = rows(*states)
+        q, dq, ddq = (b @ x.T for b in B)
+        A = rows(q, dq, ddq)
         value, slope = criterion(A.reshape(-1, A.shape[2]))
-        back = rows.back(*states, slope.reshape(A.shape))
+        back = rows.back(q, dq, ddq, slope.reshape(A.shape))
         return value, sum(g.T @ b for g, b in zip(back, B))
 
     if request.kind == "point_to_point":

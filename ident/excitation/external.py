@@ -14,11 +14,11 @@ class _Function(ca.Callback):
 
     def __init__(self, name: str, given: list[tuple[int, int]], shape: tuple[int, int], f: Callable) -> None:
         ca.Callback.__init__(self)
-        self.given, self.shape, self.f, self.slope = given, shape, f, None
-        self.name = name
+        self.given, self.shape, self.f, self.called = given, shape, f, name
+        self.slope: _Function | None = None
 
     def made(self) -> _Function:
-        self.construct(self.name, {})
+        self.construct(self.called, {})
         return self
 
     def get_n_in(self) -> int:

@@ -23,8 +23,8 @@ from ident.excitation.optimal import Holding
 from ident.simulate.parameters import random_parameters, read_parameters, twin_parameters
 from ident.simulate.requests import parse_effect
 from ident.simulate.twin import placed
-from modelgen.effects.effect import metres_per_radian, radian_power
-from modelgen.effects.place import Layout, Motion
+from modelgen.effects.effect import Effect, metres_per_radian, radian_power
+from modelgen.effects.place import Layout, Motion, Place
 from modelgen.geometry.names import Channel
 from modelgen.geometry.robot import Robot
 
@@ -62,7 +62,8 @@ class Known:
         self, motion: Motion, q: Array | None = None, dq: Array | None = None, ddq: Array | None = None
     ) -> Array:
         states = [a if b is None else b for a, b in zip((motion.q, motion.dq, motion.ddq), (q, dq, ddq))]
-        return self.model.torque(*states, self.chi, sign=motion.sign_dq)
+        q, dq, ddq = states
+        return self.model.torque(q, dq, ddq, self.chi, sign=motion.sign_dq)
 
     def total(self, motion: Motion) -> Array:
         return self.torque(motion)
@@ -83,15 +84,27 @@ class Known:
     def number(self, kind: str, joint: int) -> float | None:
         return self.standard.get(f"{kind}{self.robot.joint_labels[joint]}")
 
+    def friction(self, place: Place) -> dict[str, float]:
+        """{"Fc": ..., "Fv": ...} of the place's joint, both sides of the gear; 1 for none."""
+        if place.joint is None:
+            return {}
+        j = place.joint
+        return {k: sum(self.number(f"{k}{side}", j) or 0.0 for side in "ml") or 1.0 for k in ("Fc", "Fv")}
+
+    def context(self, effect: Effect, place: Place) -> dict[str, float]:
+        """What reported values of an effect are relative to."""
+        gravity = zip(("g0x", "g0y", "g0z"), (float(self.robot.value(x)) for x in self.robot.gravity))
+        known = {**self.friction(place), **dict(gravity)}
+        return {name: known.get(name, 1.0) for name in effect.context}
+
     def _chi(self, model: generated.Model) -> Array:
         return model.regroup({k: v for k, v in self.standard.items() if k in model.standard_parameters})
 
     def holding(self, bounds: Bounds) -> Holding:
         """Limits with the motor torques of these parameters."""
         motor = generated.load(self.source, "A")
-        dry = sum(
-            np.array([abs(self.number(k, j) or 0.0) for j in range(self.robot.n)]) for k in ("Fcm", "Fcl")
-        )
+        joints = range(self.robot.n)
+        dry = np.array([sum(abs(self.number(k, j) or 0.0) for k in ("Fcm", "Fcl")) for j in joints])
         return Holding(bounds, motor, self._chi(motor), dry)
 
     def sigma(self, motion: Motion, percent: Mapping[str, float] | float = NOISE_PERCENT) -> Array:
@@ -160,16 +173,18 @@ def term_of(known: Known, text: str, bounds: Bounds, motion: Motion, option: str
 
 
 def usual_term(
-    known: Known, effect, place, bounds: Bounds, motion: Motion, given: Mapping[str, float] = {}
-) -> Term:  # type: ignore[no-untyped-def]
+    known: Known,
+    effect: Effect,
+    place: Place,
+    bounds: Bounds,
+    motion: Motion,
+    given: Mapping[str, float] | None = None,
+) -> Term:
     """A term at a place with given reported values, usual ones for the rest."""
+    given = given or {}
     layout = Layout(known.robot, known.channels, travel=tuple((2 * bounds.half).tolist()))
-    own: dict[str, float] = {}
-    if place.joint is not None:
-        for kind in ("Fc", "Fv"):
-            own[kind] = sum(known.number(f"{kind}{side}", place.joint) or 0.0 for side in "ml") or 1.0
-    gravity = dict(zip(("g0x", "g0y", "g0z"), (float(known.robot.value(x)) for x in known.robot.gravity)))
-    context = {name: gravity.get(name, own.get(name, 1.0)) for name in effect.context}
+    own = known.friction(place)
+    context = known.context(effect, place)
     values, scale = effect.usual(given, own), metres_per_radian(place, layout)
     for quantity in effect.quantities:
         if quantity.name in values and quantity.name not in given and not quantity.angle:

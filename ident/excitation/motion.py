@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
@@ -99,6 +100,21 @@ class FourierMotion:
     def motion(self) -> Motion:
         """As the twin takes it."""
         return Motion("fourier", self.duration, lambda t: self.states(t)[:3])
+
+
+class Planned(Protocol):
+    """A motion that can be held against limits: a Fourier series, or point to point."""
+
+    @property
+    def duration(self) -> float: ...
+
+    @property
+    def period(self) -> float: ...
+
+    @property
+    def fine(self) -> tuple[Array, Array, Array, Array]: ...
+
+    def states(self, t: Array) -> tuple[Array, Array, Array, Array]: ...
 
 
 def basis_for(duration: float, harmonics: int | None = None) -> Basis:

@@ -18,7 +18,7 @@ import numpy as np
 import generated
 from ident.excitation.external import Steps, external
 from ident.excitation.limits import Bounds, ExcitationError
-from ident.excitation.motion import Basis, FourierMotion
+from ident.excitation.motion import Basis, FourierMotion, Planned
 from ident.progress import Progress, silent
 
 Array = np.ndarray
@@ -48,10 +48,11 @@ class Holding:
         """(N, n) largest motor torque of either sign of dry friction."""
         if not self.limited or self.model is None:
             return None
-        tau = self.model.torque(*states[:3], self.chi, sign=np.zeros_like(states[0]))
+        q, dq, ddq = states[:3]
+        tau = self.model.torque(q, dq, ddq, self.chi, sign=np.zeros_like(q))
         return np.abs(tau) + self.dry
 
-    def use(self, motion: FourierMotion) -> tuple[float, str]:
+    def use(self, motion: Planned) -> tuple[float, str]:
         """(largest use of a limit over one period, in words)."""
         states = motion.fine
         return self.bounds.excess(states, self.torque(states))
@@ -96,7 +97,7 @@ class Holding:
 class Optimum:
     """The best motion and its value, each start's value before and after, whether it was cut short."""
 
-    motion: FourierMotion
+    motion: Planned
     value: float
     starts: tuple[tuple[float, float], ...]
     stopped: bool = False
@@ -210,7 +211,7 @@ def _solver(
         low.append(-np.full(torque.shape[0], MARGIN))
         high.append(np.full(torque.shape[0], MARGIN))
     steps = Steps(n * K, sum(len(part) for part in low), iterations, stop)
-    options = {
+    options: Any = {
         "ipopt.hessian_approximation": "limited-memory",
         "ipopt.limited_memory_max_history": 6,
         "ipopt.max_iter": iterations,
@@ -224,7 +225,8 @@ def _solver(
         "iteration_callback": steps.function,
         "error_on_fail": False,
     }
-    solver = ca.nlpsol("excite", "ipopt", {"x": z, "f": value(z), "g": ca.vertcat(*g)}, options)
+    problem: Any = {"x": z, "f": value(z), "g": ca.vertcat(*g)}
+    solver = ca.nlpsol("excite", "ipopt", problem, options)
     bound = np.full((n, K), np.inf)
     bound[:, 0] = 1.0
     lbz, ubz = -bound, bound.copy()

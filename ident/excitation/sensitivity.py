@@ -109,25 +109,13 @@ def smallest_visible(
         return Visible(term.effect.name, joints, None, {}, term.effect.size_names, float("inf"))
     at = scaled(float(factor))
     values = {**dict.fromkeys(term.effect.linear_names, 0.0), **dict(zip(at.linear, at.size)), **at.theta}
-    context = dict.fromkeys(term.effect.context, 1.0) | context_of(project.known, term)
+    context = project.known.context(term.effect, term.place)
     report = term.effect.report(values, None, context, term.place)
     told = {name: float(entry["value"]) for name, entry in report.items()}
     per_channel = project.torque(at).reshape(-1, len(rms))
     share = float(np.max(np.sqrt(np.mean(per_channel**2, axis=0)) / np.maximum(rms, 1e-12)))
     units = {name: str(entry["unit"]) for name, entry in report.items()}
     return Visible(term.effect.name, joints, told, units, term.effect.size_names, share)
-
-
-def context_of(known: Known, term: Term) -> dict[str, float]:
-    """What reported values are relative to, as the model has it."""
-    gravity = dict(zip(("g0x", "g0y", "g0z"), (float(known.robot.value(x)) for x in known.robot.gravity)))
-    out = {}
-    for name in term.effect.context:
-        own = 0.0
-        if term.place.joint is not None:
-            own = sum(known.number(f"{name}{side}", term.place.joint) or 0.0 for side in "ml")
-        out[name] = gravity.get(name, own or 1.0)
-    return out
 
 
 def usual_terms(known: Known, bounds: Bounds, motion: Motion) -> Iterator[Term]:

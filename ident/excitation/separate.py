@@ -180,7 +180,8 @@ class Separation:
 
     def __init__(self, known: Known, basis: Basis, sigma: Array, turn_over: Array, a: Term, b: Term) -> None:
         self.known, self.basis, self.sigma, self.v = known, basis, sigma, turn_over
-        self.terms, self.warm = (a, b), {}
+        self.terms = (a, b)
+        self.warm: dict[str, Term] = {}
         self.t = np.arange(0.0, basis.period, 1 / RATE_HZ)
         self.rows = Rows(known.model, sigma, turn_over)
         self.B = basis.at(self.t)[:3]
@@ -210,8 +211,8 @@ class Separation:
     def _slope(self, x: Array, a: Term, its: Imitation) -> Array:
         """dT/dx at fixed parameters: 2 r' dE, E = F_a - W d - F_b."""
         weight = 2 * ROWS_HZ / len(self.t) * its.residual  # (N, C)
-        states = [b @ x.T for b in self.B]
-        back = self.rows.back(*states, -weight[:, :, None] * its.d)
+        q, dq, ddq = (b @ x.T for b in self.B)
+        back = self.rows.back(q, dq, ddq, -weight[:, :, None] * its.d)
         out = sum(g.T @ b for g, b in zip(back, self.B))
         for term, sign in ((a, 1.0), (its.other, -1.0)):
             joints = (

@@ -1,0 +1,93 @@
+"""Designed motions against random ones: condition, information, time, and violations of limits.
+
+    python benchmarks/excitation.py [--robots kuka_lwr4p ur10e staubli_tx40] [--random 2000] [--designs 0]
+
+Every random motion is feasible and as large as its limits allow; ten seconds each. `--designs N` counts
+violations of limits at 1 kHz in N designs of one robot with few iterations and limits drawn at random.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+import numpy as np
+
+from ident.excitation.experiment import Request, excite
+from ident.excitation.information import scaled_condition
+from ident.excitation.known import known_robot
+from ident.excitation.limits import bounds_of
+from ident.excitation.motion import basis_for
+from ident.excitation.optimal import random_motion
+from modelgen.geometry.robot_file import load_robot
+
+TOP = {"dq": 2.0, "ddq": 8.0}
+
+
+def rows(known, motion, sigma):  # type: ignore[no-untyped-def]
+    """(rows, b) of one period at 20 Hz, weighted."""
+    states = motion.states(np.arange(0.0, motion.period, 0.05))[:3]
+    A = known.model.regressor(*states) / sigma[:, None]
+    return A.reshape(-1, A.shape[2])
+
+
+def information(A: np.ndarray) -> float:
+    """log det of A'A, per parameter."""
+    return float(np.linalg.slogdet(A.T @ A)[1] / A.shape[1])
+
+
+def compare(name: str, count: int) -> None:
+    """One robot: designed by either criterion, and the best of `count` random motions."""
+    robot = load_robot(name)
+    known, bounds = known_robot(robot, name), bounds_of(robot)
+    holding, basis = known.holding(bounds), basis_for(10.0)
+    sigma = None
+    for criterion in ("d", "condition"):
+        begin = time.perf_counter()
+        done = excite(Request(name, criterion=criterion, sensitivity=False))
+        took = time.perf_counter() - begin
+        sigma = done.sigma
+        A = rows(known, done.motion, sigma)
+        print(
+            f"{name} {criterion}: condition {scaled_condition(A):.2f}, log det {information(A):.3f}, "
+            f"{took:.1f} s, largest use of a limit {100 * done.largest_use[0]:.1f} %"
+        )
+    assert sigma is not None
+    rng = np.random.default_rng(1)
+    rest = holding.rest(None, rng)
+    best = (np.inf, -np.inf)
+    for _ in range(count):
+        A = rows(known, random_motion(holding, basis, rest, 10.0, rng, False), sigma)
+        best = min(best[0], scaled_condition(A)), max(best[1], information(A))
+    print(f"{name} best of {count} random: condition {best[0]:.2f}, log det {best[1]:.3f}")
+
+
+def violations(count: int) -> None:
+    """Designs of a SCARA with random limits that are violated somewhere at 1 kHz."""
+    rng, found = np.random.default_rng(2), 0
+    for seed in range(count):
+        limits = tuple(
+            f"{key}={value * rng.uniform(0.2, 1):.3g}" for key, value in (("dq", 2.0), ("ddq", 8.0))
+        )
+        request = Request("scara", limits=limits, seed=seed, starts=1, iterations=8, sensitivity=False)
+        done = excite(request)
+        q, dq, ddq, jerk = done.motion.states(np.arange(0.0, 10.0, 1e-3))
+        tau = done.known.holding(done.bounds).torque((q, dq, ddq, jerk))
+        found += done.bounds.excess((q, dq, ddq, jerk), tau)[0] > 1 + 1e-12
+    print(f"{found} of {count} designs violate a limit at 1 kHz")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--robots", nargs="*", default=["kuka_lwr4p", "ur10e", "staubli_tx40"])
+    parser.add_argument("--random", type=int, default=2000)
+    parser.add_argument("--designs", type=int, default=0)
+    given = parser.parse_args()
+    for name in given.robots:
+        compare(name, given.random)
+    if given.designs:
+        violations(given.designs)
+
+
+if __name__ == "__main__":
+    main()
