@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ident.report.diagnosis_report import finding_sentence, unexplained_sentence, verdict
+from ident.report.diagnosis_words import finding_sentence, unexplained_sentence, verdict
 
 STUDIES = Path(__file__).parents[1] / "ident" / "studies"
 PREFIX = "diagnose_"

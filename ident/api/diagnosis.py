@@ -42,15 +42,12 @@ class Diagnosis:
     @property
     def checks(self) -> tuple[Any, ...]:
         """What was found in the data before anything was fitted, worst first."""
-        return tuple(getattr(self.result, "checks", ()))
+        return tuple(self.result.checks)
 
     @property
     def fit(self) -> Fit:
         """The extended model, fitted: a Fit like any other."""
-        last = getattr(self.result, "last", None)
-        if last is None:
-            raise IdentError("this diagnosis holds no extended fit; run ident.diagnose on the study again")
-        return Fit(last)
+        return Fit(self.result.last)
 
     @property
     def extended_study(self) -> Study:

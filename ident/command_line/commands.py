@@ -59,16 +59,17 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
         diagnosis = ident.diagnose(study, progress=progress, memory=memory)
         progress("writing plots and report")
         diagnosis.write(stage)
-    from ident.report.diagnosis_report import before_and_after, regenerated_sentence, told, verdict
+    from ident.report.diagnosis_words import before_and_after, told, verdict
 
     document = diagnosis.document()
     say_checks(document)
-    for text in (verdict(document), *told(document), regenerated_sentence(document)):
-        if text:
-            print(text)
+    remedies = [f"What to do: {f['remedy']}." for f in document["findings"] if f["remedy"]]
+    for text in (verdict(document), *told(document), *dict.fromkeys(remedies)):
+        print(text)
     show("error in percent", *before_and_after(document))
-    say_warnings(list(document.get("notes", ())))
-    print(f"wrote {output / 'report.html'}")
+    say_warnings(diagnosis.result.notes)
+    last = f"; ident fit {output / 'extended_study.yaml'} gives the errors after again"
+    print(f"wrote {output / 'report.html'}{last if document['verdict'] == 'effect' else ''}")
 
 
 def robot(file: str, output: Path, exact: bool, overwrite: bool) -> None:

@@ -8,60 +8,47 @@ from typing import Any
 
 import yaml
 
-from ident.estimation.fit import FitResult
+from ident.diagnosis import Diagnosis
 from ident.estimation.found_effects import extended_study
 from ident.recordings.study import expand
+from ident.report.compensation import write_model
 from ident.report.diagnosis_plots import draw_all
-from ident.report.diagnosis_report import before_and_after
-from ident.report.diagnosis_result import diagnosis_html
+from ident.report.diagnosis_result import page_of
+from ident.report.diagnosis_words import before_and_after
 from ident.report.files import write_csv, write_document
+from ident.report.render import render
+from modelgen.errors import ModelgenError
+
+OPENING = "# The study with what was found as its effects: ident fit on it gives the errors after again.\n"
 
 
-def write_diagnosis(diagnosis: Any, document: Mapping[str, Any], folder: Path) -> None:
+def write_diagnosis(diagnosis: Diagnosis, document: Mapping[str, Any], folder: Path) -> None:
     """diagnosis.json, errors.csv, plots/, model/ with C of the extended model, extended_study.yaml,
     report.html."""
     write_document(folder / "diagnosis.json", document)
     write_csv(folder / "errors.csv", before_and_after(document))
-    if diagnosis.last.terms:
-        write_extended_study(diagnosis, folder / "extended_study.yaml")
+    (folder / "extended_study.yaml").write_text(extended_text(diagnosis), encoding="utf-8")
+    try:
         write_model(diagnosis.last, folder / "model")
+    except ModelgenError as error:  # what was found stays, whatever the generator makes of it
+        (folder / "model_not_written.txt").write_text(f"{error}\n", encoding="utf-8")
     draw_all(diagnosis, document, folder / "plots")
-    (folder / "report.html").write_text(diagnosis_html(diagnosis), encoding="utf-8")
+    (folder / "report.html").write_text(render(page_of(diagnosis, document)), encoding="utf-8")
 
 
-def write_extended_study(diagnosis: Any, file: Path) -> None:
-    """The study with what was found as its effects: `ident fit` on it gives the numbers of the diagnosis
-    again."""
-    study = diagnosis.last.study
-    keys = extended_study(diagnosis.last)
-    keys["robot"] = (
-        str(Path(study.robot_source).resolve()) if Path(study.robot_source).is_file() else study.robot
+def extended_text(diagnosis: Diagnosis) -> str:
+    """extended_study.yaml, its paths absolute: it works from wherever it is put."""
+    study, keys = diagnosis.last.study, extended_study(diagnosis.last)
+    here = study.path / expand(study.folder) if study.folder else study.path
+    keys["folder"] = str(here.resolve())
+    if Path(study.robot_source).is_file():
+        keys["robot"] = str(Path(study.robot_source).resolve())
+    if study.effects_folder:
+        keys["effects_folder"] = str((study.path / expand(study.effects_folder)).resolve())
+    tables = [entry.file for entry in study.recordings if entry.table is not None]
+    lost = (
+        f"# Tables in memory, to be saved under these names in folder: {', '.join(tables)}\n"
+        if tables
+        else ""
     )
-    first = study.path / expand(study.folder) if study.folder else study.path
-    keys["folder"] = str(
-        (study.path / study.folder if study.folder else study.path).resolve()
-        if study.folder
-        else first.resolve()
-    )
-    file.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
-
-
-def write_model(result: FitResult, folder: Path) -> None:
-    """C of the rigid model with the found effects that are columns; nothing where none is."""
-    from modelgen.emit import regenerate
-
-    joints = result.columns.need.joints
-    requests = []
-    for term in result.terms:
-        place = term.place
-        if term.effect.kind == "column" and place.joint is not None and place.recording is None:
-            source = "" if place.source is None else f":source_joint={joints[place.source]}"
-            requests.append(f"{term.effect.name}:{joints[place.joint]}{source}")
-    if not requests:
-        return
-    plan = regenerate.plan(
-        result.study.robot_source, (result.study.model,), tuple(requests), True, lambda text, done=None: None
-    )
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, text in regenerate.files(plan, lambda text, done=None: None).items():
-        (folder / name).write_text(text, encoding="utf-8")
+    return OPENING + lost + yaml.safe_dump(keys, sort_keys=False, allow_unicode=True)

@@ -1,12 +1,13 @@
-"""SVG files of a diagnosis: the residual against what gave an effect away, before and after. Only drawing."""
+"""SVG files of a diagnosis: the residual and the torque of what was found through it. Only drawing."""
 
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ident.diagnosis import Diagnosis
-from ident.report.diagnosis_report import POINTS, ResidualView, effect_name, place
+from ident.report.diagnosis_report import View, binned_median
 from ident.report.diagnosis_result import views_of
+from ident.report.diagnosis_words import effect_name, held_out, place
 from ident.report.wording import percent, readable_unit
 
 BEFORE, AFTER = "#d9822b", "#1f6fc4"
@@ -23,34 +24,31 @@ def draw_all(diagnosis: Diagnosis, document: Mapping[str, Any], folder: Path) ->
         kind, index = view.belongs_to
         item = document[kind][index]
         with matplotlib.rc_context({"svg.hashsalt": "dynident", "font.size": 10}):
-            figure = Figure(figsize=(9, 3.2) if view.after is not None else (5, 3.2), layout="constrained")
+            figure = Figure(figsize=(9, 3.2) if view.has_effect else (5, 3.2), layout="constrained")
             FigureCanvasSVG(figure)
             residual(view, document, item, figure)
             name = item.get("effect", "unexplained")
             figure.savefig(folder / f"{index + 1}_{name}.svg", dpi=160, metadata={"Date": None})
 
 
-def residual(
-    view: ResidualView, document: Mapping[str, Any], item: Mapping[str, Any], figure: Any
-) -> list[Any]:
-    """Before beside after on one scale; returns the axes."""
-    states = [("before", view.before, BEFORE)]
-    if view.after is not None:
-        states.append(("after", view.after, AFTER))
-    axes = figure.subplots(1, len(states), sharey=True, squeeze=False)[0]
-    step = max(len(view.x) // POINTS, 1)
-    errors = document["error_percent"]
-    role = next(role for role in ("test", "validate", "identify") if role in errors["before"])
-    for ax, (name, values, colour) in zip(axes, states, strict=True):
-        ax.plot(view.x[::step], values[::step], ".", color=colour, ms=2.5, alpha=0.6, rasterized=True)
-        for (label, curve), line in zip(view.medians(values).items(), ("-", "--"), strict=False):
-            ax.plot(*curve, line, color="black", lw=1, label=label)
+def residual(view: View, document: Mapping[str, Any], item: Mapping[str, Any], figure: Any) -> list[Any]:
+    """Without it beside with it on one scale; returns the axes."""
+    shown = [("before", view.before, BEFORE)]
+    shown += [("after", view.before - view.effect, AFTER)] if view.has_effect else []
+    axes = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
+    errors, role = document["error_percent"], held_out(document)
+    for ax, (when, values, colour) in zip(axes, shown, strict=True):
+        ax.plot(view.x, values, ".", color=colour, ms=2.5, alpha=0.6, rasterized=True)
+        if when == "before" and view.has_effect:
+            x, y, smooth = view.curve
+            ax.plot(x, y, "-" if smooth else ".", color="black", lw=1.2, ms=1.5, label="its own torque")
+            ax.legend(fontsize="small")
+        else:
+            ax.plot(*binned_median(view.x, values), color="black", lw=1)
         ax.axhline(0, color="0.6", lw=0.6, zorder=0)
         ax.set_xlabel(f"{view.variable} [{readable_unit(view.variable_unit)}]")
-        error = errors[name][role].get(view.channel)
-        ax.set_title(f"{name}: {percent(error)} error on {role} runs" if error is not None else name)
-    if view.forward is not None:
-        axes[0].legend(fontsize="small")
+        error = errors[when][role].get(view.channel)
+        ax.set_title(f"{when}: {percent(error)} error on {role} runs" if error is not None else when)
     axes[0].set_ylabel(f"residual of {view.channel} [{readable_unit(view.unit)}]")
     what = effect_name(item["effect"]) if "effect" in item else "no known effect"
     figure.suptitle(f"{what}, {place(item['joints'])}")

@@ -1,4 +1,4 @@
-"""The report of a diagnosis, from `diagnosis.json` and the residuals behind it. Only texts are made here."""
+"""The page of a diagnosis, from `diagnosis.json` and its pictures. Only texts and tables are made here."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -7,25 +7,39 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ident.report.diagnosis_words import (
+    effect_name,
+    evidence_in_words,
+    finding_sentence,
+    held_out,
+    left_in_words,
+    mind_in_words,
+    place,
+    rivals_in_words,
+    told,
+    unexplained_sentence,
+    verdict,
+    where,
+)
 from ident.report.fit_report import remarks
 from ident.report.page import Block, Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
-from ident.report.wording import joined, number, percent, readable_unit, with_deviation
+from ident.report.wording import number, percent, readable_unit
 
-POINTS = 1500  # drawn of a residual against a variable; the curve of medians is over all of them
 BINS = 60
 FIRST = 3  # sentences above the fold; each finding has its own in its section
-CLOSE = 0.8  # of a finding's error drop: a rival is named in its sentence
-WORSE = 2.0  # times the error of the fitted runs: these do not determine the model
+SMOOTH = 0.05  # of its variance between neighbours: what is drawn as a line, not as points
+SIGMAS = 1.96  # of a 95 % interval
+ROLES = {
+    "test": "Test runs were used neither for the fit nor to choose what is kept.",
+    "validate": "Validate runs were not fitted; they decided what is kept.",
+    "identify": "No run was kept apart; runs or stretches left out in turn decided what is kept.",
+}
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualView:
-    """A channel's residual against the variable that gave an effect away, before and after it was added.
-
-    Shapes: x, before, after (N,); `after` may be None where nothing was added. `belongs_to` is
-    ("findings" | "unexplained", index in diagnosis.json). `forward` (N,) parts the samples by the sign of the
-    joint's rate where the effect does.
-    """
+class View:
+    """What gave a finding away: x, before, effect (N,): the signal, the torque that the model without it
+    leaves, its own torque (zeros where there is none). `belongs_to`: ("findings" | "unexplained", index)."""
 
     belongs_to: tuple[str, int]
     channel: str
@@ -34,329 +48,212 @@ class ResidualView:
     unit: str
     x: NDArray[np.float64]
     before: NDArray[np.float64]
-    after: NDArray[np.float64] | None
-    forward: NDArray[np.bool_] | None = None
+    effect: NDArray[np.float64]
 
-    def medians(
-        self, residual: NDArray[np.float64]
-    ) -> dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Curves of medians by name: one, or one for each direction of motion."""
-        if self.forward is None:
-            return {"median": binned_median(self.x, residual)}
-        return {
-            "median, dq > 0": binned_median(self.x[self.forward], residual[self.forward]),
-            "median, dq < 0": binned_median(self.x[~self.forward], residual[~self.forward]),
-        }
+    @property
+    def curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
+        """x, the effect's torque in order of x, and whether it is a function of x."""
+        order = np.argsort(self.x, kind="stable")
+        y = self.effect[order]
+        rough = np.mean(np.diff(y) ** 2) / 2 if len(y) > 1 else 0.0
+        return self.x[order], y, bool(rough <= SMOOTH * np.var(y))
 
-
-def effect_name(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def place(joints: Sequence[int]) -> str:
-    """`joint 4`, `joints 2 and 3`, `the whole robot`."""
-    if not joints:
-        return "the whole robot"
-    return f"joint{'s' if len(joints) > 1 else ''} {joined([str(joint) for joint in joints])}"
-
-
-def verdict(document: Mapping[str, Any]) -> str:
-    """The diagnosis in a sentence or two that an engineer can act on."""
-    findings, unexplained = document["findings"], document["unexplained"]
-    sentences = []
-    if findings:
-        sentences.append(f"The model lacks {_what_is_missing(findings)}.")
-    if unexplained:
-        where = joined([f"{place(item['joints'])} ({item['channel']})" for item in unexplained])
-        opening = "Structure is left that" if findings else "There is structure in the residual that"
-        sentences.append(f"{opening} no known effect explains, on {where}.")
-    if not sentences:
-        sentences.append("The model lacks nothing that these recordings show: what is left looks like noise.")
-    return " ".join([*sentences, *_worse_elsewhere(document)])
-
-
-def _worse_elsewhere(document: Mapping[str, Any]) -> list[str]:
-    """A warning where runs that were not fitted have a much larger error than those that were."""
-    after, role = document["error_percent"]["after"], _held_out(document)
-    if role == "identify" or after[role]["total"] < WORSE * after["identify"]["total"]:
-        return []
-    ratio = after[role]["total"] / max(after["identify"]["total"], 1e-9)
-    return [
-        f"The error on {role} runs is {ratio:.1f} times that of the fitted ones: these do not show all that "
-        "the robot does there; fit longer, faster or more varied motion."
-    ]
-
-
-def _what_is_missing(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:
-    """The effects, strongest first, each with all its joints; no more than `most` of them by name."""
-    joints: dict[str, list[int]] = {}
-    for item in findings:
-        joints.setdefault(item["effect"], []).extend(item["joints"])
-    named = [f"{effect_name(name)} on {place(sorted(set(numbers)))}" for name, numbers in joints.items()]
-    if len(named) > most:
-        named = [
-            *named[:most],
-            f"{len(named) - most} more effects" if len(named) > most + 1 else "one more effect",
-        ]
-    return joined(named)
-
-
-def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
-    """`Joint 4: stribeck friction, Fs = 3.1 ± 0.1 N m; tau_m4 on test 5.0 % -> 2.1 %; noise floor 1.8 %.`"""
-    values = []
-    for name, item in finding["parameters"].items():
-        value = item["value"]
-        if isinstance(value, str):
-            values.append(f"{name} {value}")
-        elif name == "source_joint":
-            values.append(f"from joint {int(value)}")
-        else:
-            values.append(f"{name} = {with_deviation(value, item.get('std') or 0.0, item.get('unit') or '')}")
-    text = f"{place(finding['joints']).capitalize()}: {effect_name(finding['effect'])}"
-    if values:
-        text += f", {', '.join(values)}"
-    text += _error_in_words(document, finding)
-    rivals = close_rivals(finding)
-    if rivals:
-        named = [f"{effect_name(rival['effect'])} on {place(rival['joints'])}" for rival in rivals[:3]]
-        text += f". Nearly as good on these runs: {joined(named)}"
-    return text + "."
-
-
-def close_rivals(finding: Mapping[str, Any]) -> list[Mapping[str, Any]]:
-    """Alternatives in the same place that would lower the error by at least `CLOSE` of what the finding does.
-
-    In the same place: on one of its joints, or one of the two concerns the whole robot. A candidate
-    elsewhere is not an alternative but another thing to find.
-    """
-    own = finding["evidence"].get("error_drop_percent") or 0.0
-    joints = set(finding["joints"])
-    return [
-        rival
-        for rival in finding.get("alternatives") or []
-        if (rival["error_drop_percent"] or 0.0) >= CLOSE * own
-        and (not joints or not rival["joints"] or joints & set(rival["joints"]))
-    ]
-
-
-def _error_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
-    """Error of the finding's own channel on the runs that were used least, else the drop on adding it."""
-    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    role = _held_out(document)
-    channel = f"{finding['channel']}{finding['joints'][0]}" if finding["joints"] else ""
-    if channel in before[role]:
-        text = f"; error of {channel} on {role} runs {percent(before[role][channel])} → "
-        text += percent(after[role][channel])
-        floor = document.get("noise_floor_percent", {}).get(channel)
-        return text if floor is None else f"{text}, noise floor {percent(floor)}"
-    drop = finding["evidence"].get("error_drop_percent")
-    return "" if drop is None else f"; it lowered the error by {percent(drop)}"
-
-
-def unexplained_sentence(item: Mapping[str, Any]) -> str:
-    depends = joined(list(item["depends_on"])) or "nothing that was measured"
-    share = percent(item["share_of_residual_percent"])
-    return (
-        f"{place(item['joints']).capitalize()}, {item['channel']}: {share} of the residual depends on "
-        f"{depends}, and no effect of the catalogue has that shape."
-    )
-
-
-def regenerated_sentence(document: Mapping[str, Any]) -> str:
-    """`Model with stribeck_friction:2 regenerated in model/.`, and what is not in its C; "" if nothing is."""
-    made = document.get("regenerated") or {}
-    effects, left = made.get("effects") or [], made.get("not_columns") or []
-    out = f"Model with {joined(effects)} regenerated in model/" if effects else ""
-    if left:
-        named = "; ".join(f"{effect_name(n['effect'])} on {place(n['joints'])} {n['reason']}" for n in left)
-        out += f"; not part of its C: {named}" if out else f"No model regenerated: {named}"
-    return f"{out}." if out else ""
-
-
-def told(document: Mapping[str, Any]) -> list[str]:
-    """A sentence for each finding, then for each unexplained structure."""
-    return [finding_sentence(document, finding) for finding in document["findings"]] + [
-        unexplained_sentence(item) for item in document["unexplained"]
-    ]
-
-
-def before_and_after(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows of the error table: per channel before and after for each role, and the noise floor."""
-    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    floor = document["noise_floor_percent"]
-    header = (
-        "channel",
-        *(f"{role} {when}" for role in before for when in ("before", "after")),
-        "noise floor",
-    )
-    rows = []
-    for channel in next(iter(before.values())):
-        values = [f"{block[role][channel]:.2f}" for role in before for block in (before, after)]
-        rows.append((channel, *values, f"{floor[channel]:.2f}" if channel in floor else ""))
-    return header, rows
+    @property
+    def has_effect(self) -> bool:
+        return bool(np.any(self.effect))
 
 
 def diagnosis_page(
     document: Mapping[str, Any],
     title: str,
-    views: Sequence[ResidualView] = (),
-    rankings: Mapping[int, Table] | None = None,
-    about: Mapping[str, str] | None = None,
+    views: Sequence[View] = (),
+    about: Mapping[str, Sequence[str]] | None = None,
+    programs: Mapping[int, str] | None = None,
     warnings: Sequence[str] = (),
     details: Sequence[str] = (),
-    extra: Sequence[Section] = (),
     footer: str = "",
 ) -> ReportPage:
-    """Verdict, error before and after, then each finding with the residual that gave it away.
+    """Checks, verdict, errors before and after, then a section for each finding and each unexplained joint.
 
-    `rankings`: a table of candidates for a finding, by its index; `about`: a sentence on an effect, by name.
+    about: (summary, signature, source) of an effect by name; programs: how a finding becomes C, by index.
     """
     said = told(document)
     if len(said) > FIRST + 1:
         said = [*said[:FIRST], f"{len(said) - FIRST} more below."]
-    details = (*filter(None, [regenerated_sentence(document)]), *details)
+    if document["verdict"] != "none":
+        said.append(left_in_words(document))
     sections = [error_section(document)]
-    for number_ in range(len(document["findings"])):
-        sections.append(_finding_section(document, number_, views, rankings or {}, about or {}))
-    for number_, item in enumerate(document["unexplained"]):
-        blocks = tuple(_view_plot(view) for view in views if view.belongs_to == ("unexplained", number_))
+    for k in range(len(document["findings"])):
+        sections.append(_finding_section(document, k, views, about or {}, programs or {}))
+    for k, item in enumerate(document["unexplained"]):
+        blocks = tuple(_plot(view) for view in views if view.belongs_to == ("unexplained", k))
         heading = f"Unexplained: {place(item['joints'])}, {item['channel']}"
-        sections.append(Section(heading, blocks, text=unexplained_sentence(item)))
+        sections.append(Section(heading, (*blocks, _unexplained_table(document, item))))
+    if notes := document.get("notes"):
+        rows = tuple((Cell(note),) for note in notes)
+        table = Table("", (Column("what was found, dropped or changed"),), rows)
+        sections.append(Section("Notes on the recordings", (table,), folded=True))
     return ReportPage(
         title=title,
         kind="Diagnosis",
         verdict=verdict(document),
-        tone={"effect": "good", "none": "good"}.get(document["verdict"], "bad"),
+        tone={"effect": "good", "none": "plain"}.get(document["verdict"], "bad"),
         checks=remarks(document),
         warnings=tuple(warnings),
         details=(*said, *details),
         facts=tuple(_facts(document)),
-        sections=(*sections, *extra),
+        sections=tuple(sections),
         footer=footer,
     )
 
 
-def _held_out(document: Mapping[str, Any]) -> str:
-    before = document["error_percent"]["before"]
-    return next((role for role in ("test", "validate") if role in before), "identify")
-
-
 def _facts(document: Mapping[str, Any]) -> list[Fact]:
-    facts = []
     before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    for role in before:
-        first, last = before[role]["total"], after[role]["total"]
-        better = "good" if last < 0.98 * first else "bad" if last > 1.02 * first else ""
-        facts.append(
-            Fact(f"{percent(first)} → {percent(last)}", f"error on {role} runs, all channels", better)
+    return [
+        Fact(
+            f"{percent(before[role]['total'])} → {percent(after[role]['total'])}",
+            f"error on {role} runs, all channels",
+            _tone(before[role]["total"], after[role]["total"]),
         )
-    return facts
+        for role in before
+    ]
+
+
+def _tone(first: float | None, last: float | None) -> str:
+    if not first or last is None:
+        return ""
+    return "good" if last < 0.98 * first else "bad" if last > 1.02 * first else ""
 
 
 def error_section(document: Mapping[str, Any]) -> Section:
+    """Per role and channel, before and after, the noise floor, and what of the explainable has a name."""
     before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    floor = document.get("noise_floor_percent", {})
+    floor, known = document.get("noise_floor_percent", {}), document.get("explainable", {})
+    shares = bool(document["findings"] or document["unexplained"]) and bool(known)
     columns = [Column("channel")]
     for role in before:
         columns += [
             Column(f"{role}, before", number=True),
             Column(f"{role}, after", number=True, help="with the effects found, fitted again"),
         ]
-    columns.append(Column("noise floor", number=True, help="an upper bound, from the band above the motion"))
+    columns.append(Column("noise floor", number=True, help="white noise, read above the band of the motion"))
+    if shares:
+        columns.append(
+            Column(
+                "explained of explainable", True, "nats that names explain, of names and nameless together"
+            )
+        )
     rows = []
     for channel in next(iter(before.values())):
         cells = [Cell("all channels" if channel == "total" else channel)]
         for role in before:
             first, last = before[role].get(channel), after[role].get(channel)
             cells.append(Cell(percent(first), first if first is not None else ""))
-            tone = ""
-            if first and last is not None:
-                tone = "good" if last < 0.95 * first else "bad" if last > 1.05 * first else ""
-            cells.append(Cell(percent(last), last if last is not None else "", tone))
+            cells.append(Cell(percent(last), last if last is not None else "", _tone(first, last)))
         cells.append(Cell(percent(floor.get(channel)), floor.get(channel, ""), "faint"))
+        if shares:
+            its = known.get(channel)
+            share = its["explained_share_percent"] if its and its["explainable_nats"] > 0 else None
+            nats = f" of {number(its['explainable_nats'], 3)} nats" if its and share is not None else ""
+            cells.append(Cell(percent(share) + nats, share if share is not None else ""))
         rows.append(tuple(cells))
-    text = (
-        "At the full filtered rate, on the same rows before and after. "
-        + {
-            "test": "Test runs were used neither for the fit nor to choose what is kept.",
-            "validate": "Validate runs were not fitted; they decided what is kept.",
-            "identify": "No run was kept apart; runs or blocks left out in turn decided what is kept.",
-        }[_held_out(document)]
-    )
+    text = f"At the full filtered rate, on the same rows before and after. {ROLES[held_out(document)]}"
     return Section("Error before and after", (Table("", tuple(columns), tuple(rows)),), text=text)
 
 
 def _finding_section(
     document: Mapping[str, Any],
     index: int,
-    views: Sequence[ResidualView],
-    rankings: Mapping[int, Table],
-    about: Mapping[str, str],
+    views: Sequence[View],
+    about: Mapping[str, Sequence[str]],
+    programs: Mapping[int, str],
 ) -> Section:
     finding = document["findings"][index]
+    summary, signature, source = about.get(finding["effect"], ("", "", ""))
+    shown = f"{finding.get('signature') or signature}"
+    facts = [
+        ("Where", where(finding)),
+        ("What it is", summary),
+        ("What showed it", shown),
+        ("What to do", (finding.get("remedy") or "") + programs.get(index, "")),
+        ("What these data cannot reject instead", rivals_in_words(finding)),
+        ("What speaks for it", evidence_in_words(document, finding)),
+        ("What would change our mind", mind_in_words(finding)),
+        ("Source", source),
+    ]
+    blocks: list[Block] = [_plot(view) for view in views if view.belongs_to == ("findings", index)]
+    blocks += [_facts_table(facts), *_parameters(finding)]
+    grade = f" ({finding['grade']})" if finding.get("grade") else ""
+    title = f"{index + 1}. {effect_name(finding['effect']).capitalize()}, {place(finding['joints'])}{grade}"
+    return Section(title, tuple(blocks), text=finding_sentence(document, finding))
+
+
+def _facts_table(facts: Sequence[tuple[str, str]]) -> Table:
+    rows = tuple((Cell(name), Cell(text, tone="wide")) for name, text in facts if text)
+    return Table("", (Column(""), Column("")), rows)
+
+
+def _parameters(finding: Mapping[str, Any]) -> tuple[Table, ...]:
+    """Values with 95 % intervals; a search that ended at its bound has none."""
     rows = []
-    for name, item in finding["parameters"].items():
-        value, std = item["value"], item.get("std")
-        shown = value if isinstance(value, str) else number(value)
+    for name, its in finding["parameters"].items():
+        value, std = its["value"], its.get("std")
+        word = isinstance(value, str) or value is None
+        interval = (
+            f"{number(value - SIGMAS * std)} to {number(value + SIGMAS * std)}" if std and not word else ""
+        )
+        note = "the end of the searched range: a bound, not an estimate" if its.get("at_bound") else ""
         rows.append(
             (
                 Cell(name),
-                Cell(shown, value),
-                Cell(number(std, 2), std if std is not None else ""),
-                Cell(readable_unit(item.get("unit") or "")),
+                Cell(str(value or "") if word else number(value), "" if value is None else value),
+                Cell(number(std, 2) if std else "", std if std else ""),
+                Cell(interval),
+                Cell(readable_unit(its.get("unit") or "")),
+                Cell(note),
             )
         )
-    blocks: list[Block] = [_view_plot(view) for view in views if view.belongs_to == ("findings", index)]
-    columns = (Column("parameter"), Column("value", True), Column("σ", True), Column("unit"))
-    blocks.append(Table("Parameters of the effect", columns, tuple(rows)))
-    blocks.append(rankings.get(index) or _alternatives(finding))
-    title = f"{index + 1}. {effect_name(finding['effect']).capitalize()}, {place(finding['joints'])}"
-    p_value = finding["evidence"].get("p_value")
-    text = f"{finding_sentence(document, finding)} {about.get(finding['effect'], '')}"
-    if p_value is not None:
-        p = "p < 1e-300" if p_value == 0 else f"p = {number(p_value, 2)}"
-        text = f"{text} {p}."
-    return Section(title, tuple(blocks), text=text.strip())
+    titles = (Column("parameter"), Column("value", True), Column("σ", True), Column("95 % interval"))
+    return (Table("Parameters", (*titles, Column("unit"), Column("")), tuple(rows)),) if rows else ()
 
 
-def _alternatives(finding: Mapping[str, Any]) -> Table:
-    """Candidates that explain nearly the same, from diagnosis.json alone."""
-    ranking = [
-        (finding["effect"], finding["joints"], finding["evidence"].get("error_drop_percent"), "chosen")
-    ]
-    for rival in finding.get("alternatives") or []:
-        ranking.append((rival["effect"], rival["joints"], rival.get("error_drop_percent"), ""))
-    rows = [
-        (
-            Cell(effect_name(effect)),
-            Cell(place(joints)),
-            Cell(percent(drop), drop or 0.0),
-            Cell(note, tone="good"),
-        )
-        for effect, joints, drop, note in ranking
-    ]
-    columns = (Column("candidate"), Column("where"), Column("error drop", True), Column(""))
-    return Table("Ranking of the candidates", columns, tuple(rows))
+def _unexplained_table(document: Mapping[str, Any], item: Mapping[str, Any]) -> Table:
+    asked = (document.get("judged") or {}).get("log_e_asked")
+    evidence = f"log E = {number(item['log_e'], 3)} of a function without a name" if item.get("log_e") else ""
+    return _facts_table(
+        [
+            ("What is left", unexplained_sentence(item)),
+            (
+                "What speaks for it",
+                f"{evidence}; {number(asked, 2)} is asked." if evidence and asked else evidence,
+            ),
+            (
+                "What to do",
+                "Record these signals over their whole range; an effect of that shape can be added in "
+                "one file (effects_folder).",
+            ),
+        ]
+    )
 
 
-def _view_plot(view: ResidualView) -> Plot:
-    """Before above after on one scale: some samples as points, the median of every bin as a line."""
+def _plot(view: View) -> Plot:
+    """The residual without the effect, its torque through it; below what is left, on the same scale."""
     unit = readable_unit(view.unit)
-    states = [("before", view.before, "before")]
-    if view.after is not None:
-        states.append(("after", view.after, "after"))
-    step = max(len(view.x) // POINTS, 1)
-    panels = []
-    for name, residual, role in states:
-        dashes = ("solid", "dash")
-        curves = zip(view.medians(residual).items(), dashes, strict=False)
-        traces = (
-            Trace(name, view.x[::step], residual[::step], role, kind="points"),
-            *(Trace(label, x, y, "error", dash=dash) for (label, (x, y)), dash in curves),
-        )
-        panels.append(Panel(f"{name} [{unit}]", traces, share=1.1))
     label = f"{view.variable} [{readable_unit(view.variable_unit)}]"
-    return Plot(f"Residual of {view.channel} against {view.variable}", label, tuple(panels), same_scale=True)
+    title = f"Residual of {view.channel} against {view.variable}"
+    points = Trace("left without it", view.x, view.before, "before", kind="points")
+    if not view.has_effect:
+        median = Trace("median", *binned_median(view.x, view.before), "error")
+        return Plot(title, label, (Panel(f"left [{unit}]", (points, median), share=1.3),))
+    x, y, smooth = view.curve
+    curve = Trace("its own torque", x, y, "error", kind="line" if smooth else "points")
+    rest = view.before - view.effect
+    left = (
+        Trace("left with it", view.x, rest, "after", kind="points"),
+        Trace("median", *binned_median(view.x, rest), "error", dash="dash"),
+    )
+    panels = (Panel(f"without it [{unit}]", (points, curve), 1.3), Panel(f"with it [{unit}]", left, 0.9))
+    return Plot(title, label, panels, same_scale=True)
 
 
 def binned_median(

@@ -1,4 +1,4 @@
-"""From a `Diagnosis` to its report: the residual against what gave each finding away, before and after."""
+"""From a `Diagnosis` to its page: pictures, what the effects are, which of them stand in the C of model/."""
 
 from collections.abc import Mapping
 from importlib.metadata import version
@@ -7,7 +7,8 @@ from typing import Any
 from ident.diagnosis import Diagnosis
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.pictures import Picture
-from ident.report.diagnosis_report import ResidualView, diagnosis_page
+from ident.diagnosis.requests import column_request
+from ident.report.diagnosis_report import View, diagnosis_page
 from ident.report.fit_result import channel_unit
 from ident.report.page import ReportPage
 from ident.report.render import render
@@ -21,23 +22,25 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 
 def page_of(diagnosis: Diagnosis, document: Mapping[str, Any]) -> ReportPage:
     """The page of a diagnosis; `document` is its diagnosis.json."""
-    effects = catalogue()
+    requests = {k: column_request(finding) for k, finding in enumerate(document["findings"])}
     return diagnosis_page(
         document,
         title=f"{diagnosis.robot}, model {diagnosis.model}",
         views=views_of(diagnosis),
-        rankings={},
-        about={name: about(effects[name]) for name in effects},
-        warnings=tuple(document.get("notes", ())),
-        details=(_runs(diagnosis),),
-        extra=(),
+        about={name: (e.summary, e.signature, e.source) for name, e in catalogue().items()},
+        programs={
+            k: f". Its term as C, to compensate it (the diagnosis writes it into model/): regenerate-model "
+            f"{diagnosis.study.robot} --model {diagnosis.model} --effect {request} -o FOLDER"
+            for k, request in requests.items()
+            if request
+        },
+        warnings=diagnosis.notes,
+        details=(
+            _runs(diagnosis),
+            "ident fit extended_study.yaml gives the errors after, and these parameters, again.",
+        ),
         footer=f"dynident {version('dynident')}. The numbers for programs are in diagnosis.json.",
     )
-
-
-def about(effect: Any) -> str:
-    """What an effect is, how it shows, who described it."""
-    return f"{effect.summary.capitalize()}. In a residual: {effect.signature}. Source: {effect.source}."
 
 
 def _runs(diagnosis: Diagnosis) -> str:
@@ -49,7 +52,7 @@ def _runs(diagnosis: Diagnosis) -> str:
     return f"Model {diagnosis.model} of {diagnosis.robot} on {', '.join(runs)}."
 
 
-def views_of(diagnosis: Diagnosis) -> tuple[ResidualView, ...]:
+def views_of(diagnosis: Diagnosis) -> tuple[View, ...]:
     """One view per finding and per unexplained structure that has a picture."""
     told = [
         *((("findings", k), f.picture) for k, f in enumerate(diagnosis.findings)),
@@ -58,14 +61,7 @@ def views_of(diagnosis: Diagnosis) -> tuple[ResidualView, ...]:
     return tuple(_view(diagnosis, place, picture) for place, picture in told if picture is not None)
 
 
-def _view(diagnosis: Diagnosis, place: tuple[str, int], picture: Picture) -> ResidualView:
-    return ResidualView(
-        belongs_to=place,
-        channel=picture.channel,
-        variable=picture.against,
-        variable_unit=picture.unit,
-        unit=channel_unit(diagnosis.first.columns.model, picture.channel),
-        x=picture.x,
-        before=picture.before,
-        after=picture.before - picture.effect if place[0] == "findings" else None,
-    )
+def _view(diagnosis: Diagnosis, place: tuple[str, int], picture: Picture) -> View:
+    unit = channel_unit(diagnosis.first.columns.model, picture.channel)
+    names = (picture.channel, picture.against, picture.unit, unit)
+    return View(place, *names, picture.x, picture.before, picture.effect)

@@ -51,19 +51,20 @@ def fit_table(result: FitResult) -> str:
 
 def diagnosis_summary(document: Mapping[str, Any]) -> str:
     """Checks, verdict, findings, what is unexplained, errors before and after."""
-    from ident.report.diagnosis_report import before_and_after, told, verdict
+    from ident.report.diagnosis_words import before_and_after, told, verdict
 
     parts = [f"{document['robot']}, model {document['model']}"]
     parts += [check_sentence(check) for check in document.get("checks", ())]
     parts += [verdict(document), *told(document), "", text_table(*before_and_after(document))]
-    return "\n".join([*parts, *[f"warning: {note}" for note in document.get("notes", ())]])
+    return "\n".join(parts)
 
 
 def diagnosis_table(document: Mapping[str, Any]) -> str:
     """The findings in words and the errors before and after, as HTML."""
     from html import escape
 
-    from ident.report.diagnosis_report import error_section, told, verdict
+    from ident.report.diagnosis_report import error_section
+    from ident.report.diagnosis_words import told, verdict
 
     found = "".join(f"<li>{escape(text)}</li>" for text in told(document))
     blocks = error_section(document).blocks

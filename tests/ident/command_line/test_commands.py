@@ -10,6 +10,7 @@ import browser
 import pytest
 from small_arm import ARM
 
+import ident as door
 from ident.simulate import PlannedRun, simulate, write_simulation
 
 RUNS = (
@@ -119,31 +120,66 @@ def test_fit_of_several_models_compares_them(study, tmp_path):
     assert wrong.returncode == 2 and "E" in wrong.stderr and not (tmp_path / "wrong").exists()
 
 
-def test_diagnose_writes_what_the_contract_says(study, tmp_path):
-    done = ident("diagnose", study, "-o", tmp_path, "-v")
+@pytest.fixture(scope="module")
+def diagnosed(study, tmp_path_factory):
+    """The folder of a diagnosis, and what the command said."""
+    folder = tmp_path_factory.mktemp("diagnosed") / "out"
+    done = ident("diagnose", study, "-o", folder, "-v")
     assert done.returncode == 0, done.stderr
-    document = json.loads((tmp_path / "diagnosis.json").read_text())
+    return folder, done
+
+
+def test_diagnose_writes_what_the_contract_says(diagnosed):
+    folder, done = diagnosed
+    document = json.loads((folder / "diagnosis.json").read_text())
     assert {"verdict", "findings", "unexplained", "error_percent", "noise_floor_percent"} <= set(document)
-    first = document["findings"][0]
-    assert (first["effect"], first["joints"]) == ("stribeck_friction", [2])
+    (first,) = document["findings"]
+    assert (first["effect"], first["joints"], first["grade"]) == ("stribeck_friction", [2], "established")
+    assert first["remedy"] and first["evidence"]["log_e"] > document["judged"]["log_e_asked"]
+    assert document["judged"]["recordings"] == ["second"]
+    assert 0 < first["evidence"]["blocks_for"] <= first["evidence"]["blocks"]
     assert "The model lacks stribeck friction on joint 2" in done.stdout
+    assert f"What to do: {first['remedy']}." in done.stdout
     assert " s  " in done.stderr  # -v: each step with its time
-    html = (tmp_path / "report.html").read_text(encoding="utf-8")
+    html = (folder / "report.html").read_text(encoding="utf-8")
     assert "The model lacks stribeck friction on joint 2" in html and len(html) < 8e6
-    assert (tmp_path / "plots" / "1_stribeck_friction.svg").is_file()
-    assert "stribeck_friction:2" in document["regenerated"]["effects"]
-    assert document["regenerated"]["largest_relative_difference"] < 1e-9
-    assert "Model with stribeck_friction:2" in done.stdout and "regenerated in model/" in html
-    assert "Fs2" in json.loads((tmp_path / "model" / "parameters.json").read_text())["parameters"]
+    assert "What would change our mind" in html and "--effect stribeck_friction:2" in html
+    assert (folder / "plots" / "1_stribeck_friction.svg").is_file()
+
+
+def test_the_c_of_what_was_found_comes_with_its_numbers(diagnosed):
+    folder, _ = diagnosed
+    values = json.loads((folder / "model" / "values.json").read_text())
+    described = json.loads((folder / "model" / "C_stribeck_friction_2.json").read_text())
+    assert set(described["parameters"]) == set(values["chi"])
+    assert described["extra_inputs"] == list(values["extra"]) and values["signals"] == []
+    found = json.loads((folder / "diagnosis.json").read_text())["findings"][0]["parameters"]
+    assert (values["chi"]["Fs2"], values["extra"]["vs2"]) == (found["Fs"]["value"], found["vs"]["value"])
+
+
+def test_the_extended_study_repeats_the_diagnosis(diagnosed):
+    folder, _ = diagnosed
+    document = json.loads((folder / "diagnosis.json").read_text())
+    study = door.load(folder / "extended_study.yaml")
+    again = door.fit(study).document()
+    for role, errors in document["error_percent"]["after"].items():
+        assert again["full_rate_error_percent"][role] == pytest.approx(errors, rel=1e-6)
+    (effect,) = again["effects"]
+    for name, its in document["findings"][0]["parameters"].items():
+        assert effect["parameters"][name]["value"] == pytest.approx(its["value"], rel=1e-6)
+    second = door.diagnose(study)
+    assert second.verdict == "none" and second.findings == ()
+    assert second.document()["error_percent"]["before"]["test"] == pytest.approx(
+        document["error_percent"]["after"]["test"], rel=1e-6
+    )
 
 
 @pytest.mark.skipif(browser.chromium() is None, reason="no chromium on this machine")
-def test_reports_of_real_results_open_without_a_complaint(study, tmp_path):
-    for command in ("fit", "diagnose"):
-        assert ident(command, study, "-o", tmp_path / command).returncode == 0
+def test_reports_of_real_results_open_without_a_complaint(study, diagnosed, tmp_path):
+    assert ident("fit", study, "-o", tmp_path).returncode == 0
     with browser.browser_page() as tab:
-        for command, plots in (("fit", 7), ("diagnose", 1)):  # 6 channels and a histogram; one finding
-            tab.open(tmp_path / command / "report.html")
+        for folder, plots in ((tmp_path, 7), (diagnosed[0], 1)):  # 6 channels and a histogram; one finding
+            tab.open(folder / "report.html")
             assert tab.problems == []
             assert tab.evaluate("document.querySelectorAll('.canvas[data-drawn]').length") >= plots
             assert tab.evaluate("document.documentElement.scrollWidth") <= 1200

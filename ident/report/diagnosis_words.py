@@ -1,0 +1,256 @@
+"""What a diagnosis says, in sentences made from `diagnosis.json`. Nothing is decided here."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ident.report.wording import joined, number, percent, with_deviation
+
+PLACED = ("source_joint", "recording", "from", "to", "link")  # said as a place, not as a value
+SIDES = {"motor": "motor side", "link": "link side", "sensor": "torque sensor", "drive": "drive"}
+FAR = 2.0  # from this ratio on an error is called larger than another; only words depend on it
+
+
+def effect_name(name: str) -> str:
+    return name.replace("_", " ")
+
+
+def place(joints: Sequence[int]) -> str:
+    """`joint 4`, `joints 2 and 3`, `the whole robot`."""
+    if not joints:
+        return "the whole robot"
+    return f"joint{'s' if len(joints) > 1 else ''} {joined([str(joint) for joint in joints])}"
+
+
+def where(finding: Mapping[str, Any]) -> str:
+    """`joint 6, motor side, driven by joint 5, in run2 from 12 to 15.5 s`."""
+    parts = [place(finding["joints"])]
+    if finding.get("side"):
+        parts.append(SIDES.get(finding["side"], finding["side"]))
+    if finding.get("link") is not None:
+        parts.append(f"link {finding['link']}")
+    if finding.get("source_joint") is not None:
+        parts.append(f"from joint {finding['source_joint']}")
+    start, stop = finding.get("from"), finding.get("to")
+    window = f" from {number(start)}" if start is not None else ""
+    window += f"{' to' if window else ' until'} {number(stop)}" if stop is not None else ""
+    window += " s" if window else ""
+    if finding.get("recording"):
+        parts.append(f"in {finding['recording']}{window}")
+    elif window:
+        parts.append(window.strip())
+    return ", ".join(parts)
+
+
+def verdict(document: Mapping[str, Any]) -> str:
+    """The diagnosis in a sentence or two that an engineer can act on."""
+    told = [f for f in document["findings"] if _by_examination(f)]
+    found = [f for f in document["findings"] if not _by_examination(f)]
+    sure = [f for f in found if f.get("grade") != "partly"]
+    partly = [f for f in found if f.get("grade") == "partly"]
+    sentences = []
+    if told:
+        sentences.append(f"The data are not what the study says: {_named(told)}.")
+    if sure:
+        sentences.append(f"The model lacks {_named(sure)}.")
+    if partly:
+        sentences.append(f"What is left is partly explained by {_named(partly)}.")
+    if unexplained := document["unexplained"]:
+        places = joined([f"{place(item['joints'])} ({item['channel']})" for item in unexplained])
+        opening = "Structure is left that" if sentences else "There is structure in the residual that"
+        sentences.append(f"{opening} no known effect explains, on {places}.")
+    if not sentences:
+        sentences = ["The model lacks nothing that these recordings show.", left_in_words(document)]
+    return " ".join([*sentences, *worse_elsewhere(document)])
+
+
+def left_in_words(document: Mapping[str, Any]) -> str:
+    """What the last fit leaves of the fitted runs, against the noise floor where there is one."""
+    after, floor = document["error_percent"]["after"]["identify"], document["noise_floor_percent"]
+    channels = [name for name in after if name != "total" and after[name] is not None]
+    seen = [name for name in channels if floor.get(name)]
+    if not seen:
+        return (
+            f"{percent(after['total'])} of the torque is left on the fitted runs; whether that is noise is "
+            "not known: no noise floor can be read off these recordings."
+        )
+    above = sorted((n for n in seen if after[n] > FAR * floor[n]), key=lambda n: -after[n] / floor[n])
+    if not above and len(seen) == len(channels):
+        return "What is left looks like noise: no torque keeps more than twice its noise floor."
+    if not above:
+        rest = joined([name for name in channels if name not in seen])
+        return f"What is left of {joined(seen)} looks like noise; for {rest} no noise floor is known."
+    worst = above[0]
+    beyond = (after[worst] ** 2 - floor[worst] ** 2) ** 0.5
+    more = f", and more than twice the floor in {joined(above[1:])}" if len(above) > 1 else ""
+    return (
+        f"{percent(after[worst])} of {worst} is left on the fitted runs, {percent(beyond)} of it above a "
+        f"noise floor of {percent(floor[worst])}{more}. Slow noise is not in that floor."
+    )
+
+
+def worse_elsewhere(document: Mapping[str, Any]) -> list[str]:
+    """A sentence for each role whose runs have a much larger error than those that were fitted."""
+    after, out = document["error_percent"]["after"], []
+    for role in after:
+        ratio = {
+            name: after[role][name] / after["identify"][name]
+            for name in after[role]
+            if role != "identify" and after[role][name] and after["identify"].get(name)
+        }
+        far = {name: r for name, r in ratio.items() if r >= FAR}
+        if not far:
+            continue
+        name = "total" if "total" in far else max(far, key=lambda key: far[key])
+        of = "" if name == "total" else f" of {name}"
+        out.append(
+            f"The error{of} on {role} runs is {far[name]:.1f} times that of the fitted ones: these do not "
+            "show all that the robot does there; fit longer, faster or more varied motion."
+        )
+    return out
+
+
+def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
+    """`Joint 4, motor side: stribeck friction, Fs = 3.1 ± 0.1; error of tau_m4 on test runs 5 % → 2 %.`"""
+    grade = "partly explained by " if finding.get("grade") == "partly" else ""
+    here = where(finding)
+    text = f"{here[0].upper()}{here[1:]}: {grade}{effect_name(finding['effect'])}"
+    values = [_value(name, its) for name, its in finding["parameters"].items() if not _placed(name, its)]
+    text += "".join(f", {value}" for value in values) + _error_in_words(document, finding)
+    if rivals := rivals_in_words(finding):
+        text += f". These data cannot reject instead: {rivals}"
+    return text + "."
+
+
+def _value(name: str, its: Mapping[str, Any]) -> str:
+    if isinstance(its["value"], str):
+        return f"{name} {its['value']}"
+    text = f"{name} = {with_deviation(its['value'], its.get('std') or 0.0, its.get('unit') or '')}"
+    return f"{text} (the end of the searched range)" if its.get("at_bound") else text
+
+
+def _placed(name: str, its: Mapping[str, Any]) -> bool:
+    return name in PLACED and not its.get("std")
+
+
+def rivals_in_words(finding: Mapping[str, Any]) -> str:
+    """The explanations that these data cannot reject beside the finding's own."""
+    return joined(
+        [f"{effect_name(r['effect'])} on {place(r['joints'])}" for r in finding.get("equivalent") or ()]
+    )
+
+
+def evidence_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
+    """log E, blocks and on which rows."""
+    if _by_examination(finding):
+        return "Seen when the recordings were examined, before any fit; undone for everything that follows."
+    evidence, judged = finding["evidence"], document.get("judged") or {}
+    text = f"log E = {number(evidence.get('log_e'), 3)} on {rows_in_words(judged)}"
+    if judged.get("log_e_asked") is not None:
+        rate = percent(100 * document.get("alpha", 0.01))
+        text += (
+            f"; {number(judged['log_e_asked'], 2)} is asked, so that at most {rate} of studies are told wrong"
+        )
+    if evidence.get("blocks"):
+        text += f". {evidence['blocks_for']} of {evidence['blocks']} blocks of these rows speak for it"
+    return text + "."
+
+
+def rows_in_words(judged: Mapping[str, Any]) -> str:
+    """The rows that chose nothing."""
+    names = joined(list(judged.get("recordings") or ()))
+    if not names:
+        return "rows that chose nothing"
+    return (
+        f"{names}, which chose nothing" if judged.get("apart") else f"stretches of {names} that chose nothing"
+    )
+
+
+def mind_in_words(finding: Mapping[str, Any]) -> str:
+    """What would change our mind about a finding."""
+    commands = [r["separate"] for r in finding.get("equivalent") or () if r.get("separate")]
+    if _by_examination(finding):
+        return "A fit with the study as it was whose friction, inertia and error are no worse."
+    text = "A new recording (use: validate) that the model with it does not predict better than without it"
+    return (
+        text
+        + ("; to tell the explanations apart, the motion of " + " or ".join(commands[:2]) if commands else "")
+        + "."
+    )
+
+
+def unexplained_sentence(item: Mapping[str, Any]) -> str:
+    """Signals, share, nearest effect and what speaks against it; that it does not carry over."""
+    text = f"{place(item['joints']).capitalize()}, {item['channel']}: "
+    if not item["depends_on"]:
+        return f"{text}on some run the model predicts it worse than no model would; nothing known explains it."
+    text += (
+        f"{percent(item['share_of_residual_percent'])} of what the model leaves there depends on "
+        f"{joined(list(item['depends_on']))}, and no effect of the catalogue has that shape."
+    )
+    if item.get("carries_over") is False:
+        text += " It is in the fitted runs and does not carry over to the judged runs."
+    near = item.get("nearest")
+    if near is not None:
+        own, its = item.get("log_e"), near.get("log_e")
+        known = own is not None and its is not None
+        against = f" (log E {number(its, 3)}, {number(own - its, 3)} short of it)" if known else ""
+        text += f" Nearest is {effect_name(near['effect'])} on {place(near['joints'])}{against}."
+    return text
+
+
+def told(document: Mapping[str, Any]) -> list[str]:
+    """A sentence for each finding, then for each unexplained structure."""
+    return [finding_sentence(document, finding) for finding in document["findings"]] + [
+        unexplained_sentence(item) for item in document["unexplained"]
+    ]
+
+
+def before_and_after(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and rows of the error table: per channel before and after for each role, and the noise floor."""
+    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    floor = document["noise_floor_percent"]
+    pairs = [(role, when) for role in before for when in ("before", "after")]
+    rows = []
+    for channel in next(iter(before.values())):
+        values = [{"before": before, "after": after}[when][role].get(channel) for role, when in pairs]
+        shown = ["" if value is None else f"{value:.2f}" for value in (*values, floor.get(channel))]
+        rows.append((channel, *shown))
+    return ("channel", *(f"{role} {when}" for role, when in pairs), "noise floor"), rows
+
+
+def held_out(document: Mapping[str, Any]) -> str:
+    """The role whose runs were used least."""
+    before = document["error_percent"]["before"]
+    return next((role for role in ("test", "validate") if role in before), "identify")
+
+
+def _by_examination(finding: Mapping[str, Any]) -> bool:
+    """Told by a check of the data: no fit weighed it."""
+    return "log_e" in finding["evidence"] and finding["evidence"]["log_e"] is None
+
+
+def _named(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:
+    """The effects, strongest first, each with all its joints; no more than `most` of them by name."""
+    joints: dict[str, list[int]] = {}
+    for item in findings:
+        joints.setdefault(item["effect"], []).extend(item["joints"])
+    named = [f"{effect_name(name)} on {place(sorted(set(numbers)))}" for name, numbers in joints.items()]
+    if len(named) > most:
+        more = len(named) - most
+        named = [*named[:most], f"{more} more effects" if more > 1 else "one more effect"]
+    return joined(named)
+
+
+def _error_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
+    """Error of the finding's own channel on the runs that were used least, all findings in."""
+    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
+    role = held_out(document)
+    channel = f"{finding['channel']}{finding['joints'][0]}" if finding["joints"] else "total"
+    if before[role].get(channel) is None or after[role].get(channel) is None:
+        return ""
+    name = "all channels" if channel == "total" else channel
+    text = (
+        f"; error of {name} on {role} runs {percent(before[role][channel])} → {percent(after[role][channel])}"
+    )
+    floor = document.get("noise_floor_percent", {}).get(channel)
+    return text if floor is None else f"{text}, noise floor {percent(floor)}"
