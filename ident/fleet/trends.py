@@ -25,6 +25,7 @@ KINDS = ("Fcm", "Fvm", "Offm", "Fcl", "Fvl", "Offl")
 WATCH = 1.0  # false alarms in a robot-year
 ALARM = 0.1  # and in a year of the whole fleet
 SISTERS = 5  # robots that have a day at least, for its median to say something
+MANY = 60
 ODD = 6.0  # robust deviations of a joint's friction from that of its sisters
 
 
@@ -107,7 +108,7 @@ def trends(
     changes: list[Change] = []
     for j, (joint, its) in enumerate(zip(joints, own)):
         if its:
-            found = _joint(at, robots, days, j, its, [parameters[k][:2] for k in its])
+            found = _joint(at, robots, days, j, its, [parameters[k][:2] for k in its], alarm)
             friction[:, :, j] = found.friction
             top = found.charts.level.reshape(len(days), len(robots), len(its))
             level[:, :, j] = top.max(axis=2).T / alarm
@@ -135,6 +136,7 @@ def _joint(
     j: int,
     its: list[int],
     kinds: Sequence[str],
+    alarm: float,
 ) -> _Joint:
     R, K, p = len(robots), len(days), len(its)
     y, motion = np.full((K, R, p), np.nan), np.full((K, R, 3), np.nan)
@@ -153,7 +155,13 @@ def _joint(
     white = np.linalg.solve(L, np.where(seen, y.transpose(2, 0, 1), np.nan).reshape(p, -1)).reshape(p, K, R)
     inverse = np.linalg.inv(L)
     v = np.einsum("ij,krjl,il->kri", inverse, S, inverse)
-    return _Joint(_charts(white.transpose(1, 2, 0), motion, v), friction)
+    white, changed = white.transpose(1, 2, 0), np.zeros(R, bool)
+    while True:  # a robot that wears is nobody's custom: the strongest is left out, the others judged again
+        found = _charts(white, motion, v, changed)
+        top = np.where(changed, 0.0, found.level.reshape(K, R, p).max(axis=(0, 2)))
+        if R - changed.sum() <= SISTERS or top.max() <= alarm:
+            return _Joint(found, friction)
+        changed[int(np.argmax(top))] = True
 
 
 def _half(S: np.ndarray) -> np.ndarray:
@@ -166,16 +174,20 @@ def _half(S: np.ndarray) -> np.ndarray:
     return np.linalg.cholesky(correlation + 1e-6 * np.eye(p)) * np.median(deviations, axis=0)[:, None]
 
 
-def _charts(white: np.ndarray, motion: np.ndarray, v: np.ndarray) -> Charts:
-    """white, v (K, R, p), motion (K, R, 3) -> charts of R p series, robot by robot."""
+def _charts(white: np.ndarray, motion: np.ndarray, v: np.ndarray, changed: np.ndarray) -> Charts:
+    """white, v (K, R, p), motion (K, R, 3) -> charts of R p series, robot by robot; those `changed` (R,) are
+    left out of what sisters do."""
     K, R, p = white.shape
     own = white - _median(white, 0)
     sisters = np.zeros_like(white)
     if R > SISTERS:
+        usual = np.where(changed[:, None], np.nan, own)
         for r in range(R):
-            others = np.delete(own, r, axis=1)
-            enough = np.isfinite(others[:, :, 0]).sum(axis=1) >= SISTERS
-            sisters[enough, r] = _median(others, 1)[enough, 0]
+            if R <= MANY or r == 0:  # in a large fleet a robot's own share in the median is nothing
+                others = np.delete(usual, r, axis=1) if R <= MANY else usual
+                enough = np.isfinite(others[:, :, 0]).sum(axis=1) >= SISTERS
+                middle = _median(others, 1)[enough, 0]
+            sisters[enough, r] = middle
     moved = motion - _median(motion, 0)
     spread = np.nanstd(moved, axis=(0, 1)) if np.isfinite(moved).any() else np.ones(3)
     moved = moved / np.where(
