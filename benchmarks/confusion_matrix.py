@@ -83,7 +83,7 @@ def run_plan(todo: list[tuple[str, list[str], int]], a: argparse.Namespace) -> l
                 truth = make_case(kind, names, seed, case, folder, a.seconds, a.hz, "")
             if truth is None:
                 continue  # the effect cannot show on what was drawn
-            result = {"truth": truth} | examine(folder / "cases" / case / "study.yaml")
+            result = {"truth": truth} | examine(folder / "cases" / case / "study.yaml", a.limit)
         out.append(result)
         if "error" in result:  # not kept: the next run tries again
             line = "ERROR " + result["error"].strip().splitlines()[-1][:150]
@@ -263,6 +263,7 @@ def main() -> None:
     parser.add_argument("--pairs", type=int, default=30)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--hz", type=float, help="one rate for all cases")
+    parser.add_argument("--limit", type=float, default=TIME_LIMIT_S, help="seconds of one diagnosis")
     parser.add_argument("--keep", type=Path, help="keep the recordings of the cases here")
     parser.add_argument(
         "--quick", action="store_true", help="one seed an effect, five clean runs, 30 s at 250 Hz"

@@ -222,21 +222,21 @@ def examine(base: Base, fault: Fault, limit: int) -> dict[str, Any] | None:
     import ident
 
     def stop(*_: object) -> None:
-        raise TimeoutError(f"no answer after {limit} s")
+        raise TimeoutError(f"no answer after {limit} s of processor time")
 
     with tempfile.TemporaryDirectory() as scratch:
         path = planted(base, fault, Path(scratch))
         if path is None:
             return None
-        signal.signal(signal.SIGALRM, stop)
-        signal.alarm(limit)
+        signal.signal(signal.SIGPROF, stop)
+        signal.setitimer(signal.ITIMER_PROF, limit)
         begun = time.process_time()
         try:
             document = ident.diagnose(ident.load(path)).document()
         except Exception as error:
             return {"error": f"{type(error).__name__}: {error}"[:300]}
         finally:
-            signal.alarm(0)
+            signal.setitimer(signal.ITIMER_PROF, 0)
     return {
         "cpu_seconds": time.process_time() - begun,
         "document": json.loads(json.dumps(document, default=float)),
@@ -327,7 +327,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("build/planted"))
     parser.add_argument("--robots", nargs="+", choices=[b.robot for b in BASES])
     parser.add_argument("--faults", nargs="+", help="words of their names")
-    parser.add_argument("--limit", type=int, default=240, help="seconds of one diagnosis")
+    parser.add_argument("--limit", type=int, default=240, help="processor seconds of one diagnosis")
     parser.add_argument("--summary", action="store_true", help="only the table of what is there already")
     a = parser.parse_args()
     a.output.mkdir(parents=True, exist_ok=True)

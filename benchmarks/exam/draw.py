@@ -54,6 +54,8 @@ COVERABLE = (
     "soft_stop",
     "temperature_step",
     "dead_zone",
+    "saturation",
+    "cable",
 )  # a catalogue may rightly own these
 
 

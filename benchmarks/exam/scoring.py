@@ -13,6 +13,8 @@ EQUIVALENT = {
     "position_friction": {"position_dependent_friction"},
     "cubic_spring": {"counterbalance"},
     "temperature_step": {"thermal_friction"},
+    "saturation": {"current_saturation"},
+    "cable": {"cable_coupling"},
 }
 RATIOS = {
     *("Fc", "Fv", "off", "Ia", "Fs", "vs", "Fv3", "Fva", "mu", "a", "T", "sigma", "A", "wavenumber", "k"),
