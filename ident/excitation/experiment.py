@@ -111,7 +111,9 @@ def excite(
     found = Diagnosed.read(request.diagnosis) if request.diagnosis else None
     known = known_robot(robot, request.robot, request.model, request.parameters)
     noise: Any = found.noise_percent if found and found.noise_percent else request.noise
-    texts = split_requests(request.separate) if request.separate else found.pair(robot) if found else None
+    texts = split_requests(request.separate) if request.separate else None
+    if texts is None and found is not None and request.evaluate is None:
+        texts = found.pair(robot)
     holding = known.holding(bounds)
     start = None if request.start is None else np.array(request.start)
     remarks = _remarks(bounds, known)

@@ -80,11 +80,9 @@ def _visible(done: Experiment) -> Section:
     rows = []
     for its in done.visible:
         if its.values is None:
-            told, share = "does not show", Cell("", math.inf)
+            told, share = "is not expected to show", Cell("", math.inf)
         else:
-            told = ", ".join(
-                f"{n} = {its.values[n]:.3g} {its.units[n]}" for n in its.sizes if n in its.values
-            )
+            told = its.told
             tone = "good" if its.share < 0.01 else "" if its.share < 0.05 else "bad"
             share = Cell(f"{100 * its.share:.2g}", its.share, tone)
         rows.append((Cell(its.effect), Cell(", ".join(its.joints)), Cell(told), share))

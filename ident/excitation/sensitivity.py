@@ -50,15 +50,20 @@ class Visible:
 
     @property
     def told(self) -> str:
-        """'Fs = 0.3 N m'."""
+        """'Fs = 0.3 N m at vs = 0.1 rad/s': the size, and the shape that it was asked for."""
         values = self.values or {}
-        return ", ".join(f"{n} = {values[n]:.3g} {self.units[n]}" for n in self.sizes if n in values)
+        parts = {
+            name: f"{name} = {value:.3g} {self.units[name]}".rstrip(" -") for name, value in values.items()
+        }
+        shape = ", ".join(part for name, part in parts.items() if name not in self.sizes)
+        size = ", ".join(parts[name] for name in self.sizes if name in parts)
+        return f"{size} at {shape}" if size and shape else size or shape
 
     @property
     def sentence(self) -> str:
         where = f" in joint {', '.join(self.joints)}" if self.joints else ""
         if self.values is None:
-            return f"{self.effect}{where} does not show in this motion."
+            return f"{self.effect}{where} is not expected to show in this motion."
         return f"{self.effect}{where} as large as {self.told} would have been seen."
 
 
