@@ -27,7 +27,7 @@ from ident.report.wording import number, percent, readable_unit
 
 BINS = 60
 FIRST = 3  # sentences above the fold; each finding has its own in its section
-SMOOTH = 0.05  # of its variance between neighbours: what is drawn as a line, not as points
+SMOOTH = 0.1  # of an effect's variance off its curve over x: up to here it is drawn as a line
 SIGMAS = 1.96  # of a 95 % interval
 ROLES = {
     "test": "Test runs were used neither for the fit nor to choose what is kept.",
@@ -52,11 +52,12 @@ class View:
 
     @property
     def curve(self) -> tuple[NDArray[np.float64], NDArray[np.float64], bool]:
-        """x, the effect's torque in order of x, and whether it is a function of x."""
-        order = np.argsort(self.x, kind="stable")
-        y = self.effect[order]
-        rough = np.mean(np.diff(y) ** 2) / 2 if len(y) > 1 else 0.0
-        return self.x[order], y, bool(rough <= SMOOTH * np.var(y))
+        """The effect over x: a curve of medians where it is nearly a function of x, else as it is."""
+        x, y = binned_median(self.x, self.effect)
+        rest = self.effect - np.interp(self.x, x, y)
+        if np.var(rest) <= SMOOTH * np.var(self.effect):
+            return x, y, True
+        return self.x, self.effect, False
 
     @property
     def has_effect(self) -> bool:
@@ -126,10 +127,9 @@ def _tone(first: float | None, last: float | None) -> str:
 
 
 def error_section(document: Mapping[str, Any]) -> Section:
-    """Per role and channel, before and after, the noise floor, and what of the explainable has a name."""
+    """Per role and channel, before and after, and the noise floor; what of the explainable has a name."""
     before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    floor, known = document.get("noise_floor_percent", {}), document.get("explainable", {})
-    shares = bool(document["findings"] or document["unexplained"]) and bool(known)
+    floor = document.get("noise_floor_percent", {})
     columns = [Column("channel")]
     for role in before:
         columns += [
@@ -137,12 +137,6 @@ def error_section(document: Mapping[str, Any]) -> Section:
             Column(f"{role}, after", number=True, help="with the effects found, fitted again"),
         ]
     columns.append(Column("noise floor", number=True, help="white noise, read above the band of the motion"))
-    if shares:
-        columns.append(
-            Column(
-                "explained of explainable", True, "nats that names explain, of names and nameless together"
-            )
-        )
     rows = []
     for channel in next(iter(before.values())):
         cells = [Cell("all channels" if channel == "total" else channel)]
@@ -151,14 +145,30 @@ def error_section(document: Mapping[str, Any]) -> Section:
             cells.append(Cell(percent(first), first if first is not None else ""))
             cells.append(Cell(percent(last), last if last is not None else "", _tone(first, last)))
         cells.append(Cell(percent(floor.get(channel)), floor.get(channel, ""), "faint"))
-        if shares:
-            its = known.get(channel)
-            share = its["explained_share_percent"] if its and its["explainable_nats"] > 0 else None
-            nats = f" of {number(its['explainable_nats'], 3)} nats" if its and share is not None else ""
-            cells.append(Cell(percent(share) + nats, share if share is not None else ""))
         rows.append(tuple(cells))
     text = f"At the full filtered rate, on the same rows before and after. {ROLES[held_out(document)]}"
-    return Section("Error before and after", (Table("", tuple(columns), tuple(rows)),), text=text)
+    tables = (Table("", tuple(columns), tuple(rows)), *_explained(document))
+    return Section("Error before and after", tables, text=text)
+
+
+def _explained(document: Mapping[str, Any]) -> tuple[Table, ...]:
+    """What of the explainable has a name, of channels where more than chance is to be explained."""
+    asked = (document.get("judged") or {}).get("log_e_asked") or 0.0
+    rows = tuple(
+        (
+            Cell(channel),
+            Cell(percent(its["explained_share_percent"]), its["explained_share_percent"]),
+            Cell(number(its["explainable_nats"], 3), its["explainable_nats"]),
+        )
+        for channel, its in document.get("explainable", {}).items()
+        if its["explainable_nats"] > asked
+    )
+    columns = (
+        Column("channel"),
+        Column("has a name", number=True),
+        Column("explainable [nats]", number=True),
+    )
+    return (Table("What could be explained", columns, rows),) if rows else ()
 
 
 def _finding_section(

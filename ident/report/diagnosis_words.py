@@ -83,8 +83,9 @@ def left_in_words(document: Mapping[str, Any]) -> str:
     beyond = (after[worst] ** 2 - floor[worst] ** 2) ** 0.5
     more = f", and more than twice the floor in {joined(above[1:])}" if len(above) > 1 else ""
     return (
-        f"{percent(after[worst])} of {worst} is left on the fitted runs, {percent(beyond)} of it above a "
-        f"noise floor of {percent(floor[worst])}{more}. Slow noise is not in that floor."
+        f"{percent(after[worst])} of {worst} is left on the fitted runs where noise alone would leave "
+        f"{percent(floor[worst])}: {percent(beyond)} of the torque is above that floor{more}. Slow noise is "
+        "not in it."
     )
 
 
@@ -182,7 +183,7 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     """Signals, share, nearest effect and what speaks against it; that it does not carry over."""
     text = f"{place(item['joints']).capitalize()}, {item['channel']}: "
     if not item["depends_on"]:
-        return f"{text}on some run the model predicts it worse than no model would; nothing known explains it."
+        return f"{text}on some run the model predicts it worse than none would; nothing known explains it."
     text += (
         f"{percent(item['share_of_residual_percent'])} of what the model leaves there depends on "
         f"{joined(list(item['depends_on']))}, and no effect of the catalogue has that shape."
