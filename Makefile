@@ -25,7 +25,7 @@ reliability: $(VENV)/.installed-test
 	$(BIN)/python -m tests.reliability $(N)
 
 docs: $(VENV)/.installed-dev
-	$(BIN)/python -W error -m pdoc --math -o build/docs modelgen generated ident
+	$(BIN)/python docs/pages.py build/docs
 
 notebooks: $(VENV)/.installed-test
 	$(BIN)/python -m pytest tests/test_notebooks.py

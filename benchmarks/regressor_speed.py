@@ -2,7 +2,8 @@
 
     python benchmarks/regressor_speed.py [--samples 90000] [--repeats 15] [--json]
 
-Needs the `bench` extra (pin; its C++ headers come with the wheel), a C++ compiler and Eigen (libeigen3-dev).
+Needs the `bench` extra (pin; its C++ headers come with the wheel), a C++ compiler and Eigen
+(libeigen3-dev, or the headers in CasADi's wheel).
 The rounds of all contestants are interleaved, so that a noisy machine is noisy for all of them.
 """
 
@@ -39,10 +40,13 @@ JOINTS, ROBOT = 7, "kuka_lwr4p"
 
 def peer_library() -> ctypes.CDLL:
     """Pinocchio's loops, compiled once (a minute) and cached."""
+    import casadi
     import pinocchio
 
     compiler = os.environ.get("CXX") or shutil.which("c++") or shutil.which("g++")
-    eigen = next((p for p in ("/usr/include/eigen3", "/usr/local/include/eigen3") if Path(p).is_dir()), None)
+    shipped = Path(casadi.__file__).parent / "include" / "eigen3"  # CasADi's wheel brings the headers
+    places = ("/usr/include/eigen3", "/usr/local/include/eigen3", shipped)
+    eigen = next((str(p) for p in places if Path(p).is_dir()), None)
     if compiler is None or eigen is None:
         sys.exit("the comparison needs a C++ compiler and Eigen: apt-get install g++ libeigen3-dev")
     prefix = next(p for p in Path(pinocchio.__file__).parents if p.name == "cmeel.prefix")
