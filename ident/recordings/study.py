@@ -223,8 +223,8 @@ class Study(_Strict):
     @field_validator("estimator")
     @classmethod
     def _built(cls, name: str) -> str:
-        if name != "wls":
-            raise ValueError(f"{name} is not built yet; leave the key out, or write wls")
+        if name not in ("wls", "irls"):
+            raise ValueError(f"{name} is not built yet; leave the key out, or write wls or irls")
         return name
 
     @field_validator("channels")

@@ -13,6 +13,7 @@ from statsmodels.stats.diagnostic import lilliefors as statsmodels_lilliefors
 from statsmodels.stats.stattools import durbin_watson as sm_durbin_watson
 
 from ident.equations.observation import ChannelFactor, DecimatedSegment, RecordingSystem, stack, triangular
+from ident.estimation.estimators.reweighted import robust_sigma
 from ident.estimation.least_squares import (
     bounded,
     channel_sigma,
@@ -29,7 +30,6 @@ from ident.estimation.noise import (
     honest_covariance,
 )
 from ident.estimation.reduction import kolmogorov_smirnov, reduce
-from ident.estimation.solving import robust_sigma
 
 B, CHANNELS = 9, 3
 NAMES = tuple(f"p{k}" for k in range(B))

@@ -1,0 +1,1 @@
+"""Estimators beside weighted least squares, one a file."""
