@@ -162,6 +162,13 @@ def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     """Of the explanations of the leading joint that cannot be told from the best, the one with fewest
     parameters."""
     lead, most = weighed.passed[0]
+    left_out = [
+        (r, e)
+        for r, e in weighed.passed
+        if r.term.effect.replaces and r.term.place.joint == lead.term.place.joint
+    ]
+    if left_out:  # what the study itself took out of the model is there, and comes before what imitates it
+        return left_out[0]
     equal = [
         (r, e)
         for r, e in weighed.passed
@@ -211,7 +218,9 @@ def signals_read(term: Term) -> frozenset[str] | None:
 def sufficiency(state: State, m: Metric, term: Term, c: int, tau: float) -> Flexible | None:
     """The best function without a name of the signals that the effect reads."""
     read = signals_read(term)
-    if read is None:
+    if (
+        read is None or term.effect.replaces
+    ):  # a term that the study itself left out is there, whatever else is
         return None
     return ask(state, m, c, tau, read)
 

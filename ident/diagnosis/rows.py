@@ -72,13 +72,13 @@ def rows_of(systems: Sequence[RecordingSystem], b: int) -> Rows:
     whole = np.hstack(weight)
     use = whole >= LEAST
     scale = np.where(use, 1.0 / np.where(use, whole, 1.0), 0.0)
-    time, number = np.concatenate(t), np.concatenate(recording)
+    time, its_run = np.concatenate(t), np.concatenate(recording)
     roles = tuple(system.role for system in systems)
-    fitted, judged, apart = _sides(time, number, roles)
+    fitted, judged, apart = _sides(time, its_run, roles)
     hop = float(np.median(np.concatenate([np.diff(part) for part in t if len(part) > 1])))
     return Rows(
         time,
-        number,
+        its_run,
         np.concatenate(piece),
         np.hstack(Y) * scale,
         use,

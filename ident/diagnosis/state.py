@@ -176,10 +176,11 @@ def settled(state: State, rounds: int = 2) -> State:
 def turned(state: State) -> State:
     """Dry friction turns over as fits best beside everything found."""
     p = state.problem
-    if not p.dry:
+    dry = (*p.dry, *_found_dry(state))
+    if not dry:
         return state
     design, B = state.design
-    turns = settle(state.rows, design, B, state.whiteners, state.segments, p.dry, state.turns)
+    turns = settle(state.rows, design, B, state.whiteners, state.segments, dry, state.turns)
     if turns == state.turns:
         return state
     rows = state.rows
@@ -190,6 +191,17 @@ def turned(state: State) -> State:
     segments = with_turn_overs(state.segments, turns)
     motions = tuple(motion_of(s) for s in segments)
     return recolumned(replace(state, rows=rows, segments=segments, motions=motions, turns=turns))
+
+
+def _found_dry(state: State) -> tuple[Dry, ...]:
+    """Dry friction that a study left out and that was found: it turns over as the model's own does."""
+    out, at = [], state.rows.b
+    for f in state.found:
+        term, p = f.term, next(iter(f.columns.values())).shape[1]
+        if term is not None and term.effect.replaces and term.effect.needs == {"sign_dq"}:
+            out.append(Dry(int(term.place.joint or 0), tuple((c, at) for c in f.columns)))
+        at += p
+    return tuple(out)
 
 
 def recolumned(state: State) -> State:
