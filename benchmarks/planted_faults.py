@@ -320,6 +320,32 @@ def table(folder: Path) -> str:
     return "\n".join(lines)
 
 
+def page(folder: Path, commit: str) -> str:
+    """Markdown: what is said of every robot as it is, and the table of faults."""
+    from ident.report.diagnosis_words import finding_sentence, unexplained_sentence, verdict
+
+    lines = [
+        "# Measured robots",
+        f"Written by `python benchmarks/planted_faults.py --page {commit}` from answers of commit {commit}.",
+        "Errors are those of the filtered torque; the *test* run decides nothing.",
+        "",
+    ]
+    for base in BASES:
+        answer = _read(folder, base, FAULTS[0])
+        if answer is None or "document" not in answer:
+            continue
+        document = answer["document"]
+        before, after = (document["error_percent"][k] for k in ("before", "after"))
+        errors = ", ".join(
+            f"{use} {before[use]['total']:.1f} → {after[use]['total']:.1f} %" for use in before
+        )
+        lines += [f"## {base.robot.replace('_', ' ')}, as it is", "", f"**{verdict(document)}**", ""]
+        lines += [f"- {finding_sentence(document, item)}" for item in document["findings"]]
+        lines += [f"- {unexplained_sentence(item)}" for item in document["unexplained"]]
+        lines += ["", f"Error, before → after: {errors}.", ""]
+    return "\n".join([*lines, "## Faults planted", "", table(folder)])
+
+
 def _path(folder: Path, base: Base, fault: Fault) -> Path:
     return folder / f"{base.robot}-{fault.name.replace(' ', '_')}.json"
 
@@ -337,9 +363,13 @@ def main() -> None:
     parser.add_argument("--robots", nargs="+", choices=[b.robot for b in BASES])
     parser.add_argument("--faults", nargs="+", help="words of their names")
     parser.add_argument("--limit", type=int, default=240, help="processor seconds of one diagnosis")
+    parser.add_argument("--page", metavar="COMMIT", help="only the page of what is there already")
     parser.add_argument("--summary", action="store_true", help="only the table of what is there already")
     a = parser.parse_args()
     a.output.mkdir(parents=True, exist_ok=True)
+    if a.page:
+        print(page(a.output, a.page))
+        return
     for base in BASES:
         for fault in FAULTS:
             wanted = not a.faults or any(word in fault.name for word in a.faults)
