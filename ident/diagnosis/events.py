@@ -114,7 +114,7 @@ def best_event(
         names = term.effect.parameters_of(term.place)
         if term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model) is not None:
             continue
-        if evidence.log_e > tau and evidence.supported(alpha) and (best is None or gain > best.refined.gain):
+        if evidence.log_e > limit and evidence.supported(alpha) and (best is None or gain > best.refined.gain):
             best = Event(Refined(term, cut, sizes, gain), evidence, tried)
     return best
 
