@@ -79,7 +79,8 @@ class Mending:
         return t, values, weight
 
 
-NOTHING = Mending(*(np.zeros(0, int) for _ in range(2)), np.zeros(0), *(np.zeros(0, int) for _ in range(4)))
+_NONE = np.zeros(0, int)
+NOTHING = Mending(_NONE, _NONE, np.zeros(0), _NONE, _NONE, _NONE, _NONE)
 
 
 @dataclass(slots=True)
@@ -132,7 +133,9 @@ class Mender:
         order = np.argsort(parts[0], kind="stable")
         wraps = np.array(sorted(self._wraps), int).reshape(-1, 3)
         dropped = np.unique(np.concatenate(self._dropped)) if self._dropped else np.zeros(0, int)
-        return Mending(*(part[order] for part in parts), dropped, *wraps.T)
+        rows, columns, values = (part[order] for part in parts)
+        wrap_rows, wrap_columns, wrap_turns = wraps.T
+        return Mending(rows, columns, values, dropped, wrap_rows, wrap_columns, wrap_turns)
 
     def _mend(
         self, rows: np.ndarray, t: np.ndarray, values: np.ndarray, begun: int, done: int

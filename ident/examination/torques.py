@@ -100,7 +100,7 @@ def signal_of(quick: Quick, c: int, currents: bool) -> str:
 def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Hypothesis | None:
     """Every torque of one side with the other sign: the fit is as good, and everything comes out negative."""
     seen = evidence(quick, fit, how)
-    rows = np.flatnonzero(quick.identify.rows > 10)
+    rows = np.flatnonzero(quick.identify.rows > 10).tolist()
     against = [c for c in rows if seen.against(c)]
     speaking = [c for c in rows if seen.speaks_for(c)]
     if len(rows) < 2 or speaking or len(against) < max(min(3, len(rows)), 0.55 * len(rows)):
@@ -123,8 +123,8 @@ def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: boo
 def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
     """One torque with the other sign."""
     seen = None
-    for c in np.flatnonzero(quick.identify.rows > 10):
-        flipped = how.times([int(c)], -1.0)
+    for c in np.flatnonzero(quick.identify.rows > 10).tolist():
+        flipped = how.times([c], -1.0)
         other = quick.fit(flipped)
         gain, holds = other.gain_over(fit), other.holds_over(fit)
         if gain < -0.05:
@@ -135,7 +135,7 @@ def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
         alone = seen.against(c) and after.speaks_for(c)
         if not contradicts and not alone:
             continue
-        name, joint = signal_of(quick, int(c), currents), quick.columns.channels[c][5:]
+        name, joint = signal_of(quick, c, currents), quick.columns.channels[c][5:]
         why = (
             f"friction or inertia of joint {joint} comes out negative"
             if seen.against(c)

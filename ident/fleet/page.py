@@ -92,8 +92,10 @@ def _odd(found: Trends) -> Section:
 
 
 def _table(fleet: Fleet) -> Section:
-    columns = (Column("robot"), Column("recordings", True), Column("last error", True))
-    columns += (Column("change"), Column("findings on the last recording"))
+    columns = (
+        *(Column("robot"), Column("recordings", True), Column("last error", True)),
+        *(Column("change"), Column("findings on the last recording")),
+    )
     rows = []
     for robot in fleet.robots:
         jobs = [job for job in fleet.jobs if job.robot == robot]

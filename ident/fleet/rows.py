@@ -31,7 +31,7 @@ def table(
 
     rows: list[dict[str, Any]] = []
     for job in jobs:
-        who = {"robot": job.robot, "day": job.day, "recording": job.url}
+        who: dict[str, Any] = {"robot": job.robot, "day": job.day, "recording": job.url}
         who |= {"findings": list(findings.get(job, ())), "checks": [], "reason": reasons.get(job, "")}
         summary = summaries.get(job)
         if summary is None:

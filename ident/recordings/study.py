@@ -265,10 +265,10 @@ class Study(_Strict):
         for label in self.payload_mass:
             if label not in {entry.payload for entry in self.recordings}:
                 raise ValueError(f"payload_mass: no recording carries the payload {label}")
-        for number, entry in enumerate(self.effects, 1):
-            if entry.recording is not None and entry.recording not in labels:
+        for number, effect in enumerate(self.effects, 1):
+            if effect.recording is not None and effect.recording not in labels:
                 raise ValueError(
-                    f"effects[{number}]: no recording is called {entry.recording}; "
+                    f"effects[{number}]: no recording is called {effect.recording}; "
                     f"they are {', '.join(labels)}"
                 )
         return self

@@ -107,9 +107,9 @@ def _window(header: Header, columns: dict[str, list[Any]], k: int) -> Window:
         np.array([columns[f"{name}.{channel}"][k] for channel in header.channels])
         for name in ("products", "counts")
     )
-    plain = {name: columns[name][k] for name in ("recording", "start", "stop", "seconds")}
-    motion = {name: np.array(columns[name][k], float) for name in ("heat", "speed", "load")}
-    return Window(factors=tuple(factors), products=products, counts=counts, **plain, **motion)
+    plain: dict[str, Any] = {name: columns[name][k] for name in ("recording", "start", "stop", "seconds")}
+    motion: dict[str, Any] = {name: np.array(columns[name][k], float) for name in ("heat", "speed", "load")}
+    return Window(factors=tuple(factors), products=products, counts=counts, **plain)
 
 
 def _frozen(value: Any) -> Any:

@@ -23,7 +23,7 @@ def gain_and_parameters(
     is as stated). Raises FitFailedError where no finite gain fits.
     """
     exact = np.delete(np.arange(R.shape[1] - 1), signal)
-    ordered = np.linalg.qr(np.column_stack([R[:, exact], -R[:, signal], R[:, -1]]), mode="r")
+    ordered = np.asarray(np.linalg.qr(np.column_stack([R[:, exact], -R[:, signal], R[:, -1]]), mode="r"))
     k = len(exact)
     below = ordered[k:, k:] / np.array(noise)
     _, singular, V = np.linalg.svd(below)

@@ -239,7 +239,8 @@ def test_states_integrate_their_own_update(q, size):
     for name, parameter in (("hysteresis", "width"), ("backlash", "travel")):
         e, theta = effect(name), {parameter: size}
         z = e.state.integrate(q, theta, e.state.initial)
-        assert z == pytest.approx(slow(e, q, theta), abs=1e-8)  # sums of exponentials lose e^12 of the rounding
+        # sums of exponentials lose e^12 of the rounding
+        assert z == pytest.approx(slow(e, q, theta), abs=1e-8)
         assert np.all(np.abs(z) <= 1.0 + 1e-8)
 
 
