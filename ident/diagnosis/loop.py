@@ -80,7 +80,9 @@ def trace(
 ) -> Outcome:
     """Look for what the model lacks. Pure: rows in, an outcome out."""
     tau = threshold(alpha)
-    state, steps, unnamed = first, [], []
+    state = first
+    steps: list[Step] = []
+    unnamed: list[Unnamed] = []
     closed: set[int] = set()
     while len(steps) < max_steps:
         progress(f"step {len(steps) + 1}: what could be missing", 0.15 + 0.75 * (1 - 0.75 ** len(steps)))

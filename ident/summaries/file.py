@@ -109,7 +109,7 @@ def _window(header: Header, columns: dict[str, list[Any]], k: int) -> Window:
     )
     plain: dict[str, Any] = {name: columns[name][k] for name in ("recording", "start", "stop", "seconds")}
     motion: dict[str, Any] = {name: np.array(columns[name][k], float) for name in ("heat", "speed", "load")}
-    return Window(factors=tuple(factors), products=products, counts=counts, **plain)
+    return Window(factors=tuple(factors), products=products, counts=counts, **plain, **motion)
 
 
 def _frozen(value: Any) -> Any:
