@@ -114,7 +114,8 @@ def best_event(
         names = term.effect.parameters_of(term.place)
         if term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model) is not None:
             continue
-        if evidence.log_e > limit and evidence.supported(alpha) and (best is None or gain > best.refined.gain):
+        better = best is None or gain > best.refined.gain
+        if evidence.log_e > limit and evidence.supported(alpha) and better:
             best = Event(Refined(term, cut, sizes, gain), evidence, tried)
     return best
 
