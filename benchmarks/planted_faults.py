@@ -268,6 +268,8 @@ def row(base: Base, fault: Fault, answer: Mapping[str, Any], plain: Mapping[str,
         first = f"**{first}**"
     elif any(right(base, fault, f) for f in findings):
         first += " (the fault later)"
+    elif findings and first not in own and fault.answers:
+        first += " (new)"
     others = [told(f) for f in findings[1:] if not right(base, fault, f)]
     others = [text if text in own else f"{text} (new)" for text in others]
     warned = [c["check"].replace("_", " ") for c in document["checks"] if c["outcome"] != "mended"]
@@ -310,12 +312,12 @@ def table(folder: Path) -> str:
             if fault.answers:
                 good = cells[2].startswith("**")
                 shows = test_error(answer) > SHOWS * test_error(plain)
-                count, shown, new = count + 1, shown + shows, new + cells[3].count("(new)")
+                count, shown, new = count + 1, shown + shows, new + sum(c.count("(new)") for c in cells[2:4])
                 first_right, shown_right = first_right + good, shown_right + (shows and good)
     lines += [
         "",
         f"{first_right} of {count} faults were said first; of the {shown} that raise the test error by "
-        f"more than a tenth, {shown_right}. {new} names beside them that the robot as it is does not get.",
+        f"more than a tenth, {shown_right}. {new} wrong names that the robot as it is does not get.",
     ]
     return "\n".join(lines)
 
