@@ -32,6 +32,7 @@ from ident.examination.check import Check
 from ident.examination.examine import examine_fit, examine_tables, mended_study, worst_first
 from ident.progress import Progress, silent
 from ident.recordings.study import Study
+from ident.signals.filtering import STEEPNESS, prepare
 from modelgen.effects import catalogue
 
 ESTABLISHED, PARTLY = "established", "partly"
@@ -188,9 +189,8 @@ def _extended(
         }
     )
     entries = [*study.effects, *(entry_of(_study_term(t, outcome.last), joints) for t in terms)]
-    last = base
     while len(entries) > declared:
-        extended = study.with_(effects=tuple(entries), filter=settings, **_dry_keys(outcome.last))
+        extended = study.with_(effects=tuple(entries), filter=settings)
         try:
             last = fit_study(extended, progress=progress)
         except (FitFailedError, NotEnoughDataError, StudyError):
@@ -198,19 +198,41 @@ def _extended(
             continue
         lost = [k for k, told in enumerate(found_effects(last)) if k >= declared and not told.essential]
         if not lost:
-            return last
+            return _turned(last, outcome.last, progress)
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
     return base
 
 
-def _dry_keys(state: State) -> dict[str, tuple[float, ...]]:
-    """How dry friction turns over, as keys of a study; 0: the fit's own sign."""
-    turns = [state.turns.get(j) for j in range(state.problem.robot.n)]
-    out = {
-        "turn_over": tuple(0.0 if t is None else float(t.rate) for t in turns),
-        "presliding": tuple(0.0 if t is None else float(t.travel) for t in turns),
-    }
-    return {key: values for key, values in out.items() if key in Study.model_fields and any(values)}
+def _turned(last: FitResult, state: State, progress: Progress) -> FitResult:
+    """The same with dry friction turning over as the loop found it, on the joints whose fitted error that
+    lowers."""
+    keys = _dry_keys(state, last)
+    if not keys:
+        return last
+    trial = fit_study(last.study.with_(**keys), progress=progress)
+    before, after = last.full_rate_error["identify"], trial.full_rate_error["identify"]
+    helped = np.zeros(len(next(iter(keys.values()))), bool)
+    for name, channel in zip(last.columns.channels, last.columns.need.channels):
+        helped[channel.joint] |= after[name] < before[name]
+    if helped.all():
+        return trial
+    kept = {key: tuple(v if h else 0.0 for v, h in zip(values, helped)) for key, values in keys.items()}
+    kept = {key: values for key, values in kept.items() if any(values)}
+    return fit_study(last.study.with_(**kept), progress=progress) if kept else last
+
+
+def _dry_keys(state: State, base: FitResult) -> dict[str, tuple[float, ...]]:
+    """How dry friction turns over, as keys of a study; 0: the fit's own sign. No faster than that one: the
+    rows of the diagnosis leave rest out, where a sharp sign of a noisy rate is noise."""
+    own = [prepare(stream, base.study.filter).vs for stream in base.recordings]
+    fastest = np.max([vs for vs in own if vs is not None], axis=0) / STEEPNESS
+    rates, travels = np.zeros(len(fastest)), np.zeros(len(fastest))
+    for j, turn in state.turns.items():
+        travels[j] = turn.travel
+        if turn.travel > 0 or turn.rate > fastest[j]:
+            rates[j] = max(turn.rate, fastest[j])
+    out = {"turn_over": tuple(map(float, rates)), "presliding": tuple(map(float, travels))}
+    return {key: values for key, values in out.items() if any(values)}
 
 
 def _study_term(term: Term, state: State) -> StudyTerm:

@@ -43,6 +43,8 @@ def fit_sizes(m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[np.ndarray,
 def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
     """The term with its shape and size as the fitted rows want them."""
     bounds = term.effect.bounds(term.place)
+    if term.effect.changes_model:
+        term = _whole(m, scene, term)
     columns = scene.columns(term)
     sizes, gain = fit_sizes(m, columns)
     best = Refined(term, columns, sizes, gain)
@@ -70,6 +72,10 @@ def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
             damp /= 4
         if not improved:
             break
+    if term.effect.changes_model:
+        term = _whole(m, scene, best.term)
+        columns = scene.columns(term)
+        best = Refined(term, columns, *fit_sizes(m, columns))
     bound = tuple(
         name
         for name in names
@@ -78,6 +84,17 @@ def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
         < 1e-6 * max(bounds[name][1] - bounds[name][0], 1e-300)
     )
     return replace(best, at_bound=bound)
+
+
+def _whole(m: Metric, scene: Scene, term: Term) -> Term:
+    """Shape parameters, which are rotations, scaled until the change that they make has size one."""
+    for _ in range(6):
+        columns = scene.columns(term)
+        sizes, _ = fit_sizes(m, columns)
+        if not len(sizes) or abs(sizes[-1] - 1.0) < 0.02 or not 1e-4 < abs(sizes[-1]) < 10:
+            break
+        term = term.at(**{name: float(value * sizes[-1]) for name, value in term.theta.items()})
+    return term
 
 
 def _secant(m: Metric, scene: Scene, start: Refined) -> Refined:

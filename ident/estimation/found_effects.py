@@ -75,7 +75,7 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     told = effect.report(values, covariance, context, term.place)
     joints = columns.need.joints
     joint, source = (None if j is None else joints[j] for j in (term.place.joint, term.place.source))
-    sizes = [own[name] for name in term.unknown]
+    sizes = [own[name] for name in (term.free if effect.changes_model else term.unknown)]
     reasons = [result.impossible[name] for name in term.names if name in result.impossible]
     return FoundEffect(
         term,
