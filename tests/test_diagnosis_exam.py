@@ -115,7 +115,7 @@ NAMES = (
     "torque_ripple",
     "spring",
     "joint_coupling",
-    pytest.param("base_tilt", marks=pytest.mark.xfail(reason="a tilt of 5 % is not named", strict=False)),
+    "base_tilt",
     pytest.param("time_delay", marks=pytest.mark.xfail(reason="a delay of 30 ms is not", strict=False)),
     "viscous_friction",
 )

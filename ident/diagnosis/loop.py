@@ -25,6 +25,7 @@ from ident.progress import Progress, silent
 
 BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
 STEPS = 14  # effects at most
+LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
 TOP_WAVE = 400.0  # 1/rad
@@ -319,7 +320,8 @@ def leftovers(
         if flex is None:
             continue
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
-            if flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels):
+            wide = 1 - np.exp(-2 * flex.evidence.gain / state.metric.fitted.free[c])
+            if wide > LEAST and flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels):
                 share = explained_share(state, state.metric, c, flex)
                 told = flex.evidence
                 out.append(Unnamed(c, flex.variables, told.log_e, told.gain, share, None, carries_over=False))
