@@ -130,7 +130,8 @@ def _read(path: Path, dialect: Dialect, end: int, places: Sequence[tuple[int, in
         strings_can_be_null=True,
     )
     parse = pc.ParseOptions(delimiter="\t" if dialect.separator == " " else dialect.separator)
-    options = pc.ReadOptions(column_names=names, block_size=BLOCK)
+    # One thread: with several, Arrow does not say in which row a cell is no number.
+    options = pc.ReadOptions(column_names=names, block_size=BLOCK, use_threads=False)
     origins: dict[str, Any] = {}
     with path.open("rb") as opened:
         opened.seek(dialect.offset)
