@@ -14,7 +14,7 @@ from modelgen.base_parameters.rule_check import broken_columns
 from modelgen.base_parameters.rules import derive_rules
 from modelgen.geometry.robot_file import load_robot, parse_robot
 
-# TIAGo without wheels: parent, type and placement of each joint, as PAL Robotics publish them (xyz m, rpy rad)
+# TIAGo without wheels, as PAL Robotics publish it: joint, parent, type, placement (xyz m, rpy rad)
 H = 1.57079632679
 TIAGO = (
     ("torso_lift", "base", "prismatic", (-0.062, 0, 0.79), (0, 0, 0)),
