@@ -14,6 +14,7 @@ import argparse
 import json
 import os
 import signal
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping
@@ -27,11 +28,13 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import scipy.signal
 import yaml
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[2] / "shared" / "data")
 LATE_S = 0.02
 SHOWS = 1.1  # times the test error of the robot as it is
+JOINTS = {"barrett_wam_2dof": 2, "kinova_gen3_joint7_friction": 1, "franka_friction_j2": 1}  # those with few
 SCALED, TURNED = 2, 3  # joints whose torque is scaled, and has the other sign (the last one at most)
 
 
@@ -45,6 +48,7 @@ class Base:
     keys: Mapping[str, Any]
     torque: str = "tau_m"  # name of its torque columns
     load: Mapping[str, Any] | None = None  # a run with a load that the study does not declare
+    gains: tuple[float, ...] = ()  # N m per unit of its torque columns
 
 
 def run(file: str, use: str, begin: float | None = None, end: float | None = None) -> dict[str, Any]:
@@ -61,21 +65,16 @@ def cut(file: str, *at: float) -> tuple[dict[str, Any], ...]:
     )
 
 
+SLOW_TO_FAST = ("0.03", "0.05", "0.10", "0.30", "0.70", "1.30")  # rad/s
 GAINS = [11.976, 11.976, 9.839, 10.763, 10.764, 10.763]
 BASES = (
     Base(
         "barrett_wam_2dof",
         "A",
-        (run("identify.parquet", "identify", None, 4.7), run("validate.parquet", "validate"),
-         run("identify.parquet", "test", 4.7)),
+        (run("identify.parquet", "identify"), *cut("validate.parquet", 0, 2.2)[1:]),
         {"robot": "robot.yaml"},
     ),
-    Base(
-        "kuka_kr300",
-        "A",
-        (run("traj_a.parquet", "identify"), *cut("traj_b.parquet", 0, 5.0)[1:]),
-        {"filter": {"position_cutoff_hz": 10, "decimation_cutoff_hz": 5}},
-    ),
+    Base("kuka_kr300", "A", (run("traj_a.parquet", "identify"), *cut("traj_b.parquet", 0, 5.0)[1:]), {}),
     Base(
         "airbot_play",
         "A",
@@ -83,34 +82,52 @@ BASES = (
          run("validate.parquet", "validate"), run("test.parquet", "test")),
         {"robot": "robot.yaml"},
     ),
-    Base(
-        "franka_panda",
-        "B",
-        cut("excite_first.parquet", 6.5, 9.8),
-        {"link_inertia": True, "reduction": False, "filter": {"position_cutoff_hz": 8, "resample_hz": 1000}},
-        "tau_l",
-    ),
-    Base(
-        "staubli_tx40",
-        "A",
-        cut("excite_first.parquet", 2.8, 3.9),
-        {"coupled_drives": [[5, 6]], "filter": {"position_cutoff_hz": 100, "decimation_cutoff_hz": 20}},
-    ),
-    Base(
-        "rokae_xmate3pro",
-        "B",
-        cut("excite_first.parquet", 7, 9.7),
-        {"link_inertia": True, "filter": {"position_cutoff_hz": 8, "decimation_cutoff_hz": 4}},
-        "tau_l",
-    ),
+    Base("franka_panda", "B", cut("excite_first.parquet", 6.5, 9.8), {"link_inertia": True}, "tau_l"),
+    Base("staubli_tx40", "A", cut("excite_first.parquet", 2.8, 3.9), {"coupled_drives": [[5, 6]]}),
+    Base("rokae_xmate3pro", "B", cut("excite_first.parquet", 7, 9.7), {"link_inertia": True}, "tau_l"),
     Base(
         "ur10e",
         "A",
         (run("excite_a_50s.parquet", "identify"), run("excite_c_30s.parquet", "validate"),
          run("excite_f_20s.parquet", "test")),
-        {"drive_gains": GAINS, "filter": {"position_cutoff_hz": 8, "decimation_cutoff_hz": 4}},
+        {"drive_gains": GAINS},
         "i",
         run("excite_e_50s_load.parquet", "identify"),
+        tuple(GAINS),
+    ),
+    Base(
+        "kuka_lwr4plus",
+        "B",
+        (run("traj_a_run1.parquet", "identify", 1, 24), *cut("traj_b_run1.parquet", 14, 19, 24)),
+        {"robot": "kuka_lwr4p_ros", "link_inertia": True},
+        "tau_l",
+    ),
+    Base(
+        "dualarm_v2_7dof",
+        "C",
+        (run("identify_a.parquet", "identify"), run("identify_b.parquet", "validate"),
+         run("validate.parquet", "test")),
+        {"robot": "robot.yaml", "drive_gains": "identify", "channels": [
+            *(f"tau_m{j}" for j in range(1, 8)), *(f"tau_l{j}" for j in range(1, 5))]},
+        "tau_l",
+    ),
+    Base(
+        "kinova_gen3_joint7_friction",
+        "A",
+        (*(run(f"identify_{v}.parquet", "identify") for v in SLOW_TO_FAST),
+         *(run(f"validate_{v}.parquet", "validate") for v in ("0.09", "0.50")),
+         run("validate_0.90.parquet", "test")),
+        {"robot": "robot.yaml", "drive_gains": [7.6]},
+        "i",
+        None,
+        (7.6,),
+    ),
+    Base(
+        "franka_friction_j2",
+        "A",
+        (run("identify_a.parquet", "identify"), run("identify_b.parquet", "validate"),
+         run("validate.parquet", "test")),
+        {"robot": "robot.yaml"},
     ),
 )  # fmt: skip
 
@@ -126,13 +143,19 @@ class Fault:
     joint: int | None = None
     table: Callable[[Table, str, int], None] | None = None
     study: Callable[[dict[str, Any], Base], bool] | None = None  # False: not for this robot
+    runs: Callable[[Table, Base], None] | None = None  # only of the last identify run
+
+
+def _robot(base: Base) -> str:
+    """The robot's file beside the recordings, or a built-in name."""
+    named = str(base.keys.get("robot", base.robot))
+    return str(DATA / base.robot / named) if named.endswith(".yaml") else named
 
 
 def gravity_of(base: Base) -> np.ndarray:
     from modelgen.geometry.robot_file import load_robot
 
-    own = DATA / base.robot / "robot.yaml"
-    robot = load_robot(str(own) if "robot" in base.keys else base.robot)
+    robot = load_robot(_robot(base))
     return np.array([float(g) for g in robot.gravity])
 
 
@@ -177,6 +200,57 @@ def loaded(study: dict[str, Any], base: Base) -> bool:
     return True
 
 
+def added(law: Callable[[np.ndarray, np.ndarray, float], np.ndarray]) -> Callable[[Table, str, int], None]:
+    """A torque of q, dq [rad, rad/s] of the joint and of the size of its torque's own variation."""
+
+    def change(table: Table, torque: str, joint: int) -> None:
+        tau = table[f"{torque}{joint}"]
+        extra = law(table[f"q{joint}"], table[f"dq{joint}"], float(np.std(tau)))
+        table[f"{torque}{joint}"] = tau + extra
+
+    return change
+
+
+def ripple(q: np.ndarray, dq: np.ndarray, size: float) -> np.ndarray:
+    return 0.1 * size * np.sin(30 * q)
+
+
+def spring(q: np.ndarray, dq: np.ndarray, size: float) -> np.ndarray:
+    """As strong over the joint's own range as a fifth of its torque."""
+    return 0.2 * size * (q - q.mean()) / np.std(q)
+
+
+def stribeck(q: np.ndarray, dq: np.ndarray, size: float) -> np.ndarray:
+    slow = 0.25 * np.std(dq)
+    return 0.3 * size * np.tanh(dq / (0.05 * slow)) * np.exp(-((dq / slow) ** 2))
+
+
+def weighted(table: Table, base: Base) -> None:
+    """A point mass half-way along the second link, as heavy as turns joint 2 with a fifth of its torque."""
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    from modelgen.geometry.robot_file import load_robot
+    from tests.support.pinocchio_robot import PinocchioRobot
+
+    robot = load_robot(_robot(base))
+    twin = PinocchioRobot(robot)
+    reach = 0.5 * twin.model.jointPlacements[3].translation if robot.n > 2 else np.array([0.2, 0.0, 0.0])
+    if np.linalg.norm(reach[:2]) < 0.05:
+        reach = reach + np.array([0.1, 0.0, 0.0])
+    body = {(2, "M"): 1.0} | {(2, f"M{a}"): float(x) for a, x in zip("XYZ", reach)}
+    outer = np.dot(reach, reach) * np.eye(3) - np.outer(reach, reach)
+    body |= {
+        (2, a + b): float(outer["XYZ".index(a), "XYZ".index(b)])
+        for a, b in ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
+    }
+    q, dq = (np.stack([table[f"{k}{j}"] for j in range(1, robot.n + 1)], axis=1) for k in ("q", "dq"))
+    ddq = scipy.signal.savgol_filter(np.gradient(dq, np.median(np.diff(table["t"])), axis=0), 21, 3, axis=0)
+    tau = np.array([twin.torque(*state, body) for state in zip(q, dq, ddq)])
+    gains = np.array(base.gains or np.ones(robot.n))
+    mass = 0.2 * np.std(table[f"{base.torque}2"] * gains[1]) / np.std(tau[:, 1])
+    for j in range(robot.n):
+        table[f"{base.torque}{j + 1}"] = table[f"{base.torque}{j + 1}"] + mass * tau[:, j] / gains[j]
+
+
 FAULTS = (
     Fault("as it is", ()),
     Fault("gravity told wrong by 180 degrees", ("base_tilt",), study=tilted(180)),
@@ -187,6 +261,10 @@ FAULTS = (
     Fault(f"torque {SCALED} x 1.3", ("drive_gain_error",), SCALED, table=scaled(1.3)),
     Fault("torques late by 20 ms", ("time_delay",), table=late),
     Fault("a load on one run not declared", ("payload_change",), study=loaded),
+    Fault("a weight on link 2 of one run", ("payload_change",), runs=weighted),
+    Fault("a ripple of 30 a turn on joint 2", ("torque_ripple", "gear_ripple"), 2, table=added(ripple)),
+    Fault("a spring on joint 3", ("spring",), 3, table=added(spring)),
+    Fault("Stribeck friction on joint 1", ("stribeck_friction",), 1, table=added(stribeck)),
     Fault("Coulomb friction left out", ("coulomb_friction",), study=without("coulomb_friction")),
     Fault("viscous friction left out", ("viscous_friction",), study=without("viscous_friction")),
 )
@@ -194,28 +272,57 @@ FAULTS = (
 
 def planted(base: Base, fault: Fault, folder: Path) -> Path | None:
     """The study with the fault in it, written; None where it is not one of this robot."""
+    if fault.answers and JOINTS.get(base.robot) == 1:
+        return None  # nothing to compare a joint's torque with
     source = DATA / base.robot
     study: dict[str, Any] = {"robot": base.robot, "model": base.model, **base.keys}
     study["recordings"] = [dict(entry) for entry in base.runs]
-    if "robot" in base.keys:
-        study["robot"] = str(source / "robot.yaml")
+    study["robot"] = _robot(base)
     if fault.study is not None and not fault.study(study, base):
         return None
-    if fault.table is None:
+    if fault.runs is not None and not second_part(study, source):
+        return None
+    tables: dict[str, Table] = {}
+    if fault.table is None and fault.runs is None:
         study["folder"] = str(source)
     else:
         for name in {entry["file"] for entry in study["recordings"]}:
             read = pq.read_table(source / name)
             table = {key: read.column(key).to_numpy() for key in read.column_names}
-            fault.table(table, base.torque, _joint(base, fault) or 1)
+            tables[name] = table
+            if fault.table is not None:
+                fault.table(table, base.torque, _joint(base, fault) or 1)
             pq.write_table(pa.table(table), folder / name)
+        if fault.runs is not None:
+            entry = [e for e in study["recordings"] if e["use"] == "identify"][-1]
+            fault.runs(table := dict(tables[entry["file"]]), base)
+            entry["file"] = "weighted.parquet"
+            pq.write_table(pa.table(table), folder / "weighted.parquet")
     path = folder / "study.yaml"
     path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
     return path
 
 
+def second_part(study: dict[str, Any], source: Path) -> bool:
+    """At least two identify runs: the only one is parted in the middle where it is long enough."""
+    own = [e for e in study["recordings"] if e["use"] == "identify"]
+    if len(own) > 1:
+        return True
+    (entry,) = own
+    t = pq.read_table(source / entry["file"], columns=["t"]).column("t").to_numpy()
+    begin, end = entry.get("from", 0.0), entry.get("to", float(t[-1] - t[0]))
+    if end - begin < 6.0:
+        return False
+    middle = (begin + end) / 2
+    first = entry | {"to": middle, "name": entry["name"] + "_1"}
+    later = entry | {"from": middle, "name": entry["name"] + "_2"}
+    at = study["recordings"].index(entry)
+    study["recordings"][at : at + 1] = [first, later]
+    return True
+
+
 def _joint(base: Base, fault: Fault) -> int | None:
-    return fault.joint and min(fault.joint, 2 if base.robot == "barrett_wam_2dof" else 9)
+    return fault.joint and min(fault.joint, JOINTS.get(base.robot, 9))
 
 
 def examine(base: Base, fault: Fault, limit: int) -> dict[str, Any] | None:

@@ -197,20 +197,39 @@ def _extended(
             entries.pop()
             continue
         lost = [k for k, told in enumerate(found_effects(last)) if k >= declared and not told.essential]
+        lost = lost or _worse(last, base, declared)
         if not lost:
             return _turned(last, outcome.last, progress)
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
     return base
 
 
+def _judged(fit: FitResult) -> Mapping[str, float]:
+    """Percent of the runs that chose nothing, where there are such."""
+    return fit.full_rate_error.get("validate") or fit.full_rate_error["identify"]
+
+
+def _worse(last: FitResult, base: FitResult, declared: int) -> list[int]:
+    """The last finding taken in with which the model predicts none of its channels better than without: as
+    `ident fit` does it, it explains nothing."""
+    after, before = _judged(last), _judged(base)
+    channels = last.columns.need.channels
+    for k in range(len(last.terms) - 1, declared - 1, -1):
+        place = last.terms[k].place
+        names = [last.columns.channels[c] for c in place.rows(channels)] if place.recording is None else []
+        if names and all(after[name] >= before[name] for name in names):
+            return [k]
+    return []
+
+
 def _turned(last: FitResult, state: State, progress: Progress) -> FitResult:
-    """The same with dry friction turning over as the loop found it, on the joints whose fitted error that
-    lowers."""
+    """The same with dry friction turning over as the loop found it, on the joints whose error that lowers
+    on the rows that chose nothing."""
     keys = _dry_keys(state, last)
     if not keys:
         return last
     trial = fit_study(last.study.with_(**keys), progress=progress)
-    before, after = last.full_rate_error["identify"], trial.full_rate_error["identify"]
+    before, after = _judged(last), _judged(trial)
     helped = np.zeros(len(next(iter(keys.values()))), bool)
     for name, channel in zip(last.columns.channels, last.columns.need.channels):
         helped[channel.joint] |= after[name] < before[name]

@@ -14,7 +14,7 @@ positive (a sign test, which needs no noise model)."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.stats
@@ -81,6 +81,15 @@ class Evidence:
         itself."""
         told = int((self.blocks != 0).sum())
         return self.sign_p <= alpha * max(1.0, (MANY / max(told, 1)) ** 2)
+
+    def beats(self, other: Evidence, tau: float, alpha: float) -> bool:
+        """These data tell the two apart: the same comparison as against nothing, with the other as the null.
+        Both of one metric."""
+        if self.log_e - other.log_e <= tau:
+            return False
+        if self.blocks.shape != other.blocks.shape:
+            return True  # a window's blocks are its own
+        return replace(self, blocks=self.blocks - other.blocks).supported(alpha)
 
 
 def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:

@@ -96,7 +96,7 @@ def trace(
             continue
         if not weighed.passed:
             break
-        best, evidence = simplest(weighed, tau)
+        best, evidence = simplest(weighed, tau, alpha)
         c = main_channel(evidence, best.term, state)
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
         if flex is not None and flex.evidence.log_e > evidence.log_e + tau:
@@ -116,7 +116,7 @@ def trace(
                 state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
                 continue
         equal = tuple(
-            Equivalent(r.term, e.log_e) for r, e in weighed.passed if e.log_e > evidence.log_e - tau
+            Equivalent(r.term, e.log_e) for r, e in weighed.passed if not evidence.beats(e, tau, alpha)
         )
         steps.append(Step(best.term, evidence, _rivals(state, best, equal), flex))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
@@ -161,7 +161,7 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     return Weighed(m, tuple(told), tuple(sorted(passed, key=lambda item: -item[1].log_e)))
 
 
-def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
+def simplest(weighed: Weighed, tau: float, alpha: float) -> tuple[Refined, Evidence]:
     """Of the explanations of the leading joint that cannot be told from the best, the one with fewest
     parameters."""
     lead, most = weighed.passed[0]
@@ -175,7 +175,7 @@ def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     equal = [
         (r, e)
         for r, e in weighed.passed
-        if e.log_e > most.log_e - tau and r.term.place.joint == lead.term.place.joint
+        if not most.beats(e, tau, alpha) and r.term.place.joint == lead.term.place.joint
     ]
     return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
 
@@ -322,9 +322,8 @@ def leftovers(
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
             wide = 1 - np.exp(-2 * flex.evidence.gain / state.metric.fitted.free[c])
             if wide > LEAST and flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels):
-                share = explained_share(state, state.metric, c, flex)
-                told = flex.evidence
-                out.append(Unnamed(c, flex.variables, told.log_e, told.gain, share, None, carries_over=False))
+                told = flex.evidence  # its share is that of the rows that it was learned on, whitened
+                out.append(Unnamed(c, flex.variables, told.log_e, told.gain, wide, None, carries_over=False))
             continue
         share = explained_share(state, state.metric, c, flex)
         column = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
