@@ -14,12 +14,12 @@ import scipy.sparse
 
 from ident.diagnosis.evidence import Metric, metric, orthonormal, stacked
 from ident.diagnosis.fine import FineSegment
-from ident.diagnosis.model import FittedModel, motion_of
 from ident.diagnosis.rows import Rows
-from ident.diagnosis.terms import Scene, Term, columns_of
+from ident.diagnosis.terms import Scene, Term, columns_of, motion_of
 from ident.diagnosis.turn_over import Dry, TurnOver, settle, sign_column, with_column, with_turn_overs
 from ident.diagnosis.whitened import Whitener, whiteners
 from ident.equations.columns import Columns
+from ident.equations.fitted import FittedModel
 from modelgen.effects.place import Motion
 from modelgen.geometry.robot import Robot
 
@@ -80,7 +80,12 @@ class State:
 
     @cached_property
     def model(self) -> FittedModel:
-        return FittedModel(self.problem.robot, self.problem.columns, self.beta[: self.rows.b], self._added)
+        return replace(self._rigid, before=self._added, kept={})
+
+    @cached_property
+    def _rigid(self) -> FittedModel:
+        vs = {segment.label: segment.vs for segment in self.segments}
+        return FittedModel(self.problem.columns, self.problem.robot, self.beta[: self.rows.b], vs)
 
     @cached_property
     def scene(self) -> Scene:
@@ -88,11 +93,10 @@ class State:
 
     def _added(self, motion: Motion) -> np.ndarray:
         out = np.zeros((len(motion.t), self.rows.channels))
-        bare = FittedModel(self.problem.robot, self.problem.columns, self.beta[: self.rows.b])
         for f in self.found:
             if f.term is None:
                 continue
-            for c, z in columns_of(f.term, motion, bare, {}).items():
+            for c, z in columns_of(f.term, motion, self._rigid, {}).items():
                 out[:, c] += z @ f.sizes
         return out
 

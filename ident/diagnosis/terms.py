@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ident.diagnosis.fine import FineSegment
-from ident.diagnosis.model import FittedModel
 from ident.diagnosis.rows import Rows
+from ident.equations.fitted import FittedModel
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Motion, Place
 
@@ -83,10 +83,19 @@ class Scene:
         return out
 
 
-def scene_of(
-    rows: Rows, segments: Sequence[FineSegment], motions: Sequence[Motion], model: FittedModel
-) -> Scene:
-    return Scene(rows, tuple(segments), tuple(motions), model)
+def motion_of(segment: FineSegment) -> Motion:
+    """A stretch of fine signals as effects see it."""
+    return Motion(
+        segment.label,
+        segment.payload,
+        segment.t - segment.begun,
+        segment.q,
+        segment.dq,
+        segment.ddq,
+        segment.sign_dq,
+        segment.measured,
+        segment.rate_hz,
+    )
 
 
 def columns_of(

@@ -40,10 +40,7 @@ def attach(
     cutoff_hz: float,
 ) -> tuple[RecordingSystem, ...]:
     """The systems of the rigid model with every term about its point: one pass over their recordings."""
-    order = model.study.filter.order
-    return tuple(
-        _attached(system, *streams[system.label], model, terms, cutoff_hz, order) for system in systems
-    )
+    return tuple(_attached(system, *streams[system.label], model, terms, cutoff_hz) for system in systems)
 
 
 def attach_fine(
@@ -137,10 +134,12 @@ def _attached(
     model: FittedModel,
     terms: Sequence[Term],
     cutoff_hz: float,
-    order: int,
 ) -> RecordingSystem:
     place, joint_of = places_of(model.columns, terms), model.columns.joint_of
-    filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)
+    filter, every = (
+        LowPass(cutoff_hz, stream.rate_hz, bank.position.order),
+        kept_every(cutoff_hz, stream.rate_hz),
+    )
     kept = {segment.index: segment for segment in system.segments}
     chain, halo = Chain(model, terms), halo_of(terms, stream.rate_hz)
     segments: list[DecimatedSegment] = []

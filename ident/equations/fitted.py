@@ -2,7 +2,7 @@
 
 An effect's column can depend on more than the motion: friction that grows with the load reads the torque that
 the gear passes on, an elastic gear bends under it, a delay shifts the whole torque. All of that is computed
-here from the compiled model and one chi; what has been asked for is remembered, since columns that ask for
+here from the compiled model and one chi; that something was asked is remembered, since columns that ask for
 nothing are the same for every estimate.
 """
 
@@ -15,8 +15,6 @@ from functools import cached_property
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.errors import StudyError
-from ident.recordings.study import Study
 from ident.signals.filtering import FilteredBlock
 from modelgen.effects.place import Motion
 from modelgen.geometry.names import Channel, ParameterName
@@ -37,16 +35,16 @@ class FittedModel:
     """Columns of a study with values chi (b,) of its rigid parameters.
 
     `vs`: {recording: (n,)} speeds from which signs are certain. `before`: torques of the effects that act
-    before the one that asks, `(motion) -> (N, C)`.
+    before the one that asks, `(motion) -> (N, C)`. `kept`: answers about motions that are asked about again.
     """
 
-    study: Study
     columns: Columns
     robot: Robot
     chi: np.ndarray
     vs: Mapping[str, np.ndarray] = field(default_factory=dict)
     before: Callable[[Motion], np.ndarray] | None = None
     asked: Asked = field(default_factory=Asked)
+    kept: dict[tuple[str, int], tuple[Motion, np.ndarray]] | None = None
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -65,7 +63,11 @@ class FittedModel:
     ) -> np.ndarray:
         """(N, C) torque of the rigid model with its friction, at the motion or another one."""
         self.asked.estimate = True
-        block = self._block(motion, q, dq, ddq)
+        if q is None and dq is None and ddq is None:
+            return self._once("torque", motion, lambda: self._torque(motion, self._block(motion)))
+        return self._torque(motion, self._block(motion, q, dq, ddq))
+
+    def _torque(self, motion: Motion, block: FilteredBlock) -> np.ndarray:
         torque = self._compiled(self.chi, motion, block)[:, self.columns.rows].copy()
         gains = set(self.columns.gain_columns.values())
         for extra in self.columns.extras:
@@ -75,22 +77,22 @@ class FittedModel:
 
     def total(self, motion: Motion) -> np.ndarray:
         """(N, C) torque with the effects that act before the one that asks."""
-        torque = self.torque(motion)
-        return torque if self.before is None else torque + self.before(motion)
+        before = self.before
+        if before is None:
+            return self.torque(motion)
+        return self._once("total", motion, lambda: self.torque(motion) + before(motion))
 
     def link_torque(self, motion: Motion) -> np.ndarray:
         """(N, n) torque that each gear passes on: the sensor channel's where the model has one, else the
-        motor's without rotor and friction. Raises StudyError for model D, which sees neither."""
-        if self.study.model == "D":
-            raise StudyError(
-                str(self.study.file),
-                "effects",
-                "model D has no torque behind the gear, which one of the effects needs; choose A, B or C",
-            )
+        motor's without rotor and friction. Model D sees neither: zeros."""
         self.asked.estimate = True
-        compiled = self._compiled(self._behind, motion, self._block(motion))
         n = len(self.columns.need.joints)
-        return np.asarray(compiled[:, -n:] if self.study.model == "C" else compiled[:, :n])
+
+        def make() -> np.ndarray:
+            compiled = self._compiled(self._behind, motion, self._block(motion))
+            return np.asarray(compiled[:, -n:] if self.columns.need.model == "C" else compiled[:, :n])
+
+        return self._once("link", motion, make)
 
     def regressor(self, motion: Motion) -> np.ndarray:
         """(N, C, b) columns of the parameters."""
@@ -121,9 +123,16 @@ class FittedModel:
         self.asked.estimate = True
         label = str(self.columns.need.joints[joint])
         for k, its in self._parsed.items():
-            if its.kind == kind and its.label == label:
+            if its.kind == kind and its.label == label and not its.payload:
                 return float(self.chi[k])
         return None
+
+    def _once(self, kind: str, motion: Motion, make: Callable[[], np.ndarray]) -> np.ndarray:
+        if self.kept is None:
+            return make()
+        if (kind, id(motion)) not in self.kept:
+            self.kept[kind, id(motion)] = motion, make()  # the motion is held: its id is nobody else's
+        return self.kept[kind, id(motion)][1]
 
     @cached_property
     def _parsed(self) -> dict[int, ParameterName]:

@@ -27,6 +27,7 @@ from ident.estimation.least_squares import Estimate, solve, weighted_factor
 from ident.estimation.solving import estimate_all
 from ident.estimation.starts import fine_signals, started
 from ident.progress import Progress, silent
+from ident.recordings.study import Study
 
 TURNS = 40
 STILL = 1e-3  # of a standard deviation: a step below it is none
@@ -100,15 +101,15 @@ def extend(
     progress("fitting the effects of the study")
     estimate, _ = estimate_all(fitted, study, columns)
     vs = {label: bank.vs for label, (_, bank) in streams.items() if bank.vs is not None}
-    model = FittedModel(study, columns, layout.robot, estimate.chi, vs)
+    model = FittedModel(columns, layout.robot, estimate.chi, vs)
     samples = sum(system.samples for system in fitted)
     open_starts = begin is None and any(set(t.effect.nonlinear_names) - set(t.theta) for t in terms)
     fine = None
     if open_starts or (samples < HELD and any(t.free or not plain(t) for t in terms)):
         fine = fine_signals(prepared, fitted, streams, cutoff_hz)
     if open_starts and fine is not None:
-        terms = started(fitted, fine, streams, model, terms)
-    search = _Search(fitted, streams, model, terms, cutoff_hz, fine)
+        terms = started(study, fitted, fine, streams, model, terms)
+    search = _Search(study, fitted, streams, model, terms, cutoff_hz, fine)
     notes = search.run(progress)
     if fine is not None and not rough:
         search.fine = None
@@ -147,6 +148,7 @@ class _Search:
 
     def __init__(
         self,
+        study: Study,
         fitted: Sequence[RecordingSystem],
         streams: Streams,
         model: FittedModel,
@@ -154,7 +156,7 @@ class _Search:
         cutoff_hz: float,
         fine: Mapping[str, Sequence[FineSegment]] | None,
     ) -> None:
-        self.fine = fine
+        self.study, self.fine = study, fine
         self.fitted, self.streams, self.model, self.cutoff_hz = fitted, streams, model, cutoff_hz
         self.terms = tuple(terms)
         self.columns = with_terms(model.columns, terms)
@@ -216,13 +218,12 @@ class _Search:
         else:
             systems = attach(self.fitted, self.streams, model, terms, self.cutoff_hz)
         held = _held(self.columns, terms)
-        study = model.study
-        estimate, factors = estimate_all(systems, study, self.columns, None, held)
+        estimate, factors = estimate_all(systems, self.study, self.columns, None, held)
         bound = ((held <= self.low) & (estimate.chi < self.low)) | (
             (held >= self.high) & (estimate.chi > self.high)
         )
         if bound.any():
-            estimate, factors = estimate_all(systems, study, self.columns, ~bound, held)
+            estimate, factors = estimate_all(systems, self.study, self.columns, ~bound, held)
         self.sigma = estimate.sigma if self.sigma is None else self.sigma
         point = np.concatenate([model.chi, *(term.at for term in terms)])
         R = weighted_factor(factors, self.sigma, len(point))

@@ -20,6 +20,7 @@ from ident.equations.prepared import Prepared
 from ident.equations.terms import Term, plain, with_terms
 from ident.estimation.least_squares import weighted_factor
 from ident.estimation.solving import estimate_all
+from ident.recordings.study import Study
 from ident.signals.filtering import filter_stream
 from ident.signals.neighbours import first_samples
 from modelgen.effects.place import Motion
@@ -40,6 +41,7 @@ def fine_signals(
 
 
 def started(
+    study: Study,
     fitted: Sequence[RecordingSystem],
     fine: Mapping[str, Sequence[FineSegment]],
     streams: Streams,
@@ -59,9 +61,9 @@ def started(
     columns = model.columns
     for term in terms:
         if set(term.effect.nonlinear_names) - set(term.theta):
-            term = _best_start(term, motions, residuals, model, systems, columns)
+            term = _best_start(study, term, motions, residuals, model, systems, columns)
         systems, columns = _joined_term(systems, columns, term, motions, model)
-        estimate, _ = estimate_all(systems, model.study, columns)
+        estimate, _ = estimate_all(systems, study, columns)
         size = estimate.chi[-len(term.unknown) :] if term.unknown else np.zeros(0)
         placed = term.moved(np.array([*size, *(term.theta[name] for name in term.free)]))
         for k, (_, motion) in enumerate(motions):
@@ -76,6 +78,7 @@ def _columns(term: Term, motion: Motion, model: FittedModel) -> dict[int, np.nda
 
 
 def _best_start(
+    study: Study,
     term: Term,
     motions: Sequence[tuple[FineSegment, Motion]],
     residuals: Sequence[np.ndarray],
@@ -96,11 +99,12 @@ def _best_start(
     tries = [replace(term, theta=dict(point)) for point in points]
     losses: list[float] = []
     for first in range(0, len(tries), CANDIDATES):
-        losses += _losses(tries[first : first + CANDIDATES], motions, model, systems, columns)
+        losses += _losses(study, tries[first : first + CANDIDATES], motions, model, systems, columns)
     return tries[int(np.argmin(losses))]
 
 
 def _losses(
+    study: Study,
     tries: Sequence[Term],
     motions: Sequence[tuple[FineSegment, Motion]],
     model: FittedModel,
@@ -113,7 +117,7 @@ def _losses(
     for number, term in enumerate(tries):
         wide = _with_entries(wide, term, motions, model, b + number * p)
     wide = [replace(s, factors=factors_of(s.segments, s.channel, s.column, len(s.factors))) for s in wide]
-    estimate, _ = estimate_all(systems, model.study, columns)
+    estimate, _ = estimate_all(systems, study, columns)
     R = weighted_factor(stack(wide), estimate.sigma, b + len(tries) * p)
     out = []
     for number in range(len(tries)):

@@ -98,7 +98,7 @@ class SavedFit:
         from ident.equations.fitted import FittedModel
 
         chi = self.chi[: len(self.rigid.parameters)]
-        model = FittedModel(self.study, self.rigid, self.load_robot(), chi, vs) if self.terms else None
+        model = FittedModel(self.rigid, self.load_robot(), chi, vs) if self.terms else None
         return Fitted(model, self.chi, self.terms)
 
     def error_percent(self, chi: np.ndarray, role: str) -> dict[str, float]:

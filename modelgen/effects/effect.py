@@ -268,6 +268,8 @@ class Effect:
     def sides(self, layout: Layout) -> tuple[PlaceSide, ...]:
         """Sides of the gear where it may act and that the channels can tell apart."""
         measured = layout.sides
+        if "tau_link" in self.needs and not measured & {"motor", "sensor"}:
+            return ()  # the torque behind the gear is nowhere seen
         if self.channel == "sensor":
             return ("sensor",) if "sensor" in measured else ()
         if self.channel == "link":

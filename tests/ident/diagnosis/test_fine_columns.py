@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from ident.diagnosis.fine import FINE_HZ, FineSegment, stride_of
-from ident.diagnosis.model import motion_of, place_of
-from ident.diagnosis.terms import Scene
+from ident.diagnosis.terms import Scene, motion_of
 from ident.signals.decimation import decimate, kept_every
 from ident.signals.filtering import LowPass
 
@@ -63,7 +62,9 @@ def test_fine_rows_are_the_rows_of_the_equations(clean_arm):
     state = clean_arm.state
     rows = state.rows
     joint = 1
-    column = place_of(state.model.names, "Fvm", state.problem.robot.joint_labels[joint])
+    column = next(
+        k for k, name in enumerate(state.model.parameters) if name.removesuffix("R") == f"Fvm{joint + 1}"
+    )
     made = np.concatenate([s.decimate(s.dq[:, [joint]], joint)[:, 0] for s in state.segments])
     made *= rows.scale[joint]
     places, values = rows.base[joint]
