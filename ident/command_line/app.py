@@ -36,7 +36,11 @@ Output = Annotated[
 ]
 Fit = Annotated[
     Path,
-    typer.Argument(metavar="FIT", help="Folder that ident fit wrote, or its fit.json.", show_default=False),
+    typer.Argument(
+        metavar="FIT",
+        help="Folder that ident fit or ident diagnose wrote, or its fit.json.",
+        show_default=False,
+    ),
 ]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace files that were changed, or that are not ours.")
@@ -208,7 +212,8 @@ def predict(
 
 @app.command(
     epilog="Example: [bold]ident export out --c controller --urdf arm_identified.urdf[/bold]\n\n"
-    "URDF and MJCF need the extra [bold]export[/bold]: pip install 'dynident\\[export]'"
+    "URDF and MJCF need the extra [bold]export[/bold]: pip install 'dynident\\[export]'; where the extra "
+    "[bold]mujoco[/bold] is installed, MuJoCo reads the MJCF before it is written"
 )
 def export(
     fit: Fit,

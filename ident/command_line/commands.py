@@ -70,6 +70,7 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
     say_warnings(diagnosis.result.notes)
     last = f"; ident fit {output / 'extended_study.yaml'} gives the errors after again"
     print(f"wrote {output / 'report.html'}{last if document['verdict'] == 'effect' else ''}")
+    print(f"next: ident export {output} --urdf FILE (or --mjcf, --c) writes the robot as it was identified")
 
 
 def robot(file: str, output: Path, exact: bool, overwrite: bool) -> None:

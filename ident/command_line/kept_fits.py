@@ -76,23 +76,27 @@ def export(
 
 
 def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwrite: bool) -> None:
-    from ident.export.carried import cost_table, left_out, left_out_table
+    from ident.export.carried import cost_table, delays, left_out, left_out_table
     from ident.export.consistent import consistent, parameter_table
-    from ident.export.mjcf import write_mjcf
+    from ident.export.mjcf import is_checked, write_mjcf
     from ident.export.urdf import write_urdf
     from ident.export.urdf_template import fill_urdf
 
     found = consistent(saved, robot)
-    for path, form, write in ((urdf, "urdf", write_urdf), (mjcf, "mjcf", write_mjcf)):
+    for path, form in ((urdf, "urdf"), (mjcf, "mjcf")):
         if path is None:
             continue
         lost = left_out(saved, found, form)
         said, own = note(saved, found, lost), Path(saved.robot)
-        if form == "urdf" and own.suffix == ".urdf":
+        if form == "mjcf":
+            text = write_mjcf(robot, found, said, delays(saved))
+        elif own.suffix == ".urdf":
             text = fill_urdf(own.read_bytes(), own.name, found, said)
         else:
-            text = write(robot, found, said)
+            text = write_urdf(robot, found, said)
         write_file(path, text, overwrite=overwrite)
+        if form == "mjcf" and not is_checked():
+            print(f"note: {path} was not read by MuJoCo; pip install 'dynident[mujoco]' has it checked")
         if lost:
             header, rows = left_out_table(lost)
             print_table(f"what {path.name} cannot hold", header, rows, numbers=range(2, len(header)))

@@ -1,7 +1,8 @@
 """What a model file cannot hold: how large each term of the fit is, and what leaving it out costs.
 
 A URDF has bodies, viscous damping and dry friction, an MJCF rotor inertia (armature) besides; neither has
-offsets, coupled drives, a sensor's own inertia or what `effects:` added. Sizes and errors come from the
+offsets, coupled drives, a sensor's own inertia or what `effects:` added, but an MJCF holds the delay of a
+motor's torque. Sizes and errors come from the
 triangular factors of the validate runs (identify where there are none), over the rows that count.
 """
 
@@ -9,12 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ident.export.consistent import Consistent
 from ident.export.saved import SavedFit, TextTable
 from modelgen.geometry.names import INERTIAL
+
+if TYPE_CHECKING:
+    from ident.equations.terms import Term
 
 KINDS = {
     "offset": ("Offm", "Offl"),
@@ -45,13 +50,32 @@ def role_of(fit: SavedFit) -> str:
     return "validate" if "validate" in fit.factors else "identify"
 
 
+def delays(fit: SavedFit) -> dict[int, float]:
+    """{joint from 0: s} that its motor torque is recorded after the position; negative: before it."""
+    out: dict[int, float] = {}
+    for term in fit.terms:
+        if _is_delay(fit, term):
+            for channel in term.place.rows(fit.columns.need.channels):
+                joint = fit.columns.need.channels[channel].joint
+                out[joint] = out.get(joint, 0.0) + float(term.size[0])
+    return {joint: delay for joint, delay in out.items() if delay}
+
+
+def _is_delay(fit: SavedFit, term: Term) -> bool:
+    """Whether all that a term does is to shift motor torques in time."""
+    channels = fit.columns.need.channels
+    motors = all(channels[c].side == "motor" for c in term.place.rows(channels))
+    return motors and term.place.recording is None and term.effect.stages(term.place) == ("delay",)
+
+
 def left_out(fit: SavedFit, found: Consistent, form: str) -> tuple[LeftOut, ...]:
     """Largest first; `form` is "urdf" or "mjcf". A payload's parameters are not the robot's and stay out."""
     role = role_of(fit)
     with_all = fit.error_percent(found.chi, role)["total"]
+    held = {*HOLDS[form], *(term.label for term in fit.terms if form == "mjcf" and _is_delay(fit, term))}
     out = []
     for term, part in parts(fit, found).items():
-        if term in HOLDS[form] or not part.any():
+        if term in held or not part.any():
             continue
         rms = np.array(
             [_rms(factor.R[:, :-1] @ part[factor.columns], factor.rows) for factor in fit.factors[role]]

@@ -1,4 +1,5 @@
 """A fit kept for later: `fit.npz` beside fit.json, all that export and prediction need, without recordings.
+A diagnosis keeps that of the extended model.
 
 `keep` writes it, `load_fit` reads it back and checks that fit.json, fit.npz and the robot file still belong
 together. Held are: the parameters (essential and full) with the honest covariance, one triangular factor of
@@ -270,7 +271,9 @@ def _opened(path: Path) -> tuple[Path, dict[str, Any], dict[str, np.ndarray], di
         document = json.loads((folder / "fit.json").read_text(encoding="utf-8"))
         values = {item["name"]: item["value"] for item in document["parameters"]}
     except FileNotFoundError:
-        raise SavedFitError(f"{folder}: holds no fit.json; name the folder that ident fit -o wrote") from None
+        raise SavedFitError(
+            f"{folder}: holds no fit.json; name the folder that ident fit or ident diagnose wrote"
+        ) from None
     except (OSError, ValueError, KeyError, TypeError):
         raise SavedFitError(
             f"{folder / 'fit.json'}: is not a fit's result; name the folder of ident fit"

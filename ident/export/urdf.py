@@ -68,9 +68,11 @@ def link_names(robot: Robot) -> list[str]:
 
 
 def joint_name(robot: Robot, j: int) -> str:
-    """q3 for a moving row, fixed4 for a fixed one."""
-    link = robot.link(j)
-    return escape(str(link.variable)) if link.sigma != 2 else f"fixed{j}"
+    """The joint's own name (q3 where it has none) for a moving row, fixed4 for a fixed one."""
+    if j not in robot.moving:
+        return f"fixed{j}"
+    names = robot.joint_names if len(set(robot.joint_names)) == robot.n else robot.variables
+    return escape(names[robot.moving.index(j)])
 
 
 def friction_of(found: Consistent, label: str) -> tuple[float, float]:

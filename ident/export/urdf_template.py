@@ -7,6 +7,7 @@ and the links fixed to that one lose theirs, since a sum cannot be parted again.
 from __future__ import annotations
 
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
@@ -19,8 +20,7 @@ from modelgen.geometry.urdf import Conversion, convert
 def fill_urdf(data: bytes, source: str, found: Consistent, note: str) -> str:
     """The URDF `data` with identified <inertial> and <dynamics>; it is checked by `convert` before."""
     conversion = convert(data, source)
-    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
-    top = ElementTree.fromstring(data, parser)
+    top = _as_written(data)
     links = {element.get("name"): element for element in top.iter("link")}
     joints = {element.get("name"): element for element in top.findall("joint")}
     for label, its in zip(conversion.robot.joint_labels, conversion.bodies):
@@ -36,6 +36,17 @@ def fill_urdf(data: bytes, source: str, found: Consistent, note: str) -> str:
     top.insert(0, ElementTree.Comment(f" {note.replace('--', '- -')} "))
     ElementTree.indent(top)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(top, encoding="unicode") + "\n"
+
+
+def _as_written(data: bytes) -> ElementTree.Element:
+    """The tree with its comments; names as they stand, since simulators' prefixes are often not declared."""
+    tree = ElementTree.TreeBuilder(insert_comments=True)
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = tree.start, tree.end
+    parser.CharacterDataHandler, parser.CommentHandler = tree.data, tree.comment
+    parser.Parse(data, True)
+    return tree.close()
 
 
 def _inertial(phi: np.ndarray, conversion: Conversion, row: int) -> ElementTree.Element:

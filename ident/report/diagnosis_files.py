@@ -10,12 +10,13 @@ import yaml
 
 from ident.diagnosis import Diagnosis
 from ident.estimation.found_effects import extended_study
+from ident.export.saved import keep
 from ident.recordings.study import expand
 from ident.report.compensation import write_model
 from ident.report.diagnosis_plots import draw_all
 from ident.report.diagnosis_result import page_of
 from ident.report.diagnosis_words import before_and_after
-from ident.report.files import write_csv, write_document
+from ident.report.files import fit_document, write_csv, write_document
 from ident.report.render import render
 from modelgen.errors import ModelgenError
 
@@ -23,9 +24,11 @@ OPENING = "# The study with what was found as its effects: ident fit on it gives
 
 
 def write_diagnosis(diagnosis: Diagnosis, document: Mapping[str, Any], folder: Path) -> None:
-    """diagnosis.json, errors.csv, plots/, model/ with C of the extended model, extended_study.yaml,
-    report.html."""
+    """diagnosis.json, errors.csv, plots/, model/ with C of the extended model, extended_study.yaml, the
+    extended model's fit.json and fit.npz (for `ident export` and `ident predict`), report.html."""
     write_document(folder / "diagnosis.json", document)
+    write_document(folder / "fit.json", fit_document(diagnosis.last))
+    keep(diagnosis.last, folder)
     write_csv(folder / "errors.csv", before_and_after(document))
     (folder / "extended_study.yaml").write_text(extended_text(diagnosis), encoding="utf-8")
     try:

@@ -11,6 +11,7 @@ import pytest
 from small_arm import ARM
 
 import ident as door
+from ident.export.saved import load_fit
 from ident.simulate import PlannedRun, simulate, write_simulation
 
 RUNS = (
@@ -155,6 +156,11 @@ def test_the_c_of_what_was_found_comes_with_its_numbers(diagnosed):
     assert described["extra_inputs"] == list(values["extra"]) and values["signals"] == []
     found = json.loads((folder / "diagnosis.json").read_text())["findings"][0]["parameters"]
     assert (values["chi"]["Fs2"], values["extra"]["vs2"]) == (found["Fs"]["value"], found["vs"]["value"])
+    kept = load_fit(folder)  # what ident export and ident predict take
+    chi = dict(zip(kept.columns.parameters, kept.chi))
+    assert [chi[name] for term in kept.terms for name in term.names] == pytest.approx(
+        [found["Fs"]["value"], found["vs"]["value"]], rel=1e-12
+    )
 
 
 def test_the_extended_study_repeats_the_diagnosis(diagnosed):

@@ -8,9 +8,9 @@ import pytest
 from recordings import motion, write_parquet, write_study
 
 import generated
-from ident.estimation.fit import FitResult, fit_study
+from ident.estimation.fit import fit_study
 from ident.export.bodies import pseudo, unit_density
-from ident.export.carried import left_out, parts
+from ident.export.carried import delays, left_out, parts
 from ident.export.combination import ExportError
 from ident.export.consistent import consistent
 from ident.export.mjcf import write_mjcf
@@ -135,13 +135,15 @@ def test_what_a_file_cannot_hold_is_told_with_its_size(noisy):
     np.testing.assert_allclose(fit.chi * 0 + found.combination.G @ bodies + whole, found.chi, atol=1e-9)
 
 
-@pytest.mark.skipif("terms" not in FitResult.__dataclass_fields__, reason="this fit knows no effects")
 def test_an_effect_of_the_study_is_told_with_its_size(tmp_path):
-    fit = fit_of_a_real_robot(tmp_path, noise=0.5, spring=30.0, effects=[{"effect": "spring", "joint": 2}])
+    effects = [{"effect": "spring", "joint": 2}, {"effect": "time_delay", "joint": 3}]
+    fit = fit_of_a_real_robot(tmp_path, noise=0.5, spring=30.0, effects=effects)
     found = consistent(fit, fit.load_robot())
     assert physical(found)
     lost = {item.term: item for item in left_out(fit, found, "mjcf")}
-    (label,) = (term.label for term in fit.terms)
+    label, late = (term.label for term in fit.terms)
+    assert delays(fit) == {2: fit.chi[fit.columns.parameters.index(f"{late}.delay")]}
+    assert late not in lost and late in {item.term for item in left_out(fit, found, "urdf")}
     assert lost[label].channel == "tau_m2" and lost[label].error_without > 1.5 * lost[label].error_with
     q = motion(30, 200, 12)[1][:, 1]
     assert lost[label].rms == pytest.approx(30.0 * np.sqrt(np.mean(q**2)), rel=0.3)

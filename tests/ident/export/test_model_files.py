@@ -22,7 +22,8 @@ ARM = b"""<robot name="arm">
     <inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
   <link name="upper"><inertial><origin xyz="0.1 0.02 0.2" rpy="0.1 0.2 0.3"/><mass value="2"/>
     <inertia ixx="0.03" ixy="0.001" ixz="0.002" iyy="0.04" iyz="-0.003" izz="0.05"/></inertial>
-    <visual><geometry><box size="1 1 1"/></geometry></visual></link>
+    <visual><geometry><box size="1 1 1"/></geometry></visual><!-- by hand -->
+    <drake:proximity><drake:mu value="1 &amp; 2"/></drake:proximity></link>
   <link name="lid"><inertial><origin xyz="0 0.1 0"/><mass value="0.5"/>
     <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link>
   <link name="lower"><inertial><mass value="1"/><origin xyz="0.2 0 0"/>
@@ -95,6 +96,7 @@ def test_a_urdf_filled_with_its_own_bodies_is_itself():
     text = fill_urdf(ARM, "arm.urdf", robot_with(phi), "identified")
     assert "<visual>" in text and "identified" in text and text.count("<inertial>") == 3  # the lid's went up
     assert 'damping="9"' not in text
+    assert "<!-- by hand -->" in text and '<drake:mu value="1 &amp; 2" />' in text  # a prefix nobody declared
     before, after = pin.buildModelFromXML(ARM.decode()), pin.buildModelFromXML(text)
     for state in np.random.default_rng(1).uniform(-2, 2, (5, 3, 2)):
         q = np.array([state[0, 0], np.cos(state[0, 1]), np.sin(state[0, 1])])
@@ -105,3 +107,24 @@ def test_a_urdf_filled_with_its_own_bodies_is_itself():
 def test_pseudo_inertias_turn_back_into_parameters():
     phi = random_bodies(3)
     np.testing.assert_allclose([body(pseudo(row)) for row in phi], phi, rtol=1e-13)
+
+
+@pytest.mark.parametrize(("delay", "late"), [(-0.0065, "motor"), (0.0045, "sensor")])
+def test_a_delay_is_the_motor_s_or_the_sensor_s(delay, late):
+    """A ramp of commands through MuJoCo: force and measurement come as much later as the file says."""
+    mujoco = pytest.importorskip("mujoco")
+    robot = random_robot(0)
+    phi = random_bodies(len(robot.links))
+    model = mujoco.MjModel.from_xml_string(write_mjcf(robot, robot_with(phi), "late", {1: delay}))
+    data, step = mujoco.MjData(model), model.opt.timestep
+    force, measured = [], []
+    for k in range(40):
+        data.ctrl[:] = k * step
+        mujoco.mj_step(model, data)
+        force.append(data.actuator_force.copy())
+        measured.append(data.sensordata.copy())
+    now = step * np.arange(40)
+    behind = np.array([delay if late == "motor" and j == 1 else 0.0 for j in range(robot.n)])
+    np.testing.assert_allclose(np.array(force)[20:], (now[:, None] + behind)[20:], atol=1e-12)
+    if late == "sensor":
+        np.testing.assert_allclose(np.array(measured)[20:, 0], (now - delay)[20:], atol=1e-12)

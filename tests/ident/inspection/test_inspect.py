@@ -11,6 +11,7 @@ import generated
 from ident.command_line.cli import run
 from ident.inspection.excitation import of_matrix
 from ident.inspection.inspection import inspect_recordings
+from modelgen.geometry.urdf import convert
 
 URDF = """<robot name="lamp"><link name="base"/>
 <link name="upper"><inertial><mass value="3"/><origin xyz="0.1 0 0.05"/>
@@ -77,6 +78,12 @@ def test_from_a_urdf_and_bags_to_a_diagnosis(folder, capsys):
     diagnosis = json.loads((folder / "results" / "diagnosis.json").read_text())
     assert diagnosis["verdict"] == "none"
     assert diagnosis["error_percent"]["after"]["validate"]["total"] < 5
+
+    pytest.importorskip("cvxpy", reason="the extra dynident[export] is not installed")
+    robot = folder / "lamp_identified.urdf"
+    assert run(["export", str(folder / "results"), "--urdf", str(robot)]) == 0
+    links = convert(robot.read_bytes(), robot.name).urdf.links
+    assert set(links) == {"base", "upper", "fore"} and links["fore"].mass > 0
 
     assert run(["inspect", *logs, "-o", str(study)]) == 2
     assert "is there already" in capsys.readouterr().err
