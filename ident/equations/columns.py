@@ -114,6 +114,7 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
                 parameters.append(f"{kind}{label}")
     gain_columns, extras = _gains(study, need, parameters) if gains_unknown else ({}, [])
     extras += _coupled_drives(study, need, parameters) + _link_inertia(study, need, parameters)
+    extras += _rotors(study, need, parameters)
     sources: dict[str | None, tuple[np.ndarray, np.ndarray]] = {}
     for carried, table in placed.items():
         used = np.array([e for e, (row, k) in enumerate(nonzeros) if k in table and row in rows], int)
@@ -261,6 +262,26 @@ def _link_inertia(study: Study, need: Need, parameters: list[str]) -> list[Extra
             extras.append(Extra(k, len(parameters), _acceleration(channel.joint)))
             parameters.append(f"Ial{need.joints[channel.joint]}")
     return extras
+
+
+def _rotors(study: Study, need: Need, parameters: Sequence[str]) -> list[Extra]:
+    """`positions: joint`: a rotor keeps the acceleration of its motor, Iam_j ddq_mj; what its column has more
+    than the joint's. A rotor regrouped into a body's moment goes with that body."""
+    if study.positions != "joint":
+        return []
+    kinds = {(its.kind, its.label): k for k, n in enumerate(parameters) if (its := ParameterName.of(n))}
+    places = [(c, its.joint, ("Iam", str(need.joints[its.joint]))) for c, its in enumerate(need.channels)
+              if its.side != "sensor"]  # fmt: skip
+    return [Extra(c, kinds[name], _beyond(joint)) for c, joint, name in places if name in kinds]
+
+
+def _beyond(k: int) -> Values:
+    def values(block: FilteredBlock) -> np.ndarray:
+        if block.motor_ddq is None:
+            return np.zeros(len(block.t))
+        return block.motor_ddq[:, k] - block.ddq[:, k]
+
+    return values
 
 
 def _acceleration(k: int) -> Values:

@@ -226,7 +226,7 @@ def _sample(
     W = np.zeros((len(columns.channels), len(q), len(columns.parameters)))
     W[:, :, model_columns(columns, stream.payload)] = regressor(columns, stream.payload, q, dq, ddq, sign)
     for extra in columns.extras:
-        W[extra.channel, :, extra.column] = thin([extra.values(b) for b in blocks])
+        W[extra.channel, :, extra.column] += thin([extra.values(b) for b in blocks])
     weight = thin([b.certain for b in blocks])[:, columns.joint_of]
     Y = thin([columns.torque(b) for b in blocks])
     return Sample(stream.label, stream.role, stream.payload, q, dq, ddq, sign, Y, weight, W)

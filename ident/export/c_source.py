@@ -145,6 +145,7 @@ def _own_columns(fit: SavedFit, v: Mapping[str, Any], chi: Any, place: Mapping[s
             if name in place:
                 rigid[k] += chi[place[name]] * v["ddq"][channel.joint]
     known |= {columns.parameters[k] for k in columns.gain_columns.values()}
+    known |= {name for name in columns.parameters if name.startswith("Iam")}  # at the joint's acceleration
     strange = [columns.parameters[extra.column] for extra in columns.extras
                if columns.parameters[extra.column] not in known and fit.chi[extra.column] != 0]  # fmt: skip
     if strange:

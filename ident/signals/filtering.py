@@ -129,7 +129,8 @@ class FilteredBlock:
 
     t (N,), q, dq, ddq, sign_dq (N, n); motor, sensor (N, n) or None: torques as recorded, not filtered (or
     filtered with the position filter when that was asked). vs (n,) is the speed from which a sign is certain,
-    certain (N, n) the weight 0..1 that follows from it, speed (N, n) the rate whose sign it is.
+    certain (N, n) the weight 0..1 that follows from it, speed (N, n) the rate whose sign it is. motor_ddq
+    (N, n): the motors' own acceleration where q is the joints' (`positions: joint`).
     """
 
     t: np.ndarray
@@ -142,6 +143,7 @@ class FilteredBlock:
     vs: np.ndarray
     certain: np.ndarray
     speed: np.ndarray | None = None
+    motor_ddq: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,17 +253,24 @@ def filter_blocks(
         _, motor, sensor = stream.split((low if torque_too else window)[inner])
         speed = first_difference(light, rate)
         span = slice(int(np.argmax(use)), count - int(np.argmax(use[::-1])))
+        ddq = second_difference(q, rate)
+        motor_ddq: np.ndarray | None = None
+        if stream.stiffness is not None:  # q = q_m - tau_l / k, of the position filter's band alike
+            bent = scipy.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
+            bent = scipy.fft.irfft(bent * bank.position.response(frequency)[:, None], size, axis=0)[wide]
+            motor_ddq = (ddq + second_difference(bent, rate))[span]
         yield FilteredBlock(
             t[span],
             q[2:-2][span],
             first_difference(q, rate)[span],
-            second_difference(q, rate)[span],
+            ddq[span],
             told_sign(light[2:-2][span], speed[span], vs, bank.turn_over, states),
             None if motor is None else motor[span],
             None if sensor is None else sensor[span],
             vs,
             certainty(speed[span], vs) * stream.weight(window[inner])[span],
             speed[span],
+            motor_ddq,
         )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -46,36 +47,15 @@ def wide_blocks(blocks: Iterable[FilteredBlock], halo: int) -> Iterator[tuple[Fi
 
 def sliced(block: FilteredBlock, rows: slice) -> FilteredBlock:
     """Some samples of a block."""
-    return FilteredBlock(
-        block.t[rows],
-        block.q[rows],
-        block.dq[rows],
-        block.ddq[rows],
-        block.sign_dq[rows],
-        None if block.motor is None else block.motor[rows],
-        None if block.sensor is None else block.sensor[rows],
-        block.vs,
-        block.certain[rows],
-        None if block.speed is None else block.speed[rows],
-    )
+    return _mapped(block, lambda name: getattr(block, name)[rows])
 
 
 def joined(blocks: Sequence[FilteredBlock]) -> FilteredBlock:
     """Consecutive blocks as one."""
+    return _mapped(blocks[0], lambda name: np.concatenate([getattr(block, name) for block in blocks]))
 
-    def whole(name: str) -> np.ndarray:
-        return np.concatenate([getattr(block, name) for block in blocks])
 
-    first = blocks[0]
-    return FilteredBlock(
-        whole("t"),
-        whole("q"),
-        whole("dq"),
-        whole("ddq"),
-        whole("sign_dq"),
-        None if first.motor is None else whole("motor"),
-        None if first.sensor is None else whole("sensor"),
-        first.vs,
-        whole("certain"),
-        None if first.speed is None else whole("speed"),
-    )
+def _mapped(block: FilteredBlock, made: Callable[[str], np.ndarray]) -> FilteredBlock:
+    """A block with every signal that `block` has made by its name."""
+    signals = [f.name for f in fields(block) if f.name != "vs" and getattr(block, f.name) is not None]
+    return replace(block, **{name: made(name) for name in signals})

@@ -7,7 +7,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
-from recordings import motion, recording, true_chi, write_parquet, write_study
+from recordings import ROBOT, motion, recording, true_chi, write_parquet, write_study
 
 import generated
 from ident.equations.build import build
@@ -283,6 +283,24 @@ def test_joint_positions_follow_the_stiffness(tmp_path):
     result = run(tmp_path, [{"file": "run.parquet"}], model="B", positions="joint", stiffness=stiffness)
     write_parquet(tmp_path / "stiff.parquet", columns)
     same(result, run(tmp_path, [{"file": "stiff.parquet"}], model="B"), 1e-3)
+
+
+def test_with_joint_positions_a_rotor_keeps_the_acceleration_of_its_motor(tmp_path):
+    model, stiffness = generated.load(ROBOT, "C"), 300.0  # N m/rad: soft enough to see
+    t, q, dq, ddq = motion(30.0, 200.0, 7)
+    chi = true_chi(model)
+    chi[[name.startswith("Fc") for name in model.parameters]] = 0.0  # whose steps no difference follows
+    tau = np.asarray(model.torque(q, dq, ddq, chi))
+    bend = tau[:, 7:] / stiffness
+    rotors = [model.parameters.index(f"Iam{j}") for j in range(1, 8)]
+    tau[:, :7] += chi[rotors] * np.gradient(np.gradient(bend, t, axis=0), t, axis=0)
+    columns = {"t": t} | {f"q{j + 1}": (q + bend)[:, j] for j in range(7)}
+    write_parquet(tmp_path / "run.parquet", columns | dict(zip(model.channels, tau.T)))
+    keys = {"filter": {"decimation_cutoff_hz": 2.0}, "without": ["coulomb_friction"], "model": "C"}
+    entries = [{"file": "run.parquet"}]
+    fit = run(tmp_path, entries, positions="joint", stiffness=[stiffness] * 7, **keys)
+    found = [fit.full.chi[fit.columns.parameters.index(f"Iam{j}")] for j in range(1, 8)]
+    assert np.allclose(found, chi[rotors], rtol=0.01)
 
 
 def test_terms_left_out(tmp_path, table):
