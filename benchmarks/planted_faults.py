@@ -244,7 +244,8 @@ def weighted(table: Table, base: Base) -> None:
     }
     q, dq = (np.stack([table[f"{k}{j}"] for j in range(1, robot.n + 1)], axis=1) for k in ("q", "dq"))
     ddq = scipy.signal.savgol_filter(np.gradient(dq, np.median(np.diff(table["t"])), axis=0), 21, 3, axis=0)
-    tau = np.array([twin.torque(*state, body) for state in zip(q, dq, ddq)])
+    states = (twin.regressor(*state) for state in zip(q, dq, ddq))
+    tau = np.array([sum(x * columns[key] for key, x in body.items()) for columns in states])
     gains = np.array(base.gains or np.ones(robot.n))
     mass = 0.2 * np.std(table[f"{base.torque}2"] * gains[1]) / np.std(tau[:, 1])
     for j in range(robot.n):

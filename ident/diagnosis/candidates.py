@@ -20,7 +20,8 @@ from ident.diagnosis.whitened import Whitener
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
 
-PER_METRIC = 5
+PER_METRIC = 6
+PER_EFFECT = 2  # places of one effect among them: those of pairs of joints would be all there is
 SHARE = 0.25  # of the best one's gain in its metric
 
 
@@ -82,7 +83,7 @@ def _starts(state: State, effect: Effect, place: Place) -> Sequence[dict[str, fl
 
 
 def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranked]:
-    """The short list: best first, at most PER_METRIC hypotheses of each metric, one shape each."""
+    """The short list: at most PER_METRIC hypotheses of each metric, one shape each."""
     done = {term.key for term in state.terms}
     trials: list[tuple[Term, dict[int, np.ndarray]]] = []
     for effect, place in library.places:
@@ -103,8 +104,13 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
         for (term, _), gain in zip(trials, linear_gains(m, [columns for _, columns in trials], trials)):
             if gain > best.get(term.key, Ranked(term, 0.0)).gain:
                 best[term.key] = Ranked(term, gain)
-        ordered = sorted(best.values(), key=lambda r: -r.gain)[:PER_METRIC]
-        for r in ordered:
+        places: dict[str, int] = {}
+        ordered = []
+        for r in sorted(best.values(), key=lambda r: -r.gain):
+            places[r.term.effect.name] = places.get(r.term.effect.name, 0) + 1
+            if places[r.term.effect.name] <= PER_EFFECT:
+                ordered.append(r)
+        for r in ordered[:PER_METRIC]:
             if r.gain > SHARE * ordered[0].gain:
                 out.setdefault(r.term.key, r)
     return list(out.values())

@@ -17,7 +17,7 @@ import numpy as np
 
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.loop import Outcome, Step, Unnamed, trace
+from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed, trace
 from ident.diagnosis.opening import Opened, opened
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.state import State
@@ -144,7 +144,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     begun = opened(prepare_study(working), _part(progress, 0.15, 0.2))
     library = Library(list(catalogue().values()), begun.layout, 0.3 * memory if memory else 6e8)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
-    last = _extended(working, outcome, base, begun, _part(progress, 0.85, 0.97))
+    last = _extended(working, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
     unexplained = unexplained or _not_predicted(first, findings)
@@ -173,7 +173,7 @@ def _part(progress: Progress, low: float, high: float) -> Progress:
 
 
 def _extended(
-    study: Study, outcome: Outcome, base: FitResult, begun: Opened, progress: Progress
+    study: Study, outcome: Outcome, base: FitResult, begun: Opened, alpha: float, progress: Progress
 ) -> FitResult:
     """The study with the findings as its effects, fitted whole; without those that cannot be fitted there."""
     declared = len(study.effects)
@@ -188,6 +188,7 @@ def _extended(
             )
         }
     )
+    limit = alpha / BUDGET
     entries = [*study.effects, *(entry_of(_study_term(t, outcome.last), joints) for t in terms)]
     while len(entries) > declared:
         extended = study.with_(effects=tuple(entries), filter=settings)
@@ -196,7 +197,8 @@ def _extended(
         except (FitFailedError, NotEnoughDataError, StudyError):
             entries.pop()
             continue
-        lost = [k for k, told in enumerate(found_effects(last)) if k >= declared and not told.essential]
+        told = found_effects(last)
+        lost = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
         lost = lost or _worse(last, base, declared)
         if not lost:
             return _turned(last, outcome.last, progress)
@@ -331,7 +333,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
             name: {"value": p.value, "std": p.std, "unit": p.unit, "at_bound": p.at_bound}
             for name, p in fitted.parameters.items()
         },
-        float(min(1.0, np.exp(-e.log_e) * 40)),
+        float(min(1.0, np.exp(-e.log_e) * BUDGET)),
         float(e.log_e),
         float(e.gain),
         float(drop),

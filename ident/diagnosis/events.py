@@ -4,11 +4,15 @@ Windows are searched in steps: products of a unit load with the model, itself an
 short blocks once, give the gain of any window as small dense algebra; window lengths grow by a constant
 ratio and their starts by a quarter of the length, so their number grows as the recording's. The best one's
 edges are then moved. Rows of an event are in one recording alone, so it is judged there: alternating blocks
-of all rows, each predicted from the other half. Every window tried counts in the limit."""
+of all rows, each predicted from the other half. Every window tried counts in the limit.
+
+A model that is wrong elsewhere is wrong on one run in its own way, and a body's ten parameters take that up.
+So a load has to hold beside the run's own friction (days differ), and all of the model's parameters, free in
+that window, must not say more than it does (sufficiency: a load is among the changes that they can make)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +24,7 @@ from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
+from modelgen.geometry.names import ParameterName
 
 STEP_S = 0.5  # s: edges of the search
 FOLD_S, SHORTEST_FOLD_S = 1.0, 0.25  # s: blocks that predict each other
@@ -52,9 +57,53 @@ def whole(m: Metric, usable: np.ndarray) -> Metric:
     return replace(m, fitted=side, judged=side)
 
 
-def cross_evidence(halves: tuple[Metric, Metric], columns: dict[int, np.ndarray]) -> Evidence:
-    """Both predictions together."""
-    inside = np.any([np.any(z, axis=1) for z in columns.values()], axis=0)
+def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
+    """(M,) rows in which columns are not zero."""
+    return np.asarray(np.any([np.any(z, axis=1) for z in columns.values()], axis=0))
+
+
+def own_columns(state: State, inside: np.ndarray, bodies: bool) -> dict[int, np.ndarray]:
+    """The model's parameters free in a window (M,): those of the drives, or with `bodies` all of them."""
+    parsed = (ParameterName.of(name) for name in state.problem.columns.parameters)
+    free = np.flatnonzero([bodies or name is None or not name.of_body for name in parsed])
+    out = {}
+    for c, (places, values) in enumerate(state.rows.base):
+        z = np.zeros((len(inside), len(free)))
+        mine = np.isin(places, free)
+        z[:, np.searchsorted(free, places[mine])] = values[:, mine] * inside[:, None]
+        out[c] = z
+    return out
+
+
+def halves_of(state: State, m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[Metric, Metric]:
+    """Alternating blocks of the usable rows, short enough that a dozen of them lie in the window."""
+    fold = float(np.clip(acting(columns).sum() * state.rows.hop / FOLDS, SHORTEST_FOLD_S, FOLD_S))
+    return crossed(m, state.rows.fitted | state.rows.judged, fold)
+
+
+def still_holds(state: State, columns: Mapping[int, np.ndarray], tau: float, alpha: float) -> bool:
+    """Of a load found before: beside all that was found since (the state is without it)."""
+    return is_load(state, halves_of(state, state.metric, columns), columns, tau, alpha)
+
+
+def is_load(
+    state: State, halves: tuple[Metric, Metric], columns: Mapping[int, np.ndarray], tau: float, alpha: float
+) -> bool:
+    """It says more than the window's own friction, and all of the model's parameters say no more than it."""
+    inside = acting(columns)
+    drive = own_columns(state, inside, bodies=False)
+    none = np.zeros((len(inside), next(iter(columns.values())).shape[1]))
+    load = {c: np.hstack([z, columns.get(c, none)]) for c, z in drive.items()}
+    friction, loaded, whole = (
+        cross_evidence(halves, z, inside) for z in (drive, load, own_columns(state, inside, bodies=True))
+    )
+    return loaded.beats(friction, tau, alpha) and not whole.beats(loaded, tau, alpha)
+
+
+def cross_evidence(
+    halves: tuple[Metric, Metric], columns: Mapping[int, np.ndarray], inside: np.ndarray
+) -> Evidence:
+    """Both predictions together, judged by the blocks `inside`."""
     a, b = (weigh(m, columns, inside=inside) for m in halves)
     return Evidence(
         a.log_e + b.log_e,
@@ -89,7 +138,9 @@ def best_event(
             columns = state.scene.columns(term)
             if not columns:
                 continue
-            windows, gains = _windows(m, columns, state, place, _only_whole(state, place, layout))
+            windows, gains = _windows(
+                m, columns, state, place, effect.transient, _only_whole(state, place, layout)
+            )
             tried += len(windows)
             if not len(windows):
                 continue
@@ -107,15 +158,16 @@ def best_event(
         term, cut = _moved(m, term, columns, state)
         sizes, _ = fit_sizes(m, cut)
         own = leading_metric(state, [Refined(term, cut, sizes, gain)])
-        acting = np.any([np.any(z, axis=1) for z in cut.values()], axis=0)
-        fold = float(np.clip(acting.sum() * state.rows.hop / FOLDS, SHORTEST_FOLD_S, FOLD_S))
-        evidence = cross_evidence(crossed(own, usable, fold), cut)
+        halves = halves_of(state, own, cut)
+        evidence = cross_evidence(halves, cut, acting(cut))
         sizes, gain = fit_sizes(whole(own, usable), cut)
         names = term.effect.parameters_of(term.place)
         if term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model) is not None:
             continue
-        better = best is None or gain > best.refined.gain
-        if evidence.log_e > limit and evidence.supported(alpha) and better:
+        if best is not None and gain <= best.refined.gain:
+            continue
+        told = evidence.log_e > limit and evidence.supported(alpha)
+        if told and is_load(state, halves, cut, limit, alpha):
             best = Event(Refined(term, cut, sizes, gain), evidence, tried)
     return best
 
@@ -147,7 +199,7 @@ def _since(state: State, place: Place) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _windows(
-    m: Metric, columns: dict[int, np.ndarray], state: State, place: Place, only_whole: bool
+    m: Metric, columns: dict[int, np.ndarray], state: State, place: Place, transient: bool, only_whole: bool
 ) -> tuple[list[tuple[float | None, float | None]], np.ndarray]:
     mine, t = _since(state, place)
     if len(t) < 20:
@@ -165,7 +217,8 @@ def _windows(
             length *= RATIO
         pairs += [(a, B) for a in range(2 * least, B - 2 * least)]
     alone = sum(r != "test" for r in state.rows.roles) < 2
-    pairs = pairs[1:] if alone else pairs  # on the only recording a load all along is the model's own
+    if alone or transient:  # on the only recording a load all along is the model's own
+        pairs = pairs[1:]
     if not pairs:
         return [], np.zeros(0)
     chosen = np.array(pairs)

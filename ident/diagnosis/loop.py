@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ident.diagnosis.candidates import Library, Ranked, screen, white_metric, with_size
-from ident.diagnosis.events import Event, best_event
+from ident.diagnosis.events import Event, best_event, still_holds
 from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.nameless import Flexible, flexible
@@ -121,7 +121,7 @@ def trace(
         steps.append(Step(best.term, evidence, _rivals(state, best, equal), flex))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     progress("what is left", 0.92)
-    state, steps = pruned(state, steps, tau)
+    state, steps = pruned(state, steps, tau, alpha)
     state, steps, left = leftovers(state, steps, closed, tau, alpha)
     if steps or unnamed or any(u.carries_over for u in left):
         left = [u for u in left if u.carries_over]
@@ -156,13 +156,15 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     passed = [
         (r, e)
         for r, e in told
-        if passes(state, r, e, tau, alpha) and lowers(plain, r, main_channel(e, r.term, state))
+        if passes(state, r, e, tau, alpha)
+        and is_itself(m, r, e, tau, alpha)
+        and lowers(plain, r, main_channel(e, r.term, state))
     ]
     return Weighed(m, tuple(told), tuple(sorted(passed, key=lambda item: -item[1].log_e)))
 
 
 def simplest(weighed: Weighed, tau: float, alpha: float) -> tuple[Refined, Evidence]:
-    """Of the explanations of the leading joint that cannot be told from the best, the one with fewest
+    """Of the explanations of the leading channels that cannot be told from the best, the one with fewest
     parameters."""
     lead, most = weighed.passed[0]
     left_out = [
@@ -175,7 +177,7 @@ def simplest(weighed: Weighed, tau: float, alpha: float) -> tuple[Refined, Evide
     equal = [
         (r, e)
         for r, e in weighed.passed
-        if not most.beats(e, tau, alpha) and r.term.place.joint == lead.term.place.joint
+        if not most.beats(e, tau, alpha) and set(r.columns) & set(lead.columns)
     ]
     return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
 
@@ -189,6 +191,16 @@ def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> b
     if r.term.effect.changes_model and abs(e.sizes[-1] - 1.0) > WHOLE:
         return False  # its last column is the change as it is: all of it or none
     return bool(e.log_e > tau and e.gain > tau and e.left > 1e-5 and e.supported(alpha))
+
+
+def is_itself(m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
+    """Without the parameters that it may leave out it would not be this effect; without the others, it must
+    say less."""
+    optional = {p.name for p in r.term.effect.linear if p.optional}
+    rest = [k for k, name in enumerate(r.term.effect.parameters_of(r.term.place)) if name in optional]
+    if not rest or len(rest) == len(r.sizes) or r.term.effect.changes_model:
+        return True
+    return e.beats(weigh(m, {c: z[:, rest] for c, z in r.columns.items()}), tau, alpha)
 
 
 def lowers(plain: Metric, r: Refined, c: int) -> bool:
@@ -287,16 +299,18 @@ def refined_together(state: State) -> State:
     return settled(recolumned(state), 1)
 
 
-def pruned(state: State, steps: list[Step], tau: float) -> tuple[State, list[Step]]:
+def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
     """Leave out, one after the other, what the judged rows do not ask for beside the rest."""
     while True:
         weak: tuple[float, int] | None = None
         for number, f in enumerate(state.found):
             if f.term is None:
                 continue
-            if f.term.place.recording is not None:
-                continue  # judged by blocks of its own recording
             others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
+            if f.term.place.recording is not None:
+                if not still_holds(others, f.columns, tau, alpha):
+                    weak = (-np.inf, number)
+                continue
             e = weigh(others.metric, f.columns)
             if e.log_e < tau and (weak is None or e.log_e < weak[0]):
                 weak = (e.log_e, number)

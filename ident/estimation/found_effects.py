@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+import scipy.stats
 
 from ident.equations.placing import study_with
 from ident.equations.terms import Term
@@ -25,7 +26,8 @@ class FoundParameter:
 
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
-    """One effect of the study as the fit has it. essential: the F-test kept it."""
+    """One effect of the study as the fit has it. essential: the F-test kept it. p_value: of its sizes being
+    zero, all at once, in the fit's covariance for coloured noise (Wald)."""
 
     term: Term
     joint: int | None  # as the robot file numbers it
@@ -33,6 +35,7 @@ class FoundEffect:
     essential: bool
     parameters: dict[str, FoundParameter]
     impossible: str | None
+    p_value: float = 0.0
 
     def document(self) -> dict[str, Any]:
         """As fit.json has it."""
@@ -93,4 +96,17 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
             for name, its in told.items()
         },
         reasons[0] if reasons else None,
+        _wald(result.full.chi[sizes], result.full_covariance[np.ix_(sizes, sizes)]),
     )
+
+
+def _wald(sizes: np.ndarray, covariance: np.ndarray) -> float:
+    """P(chi-squared) of sizes this far from zero; 0 without any that were fitted."""
+    if not len(sizes) or not np.all(np.isfinite(covariance)):
+        return 0.0
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(correlation)
+    kept = values > 1e-10
+    told = (vectors[:, kept].T @ (sizes / scale)) ** 2 / values[kept]
+    return float(scipy.stats.chi2.sf(told.sum(), int(kept.sum())))

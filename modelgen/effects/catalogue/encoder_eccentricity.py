@@ -67,6 +67,13 @@ class EncoderEccentricity(MotionEffect):
             parts.append(change / abs(little))
         return {c: np.stack([part[:, c] for part in parts], axis=1) for c in range(len(model.channels))}
 
+    def physical(self, values: Mapping[str, float], model: Model | None = None) -> str | None:
+        """Gears and encoders err by arc minutes; what bends a joint further than a degree is its load."""
+        size = float(np.hypot(values.get("es", 0.0), values.get("ec", 0.0)))
+        if size > self.linear[0].high:
+            return f"an error of {size:.2g} is more than a gear or encoder has (0.02)"
+        return super().physical(values, model)
+
     def stages(self, place: Place) -> tuple[Stage, ...]:
         return ("encoder",)
 

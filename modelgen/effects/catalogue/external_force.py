@@ -46,6 +46,7 @@ class ExternalForce(LoadEffect):
     )
     inverse = {"FX": fx, "FY": fy, "FZ": fz, "NX": sp.Integer(0), "NY": sp.Integer(0), "NZ": sp.Integer(0)}
     windowed = True
+    transient = True
     on_link = True
     sizes = ("fx", "fy", "fz")
     size_aliases = ("force",)
