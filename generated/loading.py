@@ -43,6 +43,7 @@ class Question:
     effects: tuple[str, ...] = ()
     gravity: tuple[float, float, float] | None = None
     own_effects: str = ""  # fingerprint of those among the effects that a user registered
+    exact: bool = False  # a URDF's angles and lengths as they are written
 
 
 def _after_fork() -> None:
@@ -60,19 +61,22 @@ def load(
     payload: str | None = None,
     effects: Sequence[str] = (),
     gravity: Sequence[float] | None = None,
+    exact: bool = False,
 ) -> Model:
     """The model "A", "B", "C" or "D" of a built-in robot or of a robot file.
 
     `payload="L"` appends the ten parameters of that payload, `effects=("stribeck_friction:2",)` an effect's
-    columns; `gravity=(x, y, z)`, m/s^2 in the base frame, replaces the robot file's. What is not built in is
-    derived, compiled and cached on first use. Raises GeneratedError.
+    columns; `gravity=(x, y, z)`, m/s^2 in the base frame, replaces the robot file's; `exact` keeps a
+    URDF's angles and lengths as they are written. What is not built in is derived, compiled and cached on
+    first use. Raises GeneratedError.
     """
     if model not in MODELS:
         raise GeneratedError(f"there is no model {model!r}; choose A, B, C or D.")
     if not isinstance(payload, str | None):
         raise GeneratedError(f"the payload is {payload!r}; give its label as text, for example 'L'.")
     effects = _effects(effects)
-    question = Question(*_robot_file(robot), model, payload, effects, _gravity(gravity), _own(effects))
+    given = (*_robot_file(robot), model, payload, effects, _gravity(gravity), _own(effects))
+    question = Question(*given, bool(exact))
     with _lock:
         found = _loaded.get(question)
         if found is None:
@@ -163,7 +167,7 @@ def _load(question: Question) -> Model:
             )
             kernel = _numpy_kernel(question)
     q = question
-    again = (load, (q.name, q.model, q.payload, q.effects, q.gravity))
+    again = (load, (q.name, q.model, q.payload, q.effects, q.gravity, q.exact))
     return Model(description, kernel, again, lambda: _casadi(question))
 
 
@@ -202,6 +206,7 @@ def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
         repr(q.gravity),
         *q.effects,
         q.own_effects,
+        *(["exact"] if q.exact else []),
     )
     place = cache.entry("model-" + cache.key(*asked, _generator())[:40], build)
     return json.loads((place / "model.json").read_text()), (place / "model.c").read_text()
@@ -220,7 +225,7 @@ def _derive(question: Question) -> Any:
     from modelgen.geometry.robot_file import parse_robot
 
     try:
-        robot = parse_robot(question.data, Path(question.name).name)
+        robot = parse_robot(question.data, Path(question.name).name, question.exact)
         if question.gravity is not None:
             robot = robot.with_gravity(question.gravity)
         return derive(robot, question.model, question.payload, question.effects), robot

@@ -25,14 +25,14 @@ DIFF_LINES = 60  # of a stale file, unless -v
 
 @app.command(
     epilog="For example: [bold]regenerate-model kuka_lwr4p --rules-only --model A[/bold], or "
-    "[bold]regenerate-model myrobot.yaml -o generated-myrobot[/bold]."
+    "[bold]regenerate-model arm.urdf -o generated-arm[/bold]."
 )
 def regenerate_model(
     robot: Annotated[
         str,
         typer.Argument(
             metavar="ROBOT",
-            help="Built-in name or robot file.",
+            help="Built-in name, robot file (YAML) or URDF.",
             autocompletion=robot_names,
             show_default=False,
         ),
@@ -75,6 +75,9 @@ def regenerate_model(
             show_default=False,
         ),
     ] = None,
+    exact: Annotated[
+        bool, typer.Option("--exact", help="A URDF's angles and lengths as they are written.")
+    ] = False,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files that were changed or are not ours.")
     ] = False,
@@ -92,7 +95,7 @@ def regenerate_model(
         typer.Option("--version", callback=show_version, is_eager=True, help="Show the version and leave."),
     ] = False,
 ) -> None:
-    """Derive a robot's base parameters, regressor and torque from its MDH table, and write C for them.
+    """Derive a robot's base parameters, regressor and torque from its table or URDF, and write C for them.
 
     Counts and printed rules include the payload that the robot file declares. Beside the C of a model stand
     its header and its description (JSON); models with the payload are files of their own (A_L.c).
@@ -107,7 +110,7 @@ def regenerate_model(
         _list_effects(as_json)
         raise typer.Exit(0)
     if not robot:
-        raise ModelgenError("Missing argument 'ROBOT': give a built-in name or a robot file")
+        raise ModelgenError("Missing argument 'ROBOT': give a built-in name, a robot file or a URDF")
     if as_json + markdown + latex > 1:
         raise ModelgenError("--json, --markdown and --latex exclude each other; choose one")
     if rules_only and (check or output):
@@ -121,7 +124,7 @@ def regenerate_model(
     from modelgen.terminal import progress
 
     with progress(verbose) as tell:
-        plan = regenerate.plan(robot, names, tuple(effect or ()), bool(model), tell)
+        plan = regenerate.plan(robot, names, tuple(effect or ()), bool(model), tell, exact)
         for remark in plan.robot.remarks:
             print(f"regenerate-model: note: {remark}", file=sys.stderr)
         status = 0

@@ -91,13 +91,15 @@ def simulate(
     noise: float | None = None,
     seed: int = 0,
     parameters: str | Path | None = None,
+    exact: bool = False,
     progress: Callable[..., Any] | bool | None = None,
 ) -> Simulation:
-    """Simulate a robot (built-in name or robot file) whose study does not declare `effects`.
+    """Simulate a robot (built-in name, robot file or URDF) whose study does not declare `effects`.
 
     effects: "NAME:JOINT[:param=value,...]" each, or a mapping {"effect": NAME, "joint": JOINT, ...}. payload:
     mass [kg] carried in a further run. duration [s] of every run; rate_hz of the recorder; noise of the
-    torques in percent of their rms. The same arguments give the same numbers. Raises ident.Error.
+    torques in percent of their rms; exact: a URDF's angles and lengths as they are written. The same
+    arguments give the same numbers. Raises ident.Error.
     """
     runs = RUNS + (LOADED_RUNS if payload is not None else ())
     if duration is not None:
@@ -125,6 +127,7 @@ def simulate(
             sensors=sensors,
             runs=runs,
             progress=tell,
+            exact=exact,
         )
         return Simulation(made)
 

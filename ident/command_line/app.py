@@ -42,6 +42,7 @@ Fit = Annotated[
         show_default=False,
     ),
 ]
+Exact = Annotated[bool, typer.Option("--exact", help="A URDF's angles and lengths as they are written.")]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace files that were changed, or that are not ours.")
 ]
@@ -120,7 +121,7 @@ def simulate(
         str,
         typer.Argument(
             metavar="ROBOT",
-            help="Built-in name or robot file (YAML).",
+            help="Built-in name, robot file (YAML) or URDF.",
             autocompletion=robot_names,
             show_default=False,
         ),
@@ -149,6 +150,7 @@ def simulate(
         Path | None,
         typer.Option("--parameters", help="YAML of true parameters, as Iam1: 3.19.", show_default=False),
     ] = None,
+    exact: Exact = False,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same files, bit for bit.")] = 0,
     duration: Annotated[
         float | None,
@@ -183,6 +185,7 @@ def simulate(
         noise=noise,
         seed=seed,
         parameters=parameters,
+        exact=exact,
     )
 
 
@@ -393,9 +396,7 @@ def robot(
             "-o", "--output", parser=folder, metavar="FILE", help="Robot file (YAML).", show_default=False
         ),
     ],
-    exact: Annotated[
-        bool, typer.Option("--exact", help="A URDF's angles and lengths as they are written.")
-    ] = False,
+    exact: Exact = False,
     overwrite: Overwrite = False,
 ) -> None:
     """Write a URDF (or a table) as a robot file in Khalil's modified Denavit-Hartenberg convention."""

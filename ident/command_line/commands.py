@@ -1,7 +1,7 @@
 """What the commands of `ident` do: a thin shell over the door. Check, call, write, say what came."""
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ def simulate(robot: str, output: Path, overwrite: bool, verbose: bool, **options
         made.save(stage)
     header, rows = made.table()
     rows = [(f"{row[0]}.parquet", *row[1:]) for row in rows]
+    say_notes(made.result.robot.remarks)
     print_table(made.result.robot.name, header, rows, numbers=(3, 4))
     print(f"wrote {output / 'study.yaml'}; next: ident diagnose {output / 'study.yaml'} -o RESULTS")
 
@@ -41,6 +42,7 @@ def fit(study_file: Path, output: Path, models: tuple[str, ...], overwrite: bool
     from ident.report.fit_report import left_over
 
     documents = {model: each.document() for model, each in result.fits.items()}
+    say_notes(note for each in result.fits.values() for note in each.result.columns.model.notes)
     say_checks(*documents.values())
     for title, header, rows in result.tables():
         show(title, header, rows)
@@ -62,6 +64,7 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
     from ident.report.diagnosis_words import before_and_after, told, verdict
 
     document = diagnosis.document()
+    say_notes(diagnosis.result.first.columns.model.notes)
     say_checks(document)
     remedies = [f"What to do: {f['remedy']}." for f in document["findings"] if f["remedy"]]
     for text in (verdict(document), *told(document), *dict.fromkeys(remedies)):
@@ -82,8 +85,7 @@ def robot(file: str, output: Path, exact: bool, overwrite: bool) -> None:
         raise OutputError(f"{output} is the input of this command; name another file with -o")
     text, remarks = robot_text(file, exact)
     write_file(output, text, overwrite=overwrite)
-    for remark in remarks:
-        print(f"note: {remark}", file=sys.stderr)
+    say_notes(remarks)
     print(f"wrote {output}; next: regenerate-model {output} --rules-only")
 
 
@@ -110,6 +112,12 @@ def say_checks(*documents: Mapping[str, Any]) -> None:
     checks = [check_sentence(check) for document in documents for check in document.get("checks", ())]
     for sentence in dict.fromkeys(checks):
         print(sentence, file=sys.stderr)
+
+
+def say_notes(notes: Iterable[str]) -> None:
+    """What was rounded in reading a robot, and the like."""
+    for note in dict.fromkeys(notes):
+        print(f"note: {note}", file=sys.stderr)
 
 
 def say_warnings(warnings: Sequence[str]) -> None:

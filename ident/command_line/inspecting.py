@@ -30,6 +30,8 @@ def inspect(
     folder = output.parent if output is not None else Path()
     with progress_bar(verbose) as progress:
         inspection = inspect_recordings(recordings, robot, folder, progress, topic)
+    for note in inspection.robot_notes:
+        print(f"note: {note}", file=sys.stderr)
     for text, _ in shown.remarks(inspection):
         print(text, file=sys.stderr)
     study = inspection.study

@@ -91,7 +91,7 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
         if form == "mjcf":
             text = write_mjcf(robot, found, said, delays(saved))
         elif own.suffix == ".urdf":
-            text = fill_urdf(own.read_bytes(), own.name, found, said)
+            text = fill_urdf(own.read_bytes(), own.name, found, said, saved.study.exact)
         else:
             text = write_urdf(robot, found, said)
         write_file(path, text, overwrite=overwrite)

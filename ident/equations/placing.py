@@ -23,7 +23,7 @@ def layout_of(study: Study, columns: Columns, travel: Sequence[float] = ()) -> L
     """What there is to place effects on; `travel` (n,): range of each joint in the recordings."""
     from modelgen.geometry.robot_file import load_robot
 
-    robot = load_robot(study.robot_source)
+    robot = load_robot(study.robot_source, study.exact)
     if study.gravity is not None:
         robot = robot.with_gravity(study.gravity)
     labels = tuple(entry.label for entry in study.recordings)

@@ -35,7 +35,8 @@ def columns_of(study: Study) -> Columns:
     if study.effects_folder is not None:
         _register(study)
     payload = study.payloads[0] if study.payloads else None
-    model = generated.load(study.robot_source, study.model, payload=payload, gravity=study.gravity)
+    source, gravity = study.robot_source, study.gravity
+    model = generated.load(source, study.model, payload=payload, gravity=gravity, exact=study.exact)
     try:
         need = need_of(study.model, tuple(model.channels), study.positions, study.channels, model.joint_names)
     except (ValueError, ModelgenError) as error:

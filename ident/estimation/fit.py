@@ -194,7 +194,12 @@ def fit_systems(
     normalised = _normalised(fitted, estimate)
     terms = extended.at(estimate.chi)
     std = np.sqrt(np.diag(full_covariance))
-    notes = [*study.remarks, *extended.notes, *(note for stream in prepared.streams for note in stream.notes)]
+    notes = [
+        *study.remarks,
+        *prepared.columns.model.notes,
+        *extended.notes,
+        *(note for stream in prepared.streams for note in stream.notes),
+    ]
     found = [*examine_tables(prepared), *checks]
     found += sentences("poor_excitation", excitation_warnings(full, fitted))
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]

@@ -151,7 +151,7 @@ def _geometry(
 
     study, columns = prepared.study, prepared.columns
     try:
-        robot = load_robot(study.robot_source)
+        robot = load_robot(study.robot_source, study.exact)
     except (ModelgenError, OSError):
         return
     table = geometry(robot)

@@ -90,7 +90,7 @@ class SavedFit:
 
     def load_robot(self) -> Robot:
         """The robot as it was, with the study's gravity."""
-        robot = load_robot(self.robot)
+        robot = load_robot(self.robot, self.study.exact)
         return robot if self.study.gravity is None else robot.with_gravity(self.study.gravity)
 
     def fitted(self, vs: Mapping[str, np.ndarray]) -> Fitted:

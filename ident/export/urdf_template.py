@@ -17,9 +17,10 @@ from ident.export.urdf import friction_of, inertia_about_centre
 from modelgen.geometry.urdf import Conversion, convert
 
 
-def fill_urdf(data: bytes, source: str, found: Consistent, note: str) -> str:
-    """The URDF `data` with identified <inertial> and <dynamics>; it is checked by `convert` before."""
-    conversion = convert(data, source)
+def fill_urdf(data: bytes, source: str, found: Consistent, note: str, exact: bool = False) -> str:
+    """The URDF `data` with identified <inertial> and <dynamics>; it is checked by `convert` before, which
+    reads it `exact` as the fit did."""
+    conversion = convert(data, source, exact)
     top = _as_written(data)
     links = {element.get("name"): element for element in top.iter("link")}
     joints = {element.get("name"): element for element in top.findall("joint")}

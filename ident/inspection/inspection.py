@@ -61,6 +61,7 @@ class Inspection:
     excitation: Excitation | None
     excitation_refusal: str
     study: str
+    robot_notes: tuple[str, ...] = ()  # what was rounded in reading it
     of_fit: tuple[Check, ...] = ()  # what a quick fit shows, where the torques' meaning is known
 
     @property
@@ -83,12 +84,13 @@ def inspect_recordings(
     """Look into logs, with a robot (built-in name, robot file, URDF) or without; `folder` is where the study
     will stand, `topic` the one to read of bags that have several. Raises IdentError for what is no table."""
     names: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
     if robot is not None:
         from modelgen.geometry.robot_file import load_robot
 
         progress("reading the robot")
         loaded = load_robot(robot)
-        names = tuple(loaded.joint_names)
+        names, notes = tuple(loaded.joint_names), loaded.remarks
     tables = []
     for k, file in enumerate(files):
         progress(f"reading {file.name}", k / len(files))
@@ -97,7 +99,7 @@ def inspect_recordings(
     seconds = [_seconds(table) for table in tables]
     text = study_text(files, seconds, proposal, robot, folder, topic)
     logs = tuple(Log(file.stem, str(file), table, None, (), (), "", {}) for file, table in zip(files, tables))
-    inspection = Inspection(robot or "", logs, proposal, None, "", text)
+    inspection = Inspection(robot or "", logs, proposal, None, "", text, notes)
     return inspection if robot is None else _tried(inspection, robot, files, folder, progress)
 
 

@@ -166,9 +166,10 @@ class EffectEntry(BaseModel):
 class Study(_Strict):
     """What is identified from which runs.
 
-    Beside the keys of the contract: `without` leaves terms out of the model; `link_inertia` gives each
-    joint torque sensor an inertia of its own, Ial ddq_j; `coupled_drives` pairs joints whose motors a
-    gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads
+    Beside the keys of the contract: `exact: true` takes a URDF's angles and lengths as they are written
+    (angles rounded beside a quarter turn then cost base parameters); `without` leaves terms out of the
+    model; `link_inertia` gives each joint torque sensor an inertia of its own, Ial ddq_j; `coupled_drives`
+    pairs joints whose motors a gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2; `payload_mass` weighed payloads
     [kg]; `bounds`, `robust`, `reduction`, `reduction_alpha` (of the F-test), `effective_rows` choose the
     estimator; `turn_over` [rad/s] and `presliding` [rad] per joint are the rate and the travel within which
     its dry friction changes sign; `trim_rest: false` keeps rest at the ends; `joints` are the joints' names
@@ -176,6 +177,7 @@ class Study(_Strict):
     where the recordings are."""
 
     robot: PathText
+    exact: bool = False
     model: Literal["A", "B", "C", "D"] = "A"
     recordings: tuple[RecordingEntry, ...]
     filter: FilterSettings = FilterSettings()
@@ -258,6 +260,8 @@ class Study(_Strict):
                 raise ValueError(f"recordings: two of them are called {label}; give one of them a name: key")
         if self.positions == "joint" and self.stiffness is None:
             raise ValueError("stiffness: positions: joint needs it, one value per joint in N m/rad")
+        if self.positions == "motor" and self.stiffness is not None:
+            raise ValueError("stiffness: does nothing with positions: motor; leave it out, or write joint")
         if self.stiffness is not None and min(self.stiffness, default=0) <= 0:
             raise ValueError("stiffness: every value must be positive (N m/rad)")
         for number, entry in enumerate(self.recordings, 1):

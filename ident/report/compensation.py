@@ -37,7 +37,8 @@ def write_model(result: FitResult, folder: Path) -> None:
     asked = [(term, text) for term in result.terms if (text := request(term, labels))]
     if not asked:
         return
-    study, robot = result.study, load_robot(result.study.robot_source)
+    study = result.study
+    robot = load_robot(study.robot_source, study.exact)
     robot = robot if study.gravity is None else robot.with_gravity(study.gravity)
     payload, requests = declared_payload(robot), tuple(text for _, text in asked)
     plan = Plan(robot, payload, requests, {study.model: derive_rules(robot, study.model, payload)})

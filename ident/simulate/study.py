@@ -76,6 +76,7 @@ def simulate(
     sensors: Sensors = GOOD,
     runs: tuple[PlannedRun, ...] | None = None,
     progress: Progress = silent,
+    exact: bool = False,
 ) -> SimulatedStudy:
     """Recordings of a robot whose study does not declare `effects` ("stribeck_friction:4", see requests.py).
 
@@ -90,7 +91,7 @@ def simulate(
         raise SimulationError(f"--payload {payload_kg:g}: a mass is positive; give it in kg.")
     if seed < 0:
         raise SimulationError(f"--seed {seed}: a seed is not negative; give 0, 1, 2, ...")
-    description = load_robot(str(robot))
+    description = load_robot(str(robot), exact)
     requests = [parse_effect(text, description) for text in effects]
     if runs is None:
         runs = RUNS + (LOADED_RUNS if payload_kg is not None else ())
@@ -104,7 +105,7 @@ def simulate(
     known = twin_parameters(description, parameters, seed)
     own, requests = _own_terms(requests)
     standard = {**known.standard, **_given_terms(own, description, model)}
-    twin = make_twin(description, str(robot), standard)
+    twin = make_twin(description, str(robot), standard, exact)
     space = reach(description)
     motions = {run.label: _motion(run, space, seed) for run in runs}
     body = payload_body(payload_kg, known.payload) if payload_kg is not None else None
@@ -126,7 +127,7 @@ def simulate(
     return SimulatedStudy(
         robot=description,
         recordings=tuple(recordings),
-        study=_study(str(robot), model, recordings, own, description),
+        study=_study(str(robot), model, recordings, own, description) | ({"exact": True} if exact else {}),
         truth=_truth(twin, model, own, active, body, known.source, sensors, seed, runs),
         robot_file=Path(robot) if Path(robot).is_file() else None,
     )

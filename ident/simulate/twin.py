@@ -63,6 +63,7 @@ class Twin:
     standard: Mapping[str, float]
     link: generated.Model = field(repr=False)  # model B with the payload's ten columns
     drive: generated.Model = field(repr=False)  # model D
+    exact: bool = False  # a URDF's numbers as they are written
 
     @property
     def n(self) -> int:
@@ -80,14 +81,15 @@ class TrueRun:
     tau_l: Array
 
 
-def make_twin(robot: Robot, source: str, standard: Mapping[str, float]) -> Twin:
+def make_twin(robot: Robot, source: str, standard: Mapping[str, float], exact: bool = False) -> Twin:
     """Load the link-side and drive models. Raises GeneratedError where a model cannot be derived."""
     return Twin(
         robot=robot,
         source=source,
         standard=standard,
-        link=generated.load(source, "B", payload=PAYLOAD),
-        drive=generated.load(source, "D"),
+        link=generated.load(source, "B", payload=PAYLOAD, exact=exact),
+        drive=generated.load(source, "D", exact=exact),
+        exact=exact,
     )
 
 

@@ -36,7 +36,7 @@ class Yardstick:
         self.runs = [self._run(label, motion) for label, motion in motions.items()]
         clean = np.concatenate([run.clean for run in self.runs])
         self.rms = np.maximum(np.sqrt(np.mean(clean**2, axis=0)), 1e-3)  # N m
-        kernel = generated.load(twin.source, model)
+        kernel = generated.load(twin.source, model, exact=twin.exact)
         W = np.concatenate([kernel.regressor(*(x[run.rows] for x in run.state)) for run in self.runs])
         self.weight = np.concatenate([run.counts for run in self.runs]) / self.rms
         W *= self.weight[:, :, None]

@@ -33,14 +33,19 @@ class Plan:
 
 
 def plan(
-    robot: str, models: Sequence[str], effects: tuple[str, ...], all_named: bool, tell: Progress
+    robot: str,
+    models: Sequence[str],
+    effects: tuple[str, ...],
+    all_named: bool,
+    tell: Progress,
+    exact: bool = False,
 ) -> Plan:
     """Read the robot and derive its rules, without the models that do not see the effects unless `all_named`.
 
-    Raises ModelgenError.
+    `exact`: a URDF's numbers as they are written. Raises ModelgenError.
     """
     tell(f"reading {robot}", 0.0)
-    value = load_robot(robot)
+    value = load_robot(robot, exact)
     payload = declared_payload(value)
     rules = {}
     unseen: EffectNotSeenError | None = None

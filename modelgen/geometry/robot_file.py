@@ -33,10 +33,11 @@ def built_in_names() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in robots if path.suffix in (".yaml", ".urdf")))
 
 
-def load_robot(name_or_path: str | Path) -> Robot:
+def load_robot(name_or_path: str | Path, exact: bool = False) -> Robot:
     """Read a built-in robot by name, or a robot file by path.
 
-    Raises RobotFileError naming the file, the offending key and the remedy.
+    `exact`: a URDF's angles and lengths as they are written, see urdf_mdh.py. Raises RobotFileError naming
+    the file, the offending key and the remedy.
     """
     text = str(name_or_path)
     path = Path(text)
@@ -52,7 +53,7 @@ def load_robot(name_or_path: str | Path) -> Robot:
             raise RobotFileError(source, _not_found(text)) from None
         except ModelgenError as error:
             raise RobotFileError(source, f"{error}, or a built-in robot") from None
-    return parse_robot(data, source)
+    return parse_robot(data, source, exact)
 
 
 def _not_found(text: str) -> str:
@@ -61,11 +62,11 @@ def _not_found(text: str) -> str:
     return f"no such file and no built-in robot of this name; {hint}"
 
 
-def parse_robot(data: bytes | str, source: str = "robot") -> Robot:
+def parse_robot(data: bytes | str, source: str = "robot", exact: bool = False) -> Robot:
     """Check the text of a robot file and return the robot; `source` names it in errors."""
     data = data.encode() if isinstance(data, str) else data
     if urdf.is_urdf(data, source):
-        return urdf.convert(data, source).robot
+        return urdf.convert(data, source, exact).robot
     if len(data) > LARGEST_FILE:
         size = f"is larger than {LARGEST_FILE // 1024} KiB"
         raise RobotFileError(source, f"{size}; a robot file is a table of at most {MOST_LINKS} links")

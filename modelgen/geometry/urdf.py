@@ -80,12 +80,12 @@ def _notes(found: Table) -> tuple[str, ...]:
     if found.turned:
         notes.append(
             f"angles at {_some(found.turned)} were taken as the multiple of pi/2 beside them (at most "
-            f"{max(found.turned.values()):.1g} rad away); ident robot --exact keeps them"
+            f"{max(found.turned.values()):.1g} rad away); --exact, or exact: true in a study, keeps them"
         )
     if found.shortened:
         notes.append(
-            f"lengths below 1e-9 m at {_some(found.shortened)} were taken as zero; "
-            "ident robot --exact keeps them"
+            f"lengths below 1e-9 m at {_some(found.shortened)} were taken as zero; --exact, or "
+            "exact: true in a study, keeps them"
         )
     across = [link.name for link in found.rows if link.joint == "fixed"]
     if across:

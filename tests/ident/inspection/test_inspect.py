@@ -8,7 +8,9 @@ import yaml
 from small_arm import ARM
 
 import generated
+import ident as door
 from ident.command_line.cli import run
+from ident.export.saved import load_fit
 from ident.inspection.excitation import of_matrix
 from ident.inspection.inspection import inspect_recordings
 from modelgen.geometry.urdf import convert
@@ -169,3 +171,21 @@ def test_a_torque_with_the_other_sign_is_named_before_anything_is_fitted(folder,
     found = inspect_recordings([tmp_path / "run.parquet"], str(folder / "lamp.urdf"), tmp_path)
     assert [check.check for check in found.checks] == ["torque_sign"]
     assert "tau_m2" in found.checks[0].sentence
+
+
+def test_a_study_keeps_a_urdf_s_numbers_as_they_are_written(folder):
+    """From the twin to the fit and the written robot: `exact` goes along."""
+    text = (
+        (folder / "lamp.urdf")
+        .read_text()
+        .replace("<axis", "<!-- rounded --><axis")
+        .replace('<origin xyz="0.3 0 0"/>', '<origin xyz="0.3 0 0" rpy="1.570796 0 0"/>')
+    )
+    (folder / "rounded.urdf").write_text(text)
+    made = door.simulate(folder / "rounded.urdf", duration=10, rate_hz=50, exact=True)
+    assert not any("multiple of pi/2" in note for note in made.result.robot.remarks)
+    fits = [door.fit(made.study.with_(exact=exact)) for exact in (True, False)]
+    assert [bool(fit.result.columns.model.notes) for fit in fits] == [False, True]
+    assert any("multiple of pi/2" in note for note in fits[1].document()["notes"])
+    kept = load_fit(fits[0].save(folder / "exact_fit"))
+    assert kept.load_robot().notes == ()

@@ -11,6 +11,7 @@ import pytest
 from urdf_peer import PinocchioUrdf, link_placements, random_urdf, real_files, row_placements, snapped
 
 import generated
+from modelgen.cli import run
 from modelgen.dynamics.newton_euler import INERTIAL, torque
 from modelgen.errors import ModelgenError
 from modelgen.geometry.kinematics import geometry, state
@@ -189,6 +190,21 @@ def test_a_payload_of_a_urdf_is_a_body_on_its_last_link(tmp_path):
     theirs = np.array([peer.torque(*row) for row in zip(q, dq, ddq)])
     ours = m.torque(q, dq, ddq, m.regroup(loaded))
     np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-10 * np.abs(theirs).max())
+
+
+def test_numbers_as_they_are_written_wherever_a_urdf_is_read(tmp_path, capsys):
+    path = tmp_path / "arm.urdf"
+    path.write_text(ARM)
+    m = generated.load(path, "A", exact=True)
+    assert m.notes == () and generated.load(path, "A").notes  # two models of one file
+    q, dq, ddq = states(3, 12).reshape(3, 4, 3)
+    peer = PinocchioUrdf(ARM, m.joint_names)
+    theirs = np.array([peer.torque(*row) for row in zip(q, dq, ddq)])
+    ours = m.torque(q, dq, ddq, m.regroup(m.standard_values))
+    np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12 * np.abs(theirs).max())
+    for more, told in ((["--exact"], False), ([], True)):
+        assert run([str(path), "--rules-only", "--model", "A", *more]) == 0
+        assert ("exact: true in a study" in capsys.readouterr().err) == told
 
 
 def test_a_urdf_is_known_by_its_content_too(tmp_path):
