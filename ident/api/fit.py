@@ -137,8 +137,7 @@ class Fit:
         With q, dq, ddq (N, n), or a mapping of these three: (N, channels) for exactly this motion. With a
         recording (path, data frame, Arrow table, dict with t and q or q1..): positions are filtered and
         differentiated as in the fit, the torque smoothed like them; a table of t and the channels, without
-        the ends that the filter makes up. A recording needs no torques, unless effects of the model read
-        them. Raises ident.Error.
+        the ends that the filter makes up. A recording needs no torques. Raises ident.Error.
         """
         from ident.api import prediction
 

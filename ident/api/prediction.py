@@ -14,6 +14,7 @@ from ident.api.tables import arrays, frame
 from ident.equations import comparison
 from ident.errors import IdentError
 from ident.estimation.fit import FitResult
+from ident.prediction.torque_free import open_log
 from ident.recordings.opening import open_recording
 from ident.recordings.recording import RecordingStream
 from ident.signals.filtering import FilteredBlock, filter_stream, prepare, smooth_sign
@@ -51,9 +52,11 @@ def of_recording(result: FitResult, data: Any, payload: str | None) -> Any:
     _check_payload(result, payload)
     study = result.study.with_(trim_rest=False)
     entry = data if isinstance(data, Recording) else Recording(data, payload=payload)
-    if not terms_of(result):  # effects may read the measured torque
-        need = replace(need, motor=(), sensor=need.sensor if study.positions == "joint" else ())
-    stream = open_recording(study, entry, need)
+    if terms_of(result):
+        stream = open_log(study, entry, need)
+    else:
+        bare = replace(need, motor=(), sensor=need.sensor if study.positions == "joint" else ())
+        stream = open_recording(study, entry, bare)
     bank = prepare(stream, study.filter, study.turn_overs)
     t: list[np.ndarray] = []
     values: list[np.ndarray] = []

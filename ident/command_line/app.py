@@ -206,7 +206,8 @@ def predict(
     """Predict the torque of a new log: its error, and where and when it leaves the fit's own band.
 
     Writes predict.json, predict.csv, predict.parquet and a plot. A contact, a payload that is not declared,
-    wear and a changed drive leave the band; what the fit was always wrong by does not.
+    wear and a changed drive leave the band; what the fit was always wrong by does not. Of a log without
+    torques the predicted torque alone is written, with its band.
     """
     from ident.command_line import kept_fits
 

@@ -37,8 +37,10 @@ def predict(
             "The log leaves what this fit was ever wrong by; a contact, a payload that is not declared, "
             "wear and a changed drive do so."
         )
-    else:
+    elif found.compared:
         print("Nothing leaves the fit's band.")
+    else:
+        print("The log holds no torques: what is written is the predicted torque and its band.")
     for warning in document["warnings"]:
         print(f"warning: {warning}", file=sys.stderr)
     print(f"wrote {output / 'predict.json'}")

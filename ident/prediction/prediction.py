@@ -4,7 +4,8 @@ The new log goes the way of the fit's own recordings: the same filters, signs, w
 band at the log's rate holds 95 % of the errors that identify and validate runs had (no shape is assumed),
 widened by the doubt that the parameters' covariance leaves for this motion. Whether a stretch leaves it is
 decided on the decimated rows, where the noise model lives (excursions.py). Rows of a joint at rest are not
-judged: friction is then anything between its limits.
+judged: friction is then anything between its limits. Of a log without torques (torque_free.py) nothing is
+judged: torque and band are all there is.
 """
 
 from __future__ import annotations
@@ -24,8 +25,8 @@ from ident.estimation.least_squares import weighted_factor
 from ident.export.saved import SavedFit
 from ident.prediction.excursions import own_worst, stretches
 from ident.prediction.innovations import innovations
+from ident.prediction.torque_free import TorqueFree, open_log
 from ident.progress import Progress, silent
-from ident.recordings.opening import open_recording
 from ident.recordings.recording import RecordingStream
 from ident.signals.filtering import FilterBank, FilteredBlock, filter_stream, prepare
 
@@ -65,6 +66,11 @@ class Prediction:
     doubt: np.ndarray  # (m, channels) N m: standard deviation that the parameters' covariance leaves
     used: np.ndarray  # (m, channels) bool: rows that are judged
     warnings: tuple[str, ...]
+
+    @property
+    def compared(self) -> bool:
+        """Whether the log holds torques to compare with."""
+        return not isinstance(self.stream, TorqueFree)
 
     def band(self, t: np.ndarray) -> np.ndarray:
         """Half width (N, channels) in N m of the 95 % band at times t (N,)."""
@@ -126,7 +132,7 @@ def predict(
     )
     one = study.with_(recordings=(entry,), payload_mass={})
     progress("reading the log")
-    stream = open_recording(one, entry, columns.need)
+    stream = open_log(one, entry, columns.need, columns.model.prismatic)
     bank = prepare(stream, one.filter, study.turn_overs)
     progress("predicting")
     system = observe(stream, bank, fit.rigid, fit.cutoff_hz, study.filter.order)
@@ -151,6 +157,8 @@ def predict(
         for j, name in enumerate(columns.channels):
             W = system.dense(segment, j, len(fit.chi))
             doubt[:, j] = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", W, fit.covariance, W), 0))
+            if isinstance(stream, TorqueFree):
+                continue
             white = innovations(rho[j], segment.used[j], fit.noises[j], W)
             usual = float(np.sqrt(fit.noises[j].variance))
             for piece in stretches(white, fit.covariance, own[j], alpha):
@@ -160,10 +168,11 @@ def predict(
             judged[j] += segment.used[j].sum()
             rms[j] += np.sum(rho[j] ** 2)
         doubts.append((segment.t, doubt))
+    compared = columns.channels if not isinstance(stream, TorqueFree) else ()
     return Prediction(
-        fit, stream, bank, squares.by_recording()[stream.label],
-        dict(zip(columns.channels, np.sqrt(rms / np.maximum(judged, 1)).tolist())),
-        dict(zip(columns.channels, (100 * judged / max(rows, 1)).tolist())),
+        fit, stream, bank, squares.by_recording()[stream.label] if compared else {},
+        dict(zip(compared, np.sqrt(rms / np.maximum(judged, 1)).tolist())),
+        dict(zip(compared, (100 * judged / max(rows, 1)).tolist())),
         tuple(sorted(excursions, key=lambda e: -e.strength)),
         np.concatenate([t for t, _ in doubts]), np.concatenate([d for _, d in doubts]),
         np.concatenate([segment.used.T for segment in system.segments]),

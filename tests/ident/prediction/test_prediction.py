@@ -10,7 +10,7 @@ from recordings import motion, true_chi, write_parquet, write_study
 import generated
 from ident.command_line.cli import run
 from ident.errors import IdentError
-from ident.estimation.fit import FitResult, fit_study
+from ident.estimation.fit import fit_study
 from ident.export.saved import load_fit
 from ident.prediction.files import write_prediction
 from ident.prediction.prediction import predict
@@ -112,7 +112,34 @@ def test_files(kept, tmp_path):
     assert (tmp_path / "out" / "predict.svg").stat().st_size > 10000
 
 
-@pytest.mark.skipif("terms" not in FitResult.__dataclass_fields__, reason="this fit knows no effects")
+def without(file, *words):
+    """The same table without the columns that begin with these words."""
+    table = pq.read_table(file)
+    kept = [name for name in table.column_names if not name.startswith(words)]
+    target = file.with_stem(f"{file.stem}_bare")
+    pq.write_table(table.select(kept), target)
+    return target
+
+
+def test_a_log_without_torques_is_predicted_alone(kept, tmp_path, capsys):
+    whole = log(tmp_path, "monday", 36, seconds=12)
+    bare = without(whole, "tau")
+    for file, out in ((whole, "whole"), (bare, "bare")):
+        assert run(["predict", str(kept.folder), str(file), "-o", str(tmp_path / out)]) == 0
+    assert "holds no torques" in capsys.readouterr().out
+    known, alone = (pq.read_table(tmp_path / out / "predict.parquet") for out in ("whole", "bare"))
+    assert [n for n in alone.column_names if n.startswith("tau_m1")] == ["tau_m1_predicted", "tau_m1_band"]
+    for name in alone.column_names:
+        np.testing.assert_allclose(alone[name], known[name], rtol=1e-9, atol=1e-9)
+    document = json.loads((tmp_path / "bare" / "predict.json").read_text())
+    assert document["verdict"] == "not compared" and document["excursions"] == []
+    assert document["relative_error_percent"] == document["inside_band_percent"] == {}
+    rms = np.sqrt(np.mean(np.square(alone["tau_m2_predicted"].to_numpy())))
+    assert document["predicted_rms"]["tau_m2"] == pytest.approx(rms)
+    with pytest.raises(IdentError, match="column tau_m3 is missing"):  # some are there: not a bare log
+        predict(kept, without(log(tmp_path, "torn", 37, seconds=12), "tau_m3"))
+
+
 def test_effects_of_a_study_are_part_of_the_prediction(tmp_path):
     def bend(t, q, dq, tau):
         tau[:, 1] += 4.0 * np.exp(-((dq[:, 1] / 0.15) ** 2)) * np.sign(dq[:, 1]) + 1.0 * np.sin(9 * q[:, 1])
@@ -135,6 +162,9 @@ def test_effects_of_a_study_are_part_of_the_prediction(tmp_path):
     rms = np.sqrt(sum(np.sum(piece.rho**2, axis=1) for piece in own) / sum(p.used.sum(axis=1) for p in own))
     np.testing.assert_allclose(list(again.rms.values()), rms, rtol=1e-3)  # residuals are kept in float32
     assert not predict(fit, tmp_path / "c.parquet").excursions
+    bare, whole = (list(predict(fit, file).full_rate())
+                   for file in (without(tmp_path / "c.parquet", "tau"), tmp_path / "c.parquet"))  # fmt: skip
+    np.testing.assert_allclose(bare[0][2], whole[0][2], rtol=1e-9, atol=1e-9)
     clean = predict(fit, log(tmp_path, "mended", 4))
     assert {item.channel for item in clean.excursions} == {"tau_m2"}
 
