@@ -39,7 +39,8 @@ def open_log(
     One that holds some of them is refused as every other incomplete recording. Raises RecordingError,
     StudyError.
     """
-    table = open_table(study.recording_path(entry), entry.decimal, entry.label, entry.topic)
+    source = study.recording_path(entry) if entry.table is None else entry.table
+    table = open_table(source, entry.decimal, entry.label, entry.topic)
     bare = replace(need, motor=(), sensor=())
     torques = [replace(bare, motor=(k,)) for k in need.motor]
     torques += [replace(bare, sensor=(k,)) for k in need.sensor]

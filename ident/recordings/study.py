@@ -170,11 +170,11 @@ class Study(_Strict):
     (angles rounded beside a quarter turn then cost base parameters); `without` leaves terms out of the
     model; `link_inertia` gives each joint torque sensor an inertia of its own, Ial ddq_j; `coupled_drives`
     pairs joints whose motors a gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2;
-    `payload_mass` weighed payloads [kg]; `bounds`, `robust`, `reduction`, `reduction_alpha` (of the F-test), `effective_rows` choose the
-    estimator; `turn_over` [rad/s] and `presliding` [rad] per joint are the rate and the travel within which
-    its dry friction changes sign; `trim_rest: false` keeps rest at the ends; `joints` are the joints' names
-    in the recordings, in the robot's order; `effort` says what the driver records as such; `folder` is
-    where the recordings are."""
+    `payload_mass` weighed payloads [kg]; `bounds`, `robust`, `reduction`, `reduction_alpha` (of the
+    F-test), `effective_rows` choose the estimator; `turn_over` [rad/s] and `presliding` [rad] per joint are
+    the rate and the travel within which its dry friction changes sign; `trim_rest: false` keeps rest at the
+    ends; `joints` are the joints' names in the recordings, in the robot's order; `effort` says what the
+    driver records as such; `folder` is where the recordings are."""
 
     robot: PathText
     exact: bool = False

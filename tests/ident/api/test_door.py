@@ -133,6 +133,8 @@ def test_effects_of_a_study_are_fitted_and_predicted(twin, fit):
     run = twin.result.recordings[2].columns
     made = extended.predict(run)
     (t,) = numbers(made, "t")
+    bare = extended.predict({name: column for name, column in run.items() if not name.startswith("tau")})
+    np.testing.assert_allclose(numbers(bare, "tau_m2")[0], numbers(made, "tau_m2")[0], rtol=1e-9)
     moving = (t > 0.6) & (t < t[-1] - 0.6)
     smooth = np.interp(t, run["t"], zero_phase(run["tau_m2"], 250.0, 10.0))[moving]
     error = 100 * np.linalg.norm(smooth - numbers(made, "tau_m2")[0][moving]) / np.linalg.norm(smooth)
