@@ -100,6 +100,12 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
     place = {k: position for position, k in enumerate(kept)}
     known: dict[str, float] = {}
     gains_unknown = study.drive_gains == "identify"
+    if study.model == "B" and study.drive_gains is not None:
+        raise StudyError(
+            str(study.file),
+            "drive_gains",
+            "model B has no motor signal, so gains do nothing; leave the key out, or choose C or D",
+        )
     placed: dict[str | None, dict[int, int]] = {None: dict(place)}
     for label in study.payloads:
         placed[label] = dict(place)
@@ -187,12 +193,6 @@ def _left_out(study: Study, parameters: tuple[str, ...], rules: dict[str, str]) 
 def _gains(study: Study, need: Need, parameters: list[str]) -> tuple[dict[int, int], list[Extra]]:
     """One unknown gain per motor channel: column -i_j, so that Y = W chi - g_j i_j with Y free of the
     motor."""
-    if study.model == "B":
-        raise StudyError(
-            str(study.file),
-            "drive_gains",
-            "model B has no motor signal, so gains cannot be identified; choose C or D",
-        )
     places: dict[int, int] = {}
     extras = []
     for channel, its in enumerate(need.channels):

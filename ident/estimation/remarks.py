@@ -103,4 +103,6 @@ def payload_notes(study: Study, estimate: Estimate, covariance: np.ndarray) -> l
                 f"{name} identified as {estimate.chi[k]:.4g} kg (std {np.sqrt(covariance[k, k]):.2g}), "
                 f"weighed {mass:g} kg, difference {100 * (estimate.chi[k] / mass - 1):+.2g} %"
             )
+        elif not (study.model == "A" and study.drive_gains == "identify"):  # where it is the scale itself
+            out.append(f"payload_mass: {label} weighs {mass:g} kg, which these runs do not show")
     return out

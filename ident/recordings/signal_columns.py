@@ -70,18 +70,24 @@ def signal_columns(study: Study, entry: RecordingEntry, need: Need, table: Table
 
     if has("t") or entry.rate_hz is None:
         add("t")
+        if entry.rate_hz is not None:
+            remarks.append("it has a column t, so rate_hz was not used")
     for j in need.joints:
         add(f"q{j}")
     _effort_is_known(study, entry, need, table, has)
     if need.motor:
         gains = study.drive_gains
-        currents = all(has(f"i{need.joints[k]}") for k in need.motor)
         for k in need.motor:
             j = need.joints[k]
-            if gains == "identify":
-                add(f"i{j}" if currents else f"tau_m{j}")
-            elif isinstance(gains, tuple) and currents:
-                add(f"i{j}", gains[k])
+            if gains is not None and not has(f"i{j}") and has(f"tau_m{j}"):
+                raise StudyError(
+                    str(study.file),
+                    "drive_gains",
+                    f"{entry.file} holds the motor torque tau_m{j}, no current i{j}; leave the key out, or "
+                    f"read torques in a drive's own unit as currents: columns: {{i{j}: tau_m{j}}}",
+                )
+            if gains is not None:
+                add(f"i{j}", 1.0 if gains == "identify" else gains[k])
             elif not has(f"tau_m{j}") and has(f"i{j}"):
                 raise StudyError(
                     str(study.file),

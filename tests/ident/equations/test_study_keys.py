@@ -63,7 +63,7 @@ def test_channels_fit_and_report(folder):
 
 
 def test_channels_with_identified_gains(folder):
-    keys = {"model": "C", "drive_gains": "identify"}
+    keys = {"model": "C", "drive_gains": "identify", "columns": {"i2": "tau_m2", "i5": "tau_m5"}}
     result = fit_study(study(folder, "few_C.parquet", channels=["tau_m5", "tau_l5"], **keys))
     assert [name for name in result.columns.parameters if name.startswith("g")] == ["g5"]
     assert result.estimate.chi[result.columns.parameters.index("g5")] == pytest.approx(1.0, abs=0.1)
