@@ -200,6 +200,10 @@ def predict(
         str | None,
         typer.Option("--payload", help="Label of a payload of the fit that is carried.", show_default=False),
     ] = None,
+    episode: Annotated[
+        int | None,
+        typer.Option("--episode", help="Which episode of a table that has several.", show_default=False),
+    ] = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
 ) -> None:
@@ -211,7 +215,7 @@ def predict(
     """
     from ident.command_line import kept_fits
 
-    kept_fits.predict(fit, recording, output, payload, overwrite, verbose)
+    kept_fits.predict(fit, recording, output, payload, episode, overwrite, verbose)
 
 
 @app.command(

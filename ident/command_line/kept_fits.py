@@ -11,7 +11,13 @@ from ident.output import staged, write_file
 
 
 def predict(
-    fit: Path, recording: Path, output: Path, payload: str | None, overwrite: bool, verbose: bool
+    fit: Path,
+    recording: Path,
+    output: Path,
+    payload: str | None,
+    episode: int | None,
+    overwrite: bool,
+    verbose: bool,
 ) -> None:
     """`ident predict`: torque on a new log, its error, and where the log leaves the fit's band."""
     from ident.export.saved import load_fit
@@ -23,7 +29,7 @@ def predict(
 
     staging = staged(output, "ident predict", overwrite=overwrite, inputs=[fit, recording])
     with staging as stage, progress_bar(verbose) as progress:
-        found = predicted(saved, recording, payload, progress)
+        found = predicted(saved, recording, payload, progress, episode)
         progress("writing torques and plot")
         document = write_prediction(found, stage)
         write_document(stage / "predict.json", document)

@@ -18,12 +18,14 @@ from ident.examination.check import Check, worst_first
 from ident.inspection.excitation import Excitation, excitation
 from ident.inspection.profile import TableProfile, profile
 from ident.inspection.proposal import Proposal, propose
-from ident.inspection.study_text import study_text, trial_text
+from ident.inspection.study_text import Source, study_text, trial_text
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream, Survey
 from ident.recordings.study import study_from
-from ident.recordings.tables import open_table
+from ident.recordings.tables import one_episode, open_table
+from ident.recordings.tables.episodes import episodes_of
 
+MOST_EPISODES = 12  # of one file
 DRAWN = 1500  # samples of a curve on the page
 
 
@@ -91,27 +93,34 @@ def inspect_recordings(
         progress("reading the robot")
         loaded = load_robot(robot)
         names, notes = tuple(loaded.joint_names), loaded.remarks
-    tables = []
+    tables, sources = [], []
     for k, file in enumerate(files):
         progress(f"reading {file.name}", k / len(files))
-        tables.append(profile(open_table(file, topic=topic)))
+        table = open_table(file, topic=topic)
+        _, episodes = episodes_of(table)
+        if len(episodes) > MOST_EPISODES:
+            notes += (f"{file.name} holds {len(episodes)} episodes, {MOST_EPISODES} were looked at",)
+        several: Sequence[int | None] = episodes[:MOST_EPISODES] if len(episodes) > 1 else (None,)
+        sources += [Source(file, episode) for episode in several]
+        tables += [profile(one_episode(table, episode)) for episode in several]
     proposal = propose(tables[0], names, len(names))
-    seconds = [_seconds(table) for table in tables]
-    text = study_text(files, seconds, proposal, robot, folder, topic)
-    logs = tuple(Log(file.stem, str(file), table, None, (), (), "", {}) for file, table in zip(files, tables))
+    seconds = [_seconds(table, proposal) for table in tables]
+    text = study_text(sources, seconds, proposal, robot, folder, topic)
+    logs = tuple(
+        Log(source.label, str(source.file), table, None, (), (), "", {})
+        for source, table in zip(sources, tables)
+    )
     inspection = Inspection(robot or "", logs, proposal, None, "", text, notes)
-    return inspection if robot is None else _tried(inspection, robot, files, folder, progress)
+    return inspection if robot is None else _tried(inspection, sources, folder, progress)
 
 
-def _seconds(table: TableProfile) -> float:
-    """Length by a column that is called t, else NaN."""
-    t = table.column("t")
+def _seconds(table: TableProfile, proposal: Proposal) -> float:
+    """Length by a column that is called t, or is taken for it in seconds, else NaN."""
+    t = table.column(proposal.columns.get("t", "t"))
     return t.highest - t.lowest if t else float("nan")
 
 
-def _tried(
-    inspection: Inspection, robot: str, files: Sequence[Path], folder: Path, progress: Progress
-) -> Inspection:
+def _tried(inspection: Inspection, sources: Sequence[Source], folder: Path, progress: Progress) -> Inspection:
     """Open the logs as a study would, and ask the regressor."""
     from ident.equations.prepared import columns_of, prepare_study
     from ident.examination.examine import examine_fit
@@ -125,8 +134,13 @@ def _tried(
         return replace(inspection, excitation_refusal=str(error))
     logs, good = [], []
     for k, log in enumerate(inspection.logs):
-        progress(f"examining {log.label}", k / len(files))
-        entries = [e for e in study.recordings if study.recording_path(e).resolve() == files[k].resolve()]
+        progress(f"examining {log.label}", k / len(sources))
+        file, episode = sources[k].file.resolve(), sources[k].episode
+        entries = [
+            entry
+            for entry in study.recordings
+            if study.recording_path(entry).resolve() == file and entry.episode == episode
+        ]
         try:
             whole = entries[0].model_copy(update={"from_s": None, "to_s": None, "name": log.label})
             stream = open_recording(study, whole, columns.need, columns.model.prismatic)

@@ -7,6 +7,7 @@ import math
 import os
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ident.inspection.proposal import Proposal
@@ -14,13 +15,27 @@ from ident.recordings.fill_in import FILL_IN
 
 HELD_OUT = 0.3  # of a single recording, for validation
 LEAST_S = 20.0  # a shorter one is not cut
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """One recording: a file, or one of its episodes."""
+
+    file: Path
+    episode: int | None = None
+
+    @property
+    def label(self) -> str:
+        return self.file.stem + ("" if self.episode is None else f"_{self.episode}")
+
+
 OPENING = f"""# A first study, written by ident inspect. Lines with {FILL_IN} hold ident fit back until they
 # say what is asked beside them; everything else was read off the recordings and may be changed.
 """
 
 
 def study_text(
-    files: Sequence[Path],
+    sources: Sequence[Source],
     seconds: Sequence[float],
     proposal: Proposal,
     robot: str | None,
@@ -36,7 +51,7 @@ def study_text(
     effort = any(line.key == "effort" for line in proposal.lines)
     said = "B where effort is joint_torque" if effort else "torques: A motor, B joint sensor, C both"
     lines += [f"model: {proposal.model}   # {said}", "recordings:"]
-    lines += [f"  - {entry}" for entry in _entries(files, seconds, proposal, folder, topic)]
+    lines += [f"  - {entry}" for entry in _entries(sources, seconds, proposal, folder, topic)]
     mapped = dict(proposal.columns)
     asked = {
         line.key.removeprefix("columns."): line for line in proposal.lines if line.key.startswith("columns.")
@@ -61,14 +76,14 @@ def trial_text(text: str, proposal: Proposal) -> str:
 
 
 def _entries(
-    files: Sequence[Path], seconds: Sequence[float], proposal: Proposal, folder: Path, topic: str | None
+    sources: Sequence[Source], seconds: Sequence[float], proposal: Proposal, folder: Path, topic: str | None
 ) -> list[str]:
     """One recording is cut in two, the last of several is held out."""
     counted = f", rate_hz: {FILL_IN}" if proposal.counted else ""
     counted += f", topic: {_quoted(topic)}" if topic else ""
     ask = "   # samples a second: the table has no time" if proposal.counted else ""
-    names = [_quoted(_relative(file, folder)) for file in files]
-    if len(files) == 1:
+    names = [_quoted(_relative(its.file, folder)) for its in sources]
+    if len(sources) == 1:
         if not math.isfinite(seconds[0]) or seconds[0] < LEAST_S or proposal.counted:
             return [f"{{file: {names[0]}, use: identify{counted}}}{ask}"]
         cut = f"{(1 - HELD_OUT) * seconds[0]:.4g}"
@@ -76,9 +91,11 @@ def _entries(
             f"{{file: {names[0]}, name: first, use: identify, to: {cut}{counted}}}",
             f"{{file: {names[0]}, name: last, use: validate, from: {cut}{counted}}}",
         ]
-    uses = ["identify"] * (len(files) - 1) + ["validate"]
-    stems = [file.stem for file in files]
-    extra = [f", name: run{k + 1}" if stems.count(stem) > 1 else "" for k, stem in enumerate(stems)]
+    uses = ["identify"] * (len(sources) - 1) + ["validate"]
+    labels = [its.label for its in sources]
+    extra = [f", name: run{k + 1}" if labels.count(label) > 1 else "" for k, label in enumerate(labels)]
+    extra = [("" if its.episode is None else f", episode: {its.episode}") + more
+             for its, more in zip(sources, extra)]  # fmt: skip
     return [
         f"{{file: {name}{more}, use: {use}{counted}}}{ask}" for name, more, use in zip(names, extra, uses)
     ]

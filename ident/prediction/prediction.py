@@ -114,9 +114,16 @@ class Prediction:
 
 
 def predict(
-    fit: SavedFit, recording: str | Path, payload: str | None = None, progress: Progress = silent
+    fit: SavedFit,
+    recording: str | Path,
+    payload: str | None = None,
+    progress: Progress = silent,
+    episode: int | None = None,
 ) -> Prediction:
-    """Predict a new log with a kept fit. Raises RecordingError and what reading a recording raises."""
+    """Predict a new log (or one of its episodes) with a kept fit.
+
+    Raises RecordingError and what reading a recording raises.
+    """
     study, columns = fit.study, fit.columns
     if payload is not None and payload not in study.payloads:
         known = ", ".join(study.payloads) or "none"
@@ -126,6 +133,7 @@ def predict(
         "name": None,
         "from_s": None,
         "to_s": None,
+        "episode": episode,
     }  # a study needs one; nothing is fitted
     entry = study.recordings[0].model_copy(
         update={**anew, "file": str(Path(recording).resolve()), "payload": payload}

@@ -13,7 +13,7 @@ from ident.recordings.opening import open_recording
 from ident.recordings.recording import RecordingStream
 from ident.recordings.signal_columns import signal_columns
 from ident.recordings.study import RecordingEntry, Study
-from ident.recordings.tables import Table, open_table
+from ident.recordings.tables import Table, one_episode, open_table
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +40,7 @@ def open_log(
     StudyError.
     """
     source = study.recording_path(entry) if entry.table is None else entry.table
-    table = open_table(source, entry.decimal, entry.label, entry.topic)
+    table = one_episode(open_table(source, entry.decimal, entry.label, entry.topic), entry.episode)
     bare = replace(need, motor=(), sensor=())
     torques = [replace(bare, motor=(k,)) for k in need.motor]
     torques += [replace(bare, sensor=(k,)) for k in need.sensor]

@@ -30,7 +30,7 @@ from ident.recordings.remarks import notes_on
 from ident.recordings.signal_columns import signal_columns
 from ident.recordings.study import RecordingEntry, Study
 from ident.recordings.surveying import surveyed
-from ident.recordings.tables import open_table
+from ident.recordings.tables import one_episode, open_table
 
 
 def open_recordings(study: Study, need: Need, prismatic: Collection[str] = ()) -> list[RecordingStream]:
@@ -45,7 +45,7 @@ def open_recording(
     _check_sizes(study, need)
     path = study.recording_path(entry)
     source = path if entry.table is None else entry.table
-    table = open_table(source, entry.decimal, entry.label, entry.topic)
+    table = one_episode(open_table(source, entry.decimal, entry.label, entry.topic), entry.episode)
     found = signal_columns(study, entry, need, table)
     names, factors, offsets = found.names, found.factors, found.offsets
     window = (-np.inf if entry.from_s is None else entry.from_s, np.inf if entry.to_s is None else entry.to_s)

@@ -79,6 +79,7 @@ class RecordingEntry(_Strict):
     rate_hz: Annotated[Number, Field(ge=0.1, le=1e6)] | None = None  # only for tables without a time column
     decimal: Literal[".", ","] = "."  # only for CSV
     topic: str | None = None  # only for ROS bags with several joint states
+    episode: Annotated[Whole, Field(ge=0)] | None = None  # only for tables of several episodes
     effort: Effort | None = None  # what a JointState's effort is; also for all recordings
     columns: dict[str, ColumnMap] = Field(default_factory=dict)
     _table: Any = PrivateAttr(default=None)  # in memory instead of `file` (ident.Recording); no key of a file
@@ -101,7 +102,7 @@ class RecordingEntry(_Strict):
 
     @property
     def label(self) -> str:
-        return self.name or Path(self.file).stem
+        return self.name or Path(self.file).stem + ("" if self.episode is None else f"_{self.episode}")
 
 
 class FilterSettings(_Strict):

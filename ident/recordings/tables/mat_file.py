@@ -1,7 +1,8 @@
-"""Numeric arrays of a MAT file (version 5 to 7), read with every length checked before it is used.
+"""Numeric arrays of a MAT file (version 4 to 7), read with every length checked before it is used.
 
 A damaged file ends in a sentence; the usual reader, being C that trusts lengths, ends the process instead.
-Layout: MathWorks, "MAT-File Format", level 5. Structures, cells, text and complex arrays are passed over.
+Layout: MathWorks, "MAT-File Format", levels 4 and 5. Structures, cells, text and complex arrays are passed
+over.
 """
 
 from __future__ import annotations
@@ -18,13 +19,17 @@ COMPRESSED, MATRIX = 15, 14
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 NUMERIC = range(6, 16)  # classes double, single, int8 .. uint64
 COMPLEX, LOGICAL = 0x800, 0x200
+TYPES_4 = {0: "f8", 1: "f4", 2: "i4", 3: "i2", 4: "u2", 5: "u1"}
+FULL, SPARSE = 0, 2  # of version 4; 1 is text
 
 
 def numeric_arrays(data: bytes) -> dict[str, np.ndarray]:
     """{name: array}. Raises ValueError for what is no such file, or a damaged one."""
     marks = {b"IM": "<", b"MI": ">"}
+    if 0 in data[:4]:  # the text that level 5 begins with has no zero there
+        return _level_4(data)
     if len(data) < 128 or data[126:128] not in marks:
-        raise ValueError("not a MAT file of version 5 or later; save it with -v7")
+        raise ValueError("not a MAT file; save it with -v7")
     order = marks[data[126:128]]
     found: dict[str, np.ndarray] = {}
     position = 128
@@ -38,6 +43,27 @@ def numeric_arrays(data: bytes) -> dict[str, np.ndarray]:
             body = _part(body, 8, size)
         if kind == MATRIX:
             found |= _matrix(body, order)
+    return found
+
+
+def _level_4(data: bytes) -> dict[str, np.ndarray]:
+    """Version 4: per array type, rows, columns, imaginary, length of the name; the name; the numbers."""
+    found: dict[str, np.ndarray] = {}
+    order = "<" if struct.unpack_from("<i", _part(data, 0, 4))[0] < 5000 else ">"
+    position = 0
+    while position < len(data):
+        kind, rows, columns, imaginary, length = struct.unpack(order + "5i", _part(data, position, 20))
+        machine, zero, number, form = kind // 1000, kind // 100 % 10, kind // 10 % 10, kind % 10
+        if machine not in (0, 1) or zero or number not in TYPES_4 or form > 2 or min(rows, columns) < 0:
+            raise ValueError("not a MAT file of version 4 in IEEE numbers; save it with -v7")
+        dtype = np.dtype(order + TYPES_4[number])
+        name = _part(data, position + 20, length).rstrip(b"\0").decode("ascii", "replace")
+        position += 20 + length
+        size = rows * columns * dtype.itemsize
+        if form == FULL and imaginary == 0:
+            values = np.frombuffer(_part(data, position, size), dtype)
+            found[name] = values.reshape((rows, columns), order="F").astype(float)
+        position += size * (2 if imaginary and form != SPARSE else 1)
     return found
 
 

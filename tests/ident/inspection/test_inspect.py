@@ -3,6 +3,8 @@
 import json
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 from small_arm import ARM
@@ -98,6 +100,35 @@ def test_one_log_is_cut_in_two_and_its_robot_may_be_unknown(folder):
     first, last = study["recordings"]
     assert first["to"] == last["from"] == pytest.approx(28, abs=0.1) and last["use"] == "validate"
     assert [question.split(":")[0] for question in found.questions] == ["robot", "joints", "effort"]
+
+
+def test_episodes_of_one_file_are_recordings_of_their_own(folder, capsys):
+    model = generated.load(str(folder / "lamp.urdf"), "A")
+    chi, tables = np.full(len(model.parameters), 0.6), []
+    for episode in range(3):
+        t, q, dq, ddq = motion(25, rate=50, seed=episode)
+        tau = model.torque(q, dq, ddq, chi) + 0.01 * np.random.default_rng(episode).normal(size=q.shape)
+        state = {"observation.state": q.tolist(), "observation.effort": tau.tolist(), "action": q.tolist()}
+        number = np.full(len(t), episode)
+        tables.append(pa.table({"timestamp": t.astype(np.float32), "episode_index": number, **state}))
+    pq.write_table(pa.concat_tables(tables), folder / "file-000.parquet")
+    study = folder / "learned.yaml"
+    given = ["inspect", str(folder / "file-000.parquet"), "--robot", str(folder / "lamp.urdf")]
+    assert run([*given, "-o", str(study)]) == 0
+    document = yaml.safe_load(study.read_text().replace("FILL IN", "motor_torque"))
+    assert [entry["episode"] for entry in document["recordings"]] == [0, 1, 2]
+    study.write_text(yaml.safe_dump(document))
+    fit = door.fit(study)
+    assert [each.label for each in fit.result.recordings] == [f"file-000_{k}" for k in range(3)]
+    np.testing.assert_allclose(fit.result.full.chi, chi, atol=0.05)
+    del document["recordings"][1]["episode"]
+    study.write_text(yaml.safe_dump(document))
+    with pytest.raises(door.Error, match="holds 3 episodes"):
+        door.fit(study)
+    fit.save(folder / "learned")
+    given = ["predict", str(folder / "learned"), str(folder / "file-000.parquet"), "-o", str(folder / "new")]
+    assert run(given) == 2 and "holds 3 episodes" in capsys.readouterr().err
+    assert run([*given, "--episode", "2"]) == 0
 
 
 def test_a_log_in_degrees_is_refused_with_the_scale_and_the_others_are_still_seen(tmp_path):

@@ -10,7 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from ident.errors import RecordingError
-from ident.recordings.tables import open_table
+from ident.recordings.tables import one_episode, open_table
+from ident.recordings.tables.episodes import episodes_of
 
 N = 3000
 T = np.arange(N) / 500
@@ -100,6 +101,39 @@ def test_list_columns_of_parquet_with_an_empty_cell(tmp_path):
     assert np.array_equal(read, expected, equal_nan=True)
 
 
+def learning_set(path, episodes=(0, 1, 2), **more):
+    """A file as robot learning data sets have it: times and lists, episode after episode."""
+    rows = len(T) // len(episodes)
+    state = [list(map(float, row)) for row in Q[: rows * len(episodes)]]
+    number = np.repeat(episodes, rows)
+    times = np.tile(T[:rows], len(episodes)).astype(np.float32)
+    columns = {"timestamp": times, "observation.state": state, "episode_index": number}
+    pq.write_table(pa.table(columns | more), path)
+    return rows
+
+
+def test_episodes_are_read_one_by_one(tmp_path):
+    rows = learning_set(tmp_path / "file.parquet", (4, 5, 6))
+    table = open_table(tmp_path / "file.parquet")
+    assert episodes_of(table) == ("episode_index", (4, 5, 6))
+    middle = one_episode(table, 5)
+    read = values(middle, "observation.state2", "timestamp")
+    assert np.array_equal(read[:, 0], Q[rows : 2 * rows, 1]) and np.allclose(read[:, 1], T[:rows], atol=1e-6)
+    for wanted, words in ((None, "holds 3 episodes (episode_index 4 to 6)"), (7, "has no episode 7; its")):
+        with pytest.raises(RecordingError) as caught:
+            one_episode(table, wanted)
+        assert words in str(caught.value)
+
+
+def test_one_episode_alone_needs_no_name(tmp_path):
+    learning_set(tmp_path / "file.parquet", (4,))
+    table = open_table(tmp_path / "file.parquet")
+    assert one_episode(table, None) is table
+    assert one_episode(open_table({"t": T, "episode": np.sin(T)}), None).columns == ("t", "episode")
+    with pytest.raises(RecordingError, match="has no episode 1; it tells none apart"):
+        one_episode(open_table({"t": T, "q": Q}), 1)
+
+
 def test_lists_of_different_lengths_are_refused():
     assert "different lengths" in refusal(pa.table({"q": [[1.0, 2.0], [1.0]]}))
 
@@ -168,14 +202,29 @@ def test_mat_files_as_scipy_writes_them(tmp_path, compressed, dtype):
     assert np.array_equal(values(table, "tau_m1", "t"), np.column_stack([arrays["tau_m1"][:, 0], T]))
 
 
-def test_a_damaged_mat_file_is_one_sentence(tmp_path):
+@pytest.mark.parametrize("dtype", ["f8", "f4", "i4", "i2", "u2", "u1"])
+def test_mat_files_of_version_4(tmp_path, dtype):
+    import scipy.io
+    import scipy.sparse
+
+    arrays = {"t": T, "q": (10 * Q).astype(dtype), "tau_m1": (10 * Q[:, :1]).astype(dtype)}
+    other = {"name": "run", "z": T * 1j, "one": 3.0, "few": scipy.sparse.eye(5)}
+    scipy.io.savemat(tmp_path / "run.mat", {**other, **arrays}, format="4", oned_as="column")
+    table = open_table(tmp_path / "run.mat")
+    assert set(table.columns) == {"t", "q1", "q2", "q3", "tau_m1"}
+    assert np.array_equal(values(table, "q2")[:, 0], arrays["q"][:, 1].astype(float))
+    assert np.array_equal(values(table, "tau_m1", "t"), np.column_stack([arrays["tau_m1"][:, 0], T]))
+
+
+@pytest.mark.parametrize(("version", "first"), [("4", 0), ("5", 126)])
+def test_a_damaged_mat_file_is_one_sentence(tmp_path, version, first):
     """Every byte of it wrong in turn; SciPy's reader ends the process for some of them."""
     import scipy.io
 
     path = tmp_path / "run.mat"
-    scipy.io.savemat(path, {"t": T[:9], "q": Q[:9]})
+    scipy.io.savemat(path, {"t": T[:9], "q": Q[:9]}, format=version)
     whole = path.read_bytes()
-    for k in range(126, len(whole)):
+    for k in range(first, len(whole)):
         path.write_bytes(whole[:k] + bytes([whole[k] ^ 0xFF]) + whole[k + 1 :])
         with contextlib.suppress(RecordingError):
             list(open_table(path).blocks(["q1"]))
