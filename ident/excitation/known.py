@@ -23,8 +23,9 @@ from ident.excitation.optimal import Holding
 from ident.simulate.parameters import random_parameters, read_parameters, twin_parameters
 from ident.simulate.requests import parse_effect
 from ident.simulate.twin import placed
-from modelgen.effects.effect import Effect, metres_per_radian, radian_power
+from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Motion, Place
+from modelgen.effects.scaling import metres_per_radian, radian_power
 from modelgen.geometry.names import Channel
 from modelgen.geometry.robot import Robot
 

@@ -13,8 +13,8 @@ from ident.simulate.requests import EffectRequest
 from ident.simulate.trajectories import Motion, reach
 from ident.simulate.twin import ActiveEffect, SimulationError, Twin, placed
 from ident.simulate.yardstick import Yardstick
-from modelgen.effects.effect import metres_per_radian, radian_power
 from modelgen.effects.place import Layout, Place
+from modelgen.effects.scaling import metres_per_radian, radian_power
 
 
 def activate(

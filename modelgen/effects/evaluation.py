@@ -1,4 +1,4 @@
-"""SymPy terms of an effect as NumPy functions: its columns, their derivatives, what it reports and how sure.
+"""SymPy terms of an effect as NumPy functions: its columns, what it reports and how sure.
 
 Compiled once per effect. Nothing here knows of joints, places or models.
 """
@@ -46,13 +46,6 @@ def columns(effect: Terms, values: Mapping[str, Array], theta: Mapping[str, floa
     return np.stack([np.broadcast_to(part, rows) for part in parts], axis=1).astype(float)
 
 
-def derivatives(effect: Terms, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
-    """(n_nonlinear, N, n_linear) of the columns with respect to the shape parameters."""
-    parts = [np.broadcast_to(d, rows) for d in _compiled_derivatives(effect)(values, theta)]
-    shape = (len(effect.nonlinear), len(effect.linear), rows)
-    return np.asarray(parts, dtype=float).reshape(shape).transpose(0, 2, 1)
-
-
 def told(effect: Terms, values: Mapping[str, float], covariance: Array) -> tuple[Array, Array]:
     """Values and standard deviations of the reported quantities: var f = f' C f'^T, C over `told_names`."""
     if not effect.quantities:
@@ -84,13 +77,6 @@ def _lambdify(effect: Terms, expressions: list[sp.Expr]) -> Callable[..., list[A
 @cache
 def _compiled(effect: Terms) -> Callable[..., list[Array]]:
     return _lambdify(effect, [effect.terms[name] for name in effect.linear_names])
-
-
-@cache
-def _compiled_derivatives(effect: Terms) -> Callable[..., list[Array]]:
-    return _lambdify(
-        effect, [effect.terms[name].diff(p.symbol) for p in effect.nonlinear for name in effect.linear_names]
-    )
 
 
 @cache

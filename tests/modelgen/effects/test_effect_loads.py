@@ -14,7 +14,6 @@ from modelgen.effects.loads import (
     tilt_torque,
     tilted,
 )
-from modelgen.effects.motions import derivatives, motion_column, moved_torque
 from modelgen.geometry.robot_file import load_robot
 
 pin = pytest.importorskip("pinocchio")
@@ -99,24 +98,6 @@ def test_gate_opens_and_closes():
     t = np.arange(5.0)
     assert gate(t, 1.0, 3.0).tolist() == [0, 1, 1, 0, 0]
     assert gate(t).tolist() == [1] * 5 and gate(t, None, 2.0).tolist() == [1, 1, 0, 0, 0]
-
-
-def pendulum(q, dq, ddq):
-    """A pendulum of unit inertia and 10 N m of weight, and a passenger who feels its acceleration."""
-    return np.stack([ddq[:, 0] + 10 * np.sin(q[:, 0]), 0.3 * ddq[:, 0]], axis=1)
-
-
-def test_motion_column_is_the_torque_of_a_displaced_link():
-    dt = 1e-3
-    t = np.arange(0, 4, dt)
-    q = np.stack([np.sin(2 * t), 0 * t], axis=1)
-    (dq, ddq), bump = derivatives(q, dt), np.exp(-((t - 2) ** 2))
-    column = motion_column(pendulum, q, dq, ddq, 0, bump, dt, 1e-4)
-    bump_second = (4 * (t - 2) ** 2 - 2) * bump
-    exact = np.stack([bump_second + 10 * np.cos(q[:, 0]) * bump, 0.3 * bump_second], axis=1)
-    assert column[2:-2] == pytest.approx(exact[2:-2], abs=1e-4)  # dt^2/12 of fourth derivatives, amplitude^2
-    whole = moved_torque(pendulum, q, dq, ddq, 0, 1e-4 * bump, dt)
-    assert whole == pytest.approx(1e-4 * column, abs=1e-6)  # second order in 1e-4
 
 
 def test_payload_of_the_simulator_is_a_body_that_can_exist():

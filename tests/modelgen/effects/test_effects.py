@@ -110,20 +110,6 @@ def test_columns_are_the_symbolic_terms(name):
             assert value == pytest.approx(float(exact[p]), rel=1e-9, abs=1e-12)  # 53 bits against 30 digits
 
 
-@pytest.mark.parametrize("name", [n for n in WITH_TERMS if effect(n).nonlinear and n not in OWN_PATH])
-def test_derivatives_are_those_of_the_columns(name):
-    e = effect(name)
-    signals, theta = some_signals(e), e.complete(None)
-    derivatives = e.numpy_derivatives(signals, theta)
-    assert derivatives.shape == (len(e.nonlinear), 200, len(e.linear))
-    assert np.isfinite(derivatives).all()
-    for p, got in zip(e.nonlinear, derivatives):
-        h = 1e-5 * max(abs(theta[p.name]), 0.1)
-        up, down = (e.numpy_columns(signals, {**theta, p.name: theta[p.name] + s * h}) for s in (1, -1))
-        difference = (up - down) / (2 * h)  # truncation h^2 f'''/6: about 1e-8 of the largest here
-        assert np.abs(got - difference).max() <= 1e-3 * np.abs(difference).max() + 1e-9
-
-
 @pytest.mark.parametrize("name", EVERY)
 def test_reported_values_come_back(name):
     e = effect(name)

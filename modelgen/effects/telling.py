@@ -1,0 +1,96 @@
+"""What an effect reports of itself: whether its values can be, and values and deviations as a person reads
+them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import sympy as sp
+
+from modelgen.effects import evaluation
+from modelgen.effects.definition import Definition, EffectError
+from modelgen.effects.place import Model, Place
+
+Array = np.ndarray
+Report = dict[str, dict[str, float | str]]
+
+
+class Telling(Definition):
+    """From linear and nonlinear parameters to reported ones, and back."""
+
+    def physical(self, values: Mapping[str, float], model: Model | None = None) -> str | None:
+        """Why these linear and nonlinear parameters cannot be, in one clause; None when they can."""
+        for p in self.linear:
+            if p.sign == "positive" and values.get(p.name, 0.0) < 0:
+                return f"{p.name} would be negative"
+        for q in self.nonlinear:
+            if q.low > 0 and values.get(q.name, q.low) <= 0:
+                return f"{q.name} would be negative or zero"
+        return None
+
+    def context_of(self, place: Place, model: Model) -> dict[str, float]:
+        """Numbers of the model that `report` is relative to: of "Fv" the joint's Fvm, or else Fvl."""
+        out = {}
+        for name in self.context:
+            sides = ("l", "m") if place.side in ("sensor", "link") else ("m", "l")
+            found = [
+                value
+                for side in sides
+                if (value := model.number(f"{name}{side}", place.joint or 0)) is not None
+            ]
+            if found:
+                out[name] = found[0]
+        return out
+
+    def values_from_reported(
+        self, reported: Mapping[str, float], context: Mapping[str, float] | None = None
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """(linear, nonlinear) parameters that belong to reported values, e.g. A, phi -> As, Ac."""
+        known = {q.name for q in self.quantities}
+        unknown = sorted(set(reported) - known)
+        if unknown:
+            raise EffectError(
+                f"{self.name} has no parameter {', '.join(unknown)}; it has {', '.join(sorted(known))}."
+            )
+        given = {sp.Symbol(k, real=True): v for k, v in {**reported, **(context or {})}.items()}
+
+        def value(name: str) -> float:
+            expression = sp.sympify(self.inverse.get(name, sp.Symbol(name, real=True))).subs(given)
+            if expression.free_symbols:
+                absent = ", ".join(sorted(s.name for s in expression.free_symbols))
+                raise EffectError(f"{self.name} needs a value for {absent}.")
+            if not (expression.is_real and expression.is_finite):
+                told = ", ".join(f"{key}={number:g}" for key, number in reported.items())
+                raise EffectError(f"{self.name} cannot have {told}; give values other than zero.")
+            return float(expression)
+
+        return {n: value(n) for n in self.linear_names}, {n: value(n) for n in self.nonlinear_names}
+
+    def report(
+        self,
+        values: Mapping[str, float],
+        covariance: Array | None = None,
+        context: Mapping[str, float] | None = None,
+        place: Place | None = None,
+    ) -> Report:
+        """{name: {value, std, unit}} by the delta method: var f = f' C f'^T.
+
+        `values`: linear and nonlinear parameters. `covariance` is of (linear, nonlinear, context) in the
+        order of the definition, without the linear ones that `values` lacks; shorter when the last ones
+        were held fixed; None gives std 0. What depends on an absent one is not reported.
+        """
+        missing = sorted(set(self.context) - set(context or {}))
+        if missing:
+            raise EffectError(f"{self.name} is reported relative to {', '.join(missing)} of its joint.")
+        names = evaluation.told_names(self)
+        absent = {name for name in self.linear_names if name not in values}
+        estimated = [i for i, name in enumerate(names) if name not in absent]
+        full = np.zeros((len(names), len(names)))
+        if covariance is not None:
+            k = np.shape(covariance)[0]
+            full[np.ix_(estimated[:k], estimated[:k])] = covariance
+        numbers, std = evaluation.told(self, {**values, **(context or {})}, full)
+        return {
+            quantity.name: {"value": float(v), "std": float(s), "unit": self.unit(quantity, place)}
+            for quantity, v, s in zip(self.quantities, numbers, std)
+            if not absent & {symbol.name for symbol in quantity.expression.free_symbols}
+        }
