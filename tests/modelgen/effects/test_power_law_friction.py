@@ -1,44 +1,13 @@
 """power_law_friction: columns, simulation, places and spread against its formula."""
 
 import numpy as np
-import pytest
-from effect_model import added, arm_model, check_report, contribution, first_place, layout, motion, values_of
-
-from modelgen.effects import effect
-
-E = effect("power_law_friction")
-J = 1
-CONTEXT = None
+from plain_effect import J, PlainEffect
 
 
-def expected(m, model, v):
-    dq = m.dq[:, J]
-    return v["Fp"] * (dq**2 + 1e-8) ** (v["p"] / 2) * np.sign(dq)
+class TestPowerLawFriction(PlainEffect):
+    name = "power_law_friction"
+    impossible = {"Fp": -1.0}
 
-
-def test_columns_are_the_formula_and_the_simulator_shows_them():
-    model = arm_model(("motor", "sensor"), dry=False)
-    m, v, place = motion(model, 3.0), values_of(E, CONTEXT), first_place(E, model)
-    seen = contribution(E, place, v, m, model)
-    rows = [J]
-    for c in rows:
-        assert seen[:, c] == pytest.approx(expected(m, model, v), rel=1e-9, abs=1e-9)
-    assert not np.delete(seen, rows, axis=1).any()
-    assert added(model, m, E, place, v) == pytest.approx(seen, abs=1e-8)
-
-
-def test_it_stands_on_each_joint_where_the_channels_show_it():
-    one, both = (list(E.places(layout(arm_model(s)))) for s in (("motor",), ("motor", "sensor")))
-    assert [(p.joint, p.side) for p in one] == [(j, s) for s in ("motor",) for j in range(4)]
-    assert [(p.joint, p.side) for p in both] == [(j, s) for s in ("motor", "link") for j in range(4)]
-    assert list(E.places(layout(arm_model(("drive",)))))
-
-
-def test_what_physics_forbids_is_refused():
-    v = values_of(E, CONTEXT)
-    assert E.physical(v) is None
-    assert "Fp would be negative" in E.physical({**v, "Fp": -1.0})
-
-
-def test_reported_spread_is_that_of_draws():
-    check_report("power_law_friction", CONTEXT)
+    def expected(self, m, model, v):
+        dq = m.dq[:, J]
+        return v["Fp"] * (dq**2 + 1e-8) ** (v["p"] / 2) * np.sign(dq)
