@@ -84,7 +84,7 @@ def test_a_class_is_compiled_and_its_next_version_compiled_anew():
 
         class Wind(Effect):
             name, summary, signature, source = "wind", "air", "drag", "me"
-            terms = {"Fw": SIGNALS.dq**power}  # noqa: RUF012
+            terms = {"Fw": SIGNALS.dq**power}
             linear = (LinearParameter("Fw", "N m", 0.0, 50.0),)
 
         register(Wind)
