@@ -230,6 +230,14 @@ class Study(_Strict):
             raise ValueError(f"{name} is not built yet; leave the key out, or write wls or irls")
         return name
 
+    @field_validator("joints")
+    @classmethod
+    def _once(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        twice = next((name for name in names or () if (names or ()).count(name) > 1), None)
+        if twice is not None:
+            raise ValueError(f"{twice} stands there twice; name each joint once, in the robot's order")
+        return names
+
     @field_validator("channels")
     @classmethod
     def _some(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:

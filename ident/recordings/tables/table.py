@@ -19,6 +19,7 @@ from modelgen.errors import shortened
 
 ROWS = 16384  # of one block: a few MB with 30 columns
 HELD = 3_000_000  # numbers of a table kept after the first reading; longer tables are read again each time
+MENDED_BY = {"MCAP": "mcap recover", "BAG": "rosbag reindex", "DB3": "ros2 bag reindex"}  # not closed by ROS
 Blocks = Iterator[np.ndarray]
 
 
@@ -65,8 +66,10 @@ def damaged(file: str, error: Exception) -> RecordingError:
     """What a library could not read, as one sentence."""
     reason = shortened(str(error), 160) or type(error).__name__
     kind = Path(file).suffix.lstrip(".").upper() or "a table"
+    mend = f", or mend it with {MENDED_BY[kind]}" if kind in MENDED_BY else ""
     return RecordingError(
-        file, f"cannot be read as {kind}, it looks truncated or damaged ({reason}); copy or export it again"
+        file,
+        f"cannot be read as {kind}, it looks truncated or damaged ({reason}); copy or export it again{mend}",
     )
 
 

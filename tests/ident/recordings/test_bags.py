@@ -189,7 +189,7 @@ def test_damaged_bags_are_one_sentence(tmp_path, kind):
     whole = file.read_bytes()
     for content in (whole[: len(whole) // 2], b"no bag at all" * 100, b""):
         file.write_bytes(content)
-        assert refusal(path) and refusal(file)
+        assert refusal(path) and (not content or "or mend it with" in refusal(file))
     if kind != "ros1":
         (path / "metadata.yaml").write_text("{broken: [")
         assert refusal(path)

@@ -63,6 +63,7 @@ def test_environment_in_paths(monkeypatch):
         ({"positions": "joint"}, ("stiffness",)),
         ({"positions": "joint", "stiffness": [0.0]}, ("positive",)),
         ({"payload_mass": {"L": 4.6}}, ("payload_mass", "L")),
+        ({"joints": ["elbow", "wrist", "elbow"]}, ("joints", "elbow stands there twice")),
         ({"alpha": 2}, ("alpha", "less than 1")),
         ({"reduction_alpha": 0}, ("reduction_alpha", "greater than 0")),
         ({"robot": None}, ("robot",)),
