@@ -291,7 +291,7 @@ def planted(study: Study, defect: Defect, folder: Path, q: str, tau: str) -> Stu
 
 def clean_simulated(count: int) -> None:
     """Simulated recordings without a defect, at rates from 50 Hz to 1 kHz, as stored or coarsely rounded."""
-    from ident.simulate import simulate, write_simulation
+    from ident.twin import simulate, write_simulation
 
     silent = total = 0
     for seed in range(count):

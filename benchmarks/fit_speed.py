@@ -20,8 +20,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ident.simulate.study import PlannedRun, simulate
-from ident.simulate.writing import write_simulation
+from ident.twin.study import PlannedRun, simulate
+from ident.twin.writing import write_simulation
 
 RUNS = (PlannedRun("run1", "identify", 90.0, 44), PlannedRun("run5", "identify", 90.0, 44, loaded=True))
 STUDY = """robot: kuka_lwr4p

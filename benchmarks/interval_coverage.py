@@ -26,9 +26,9 @@ from ident.estimation.reduction import reduce
 from ident.estimation.solving import estimate_all
 from ident.recordings.study import load_study
 from ident.signals.decimation import decimate
-from ident.simulate.sensors import Sensors, coloured_noise, noise_level
-from ident.simulate.study import PlannedRun, simulate
-from ident.simulate.writing import write_simulation
+from ident.twin.sensors import Sensors, coloured_noise, noise_level
+from ident.twin.study import PlannedRun, simulate
+from ident.twin.writing import write_simulation
 
 RUNS = (PlannedRun("run1", "identify", 90.0, 44), PlannedRun("run5", "identify", 90.0, 44, loaded=True))
 

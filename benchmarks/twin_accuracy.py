@@ -31,7 +31,7 @@ import numpy as np
 import generated
 from ident.estimation.fit import fit_study
 from ident.recordings.study import load_study
-from ident.simulate import PlannedRun, simulate, write_simulation
+from ident.twin import PlannedRun, simulate, write_simulation
 
 MASS = 4.6136  # kg, weighed in the paper
 RUNS = (PlannedRun("run1", "identify", 90.0, 44), PlannedRun("run2", "identify", 90.0, 44, loaded=True))

@@ -11,8 +11,6 @@ subclasses, whose text is the sentence that the command prints. Symbols, their n
 the table at the end of README.md.
 """
 
-import sys
-
 TYPE_CHECKING = False  # typing's own costs 5 ms, in which Ctrl-C would find nobody at home
 if TYPE_CHECKING:
     from typing import Any
@@ -38,6 +36,7 @@ _HOMES = {
     "fit": ("ident.api.fit", "fit"),
     "load": ("ident.api.study", "load"),
     "register": ("modelgen.effects", "register"),
+    "simulate": ("ident.api.simulation", "simulate"),
 }
 __all__ = [
     "Comparison",
@@ -69,19 +68,3 @@ def __getattr__(name: str) -> "Any":
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-class _Door(type(sys)):  # type: ignore[misc]
-    """`ident.simulate` is the function, although a room has that name, which importing it would put here."""
-
-    @property
-    def simulate(self) -> "Any":
-        from ident.api.simulation import simulate
-
-        return simulate
-
-    @simulate.setter
-    def simulate(self, room: object) -> None: ...
-
-
-sys.modules[__name__].__class__ = _Door

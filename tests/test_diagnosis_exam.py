@@ -17,7 +17,7 @@ from benchmarks.exam.scoring import score
 from ident.diagnosis import Diagnosis, diagnose_study
 from ident.diagnosis.document import diagnosis_document
 from ident.recordings.study import load_study
-from ident.simulate import PlannedRun, Sensors, simulate, write_simulation
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.effects import catalogue
 
 COLUMNS = (

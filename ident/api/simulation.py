@@ -12,8 +12,8 @@ from ident.api.study import Recording, Study
 from ident.api.tables import frame
 from ident.errors import IdentError, one_family
 from ident.progress import watched
-from ident.simulate.study import LOADED_RUNS, RUNS, SimulatedStudy
-from ident.simulate.study import simulate as simulated
+from ident.twin.study import LOADED_RUNS, RUNS, SimulatedStudy
+from ident.twin.study import simulate as simulated
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -46,7 +46,7 @@ class Simulation:
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """Recordings, study.yaml and truth.json, as the command writes them; returns the study's path."""
-        from ident.simulate.writing import write_simulation
+        from ident.twin.writing import write_simulation
 
         with one_family():
             return write_simulation(self.result, Path(folder), overwrite)
@@ -105,7 +105,7 @@ def simulate(
     if duration is not None:
         _check("duration", duration, 5, 86400, "seconds")
         runs = tuple(_as_long_as(run, float(duration)) for run in runs)
-    from ident.simulate.sensors import Sensors
+    from ident.twin.sensors import Sensors
 
     sensors = Sensors()
     if rate_hz is not None:

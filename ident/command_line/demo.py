@@ -6,7 +6,7 @@ Nothing of what is hidden reaches the study; the truth is written beside it and 
 from pathlib import Path
 
 from ident.progress import Progress, silent
-from ident.simulate import PlannedRun, SimulatedStudy, simulate, write_simulation
+from ident.twin import PlannedRun, SimulatedStudy, simulate, write_simulation
 
 ROBOT, MODEL, HIDDEN, SEED = "kuka_lwr4p", "A", "stribeck_friction:4", 4
 RUNS = (

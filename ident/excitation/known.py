@@ -20,9 +20,9 @@ from ident.equations.terms import Term, torque_of
 from ident.errors import IdentError
 from ident.excitation.limits import Bounds, ExcitationError
 from ident.excitation.optimal import Holding
-from ident.simulate.parameters import random_parameters, read_parameters, twin_parameters
-from ident.simulate.requests import parse_effect
-from ident.simulate.twin import placed
+from ident.twin.parameters import random_parameters, read_parameters, twin_parameters
+from ident.twin.requests import parse_effect
+from ident.twin.twin import placed
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Motion, Place
 from modelgen.effects.scaling import metres_per_radian, radian_power

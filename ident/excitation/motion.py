@@ -17,7 +17,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ident.simulate.trajectories import Motion
+from ident.twin.trajectories import Motion
 
 Array = np.ndarray
 LONGEST_PERIOD = 20.0  # s; a longer motion repeats its period

@@ -11,7 +11,7 @@ from ident.excitation.limits import ExcitationError
 from ident.excitation.motion import FINE_HZ
 from ident.excitation.optimal import Holding, Optimum
 from ident.progress import Progress, silent
-from ident.simulate.trajectories import Motion, Reach, point_to_point
+from ident.twin.trajectories import Motion, Reach, point_to_point
 
 Array = np.ndarray
 MOVE_S = 2.0  # of a move, as in the paper

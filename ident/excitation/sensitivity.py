@@ -24,8 +24,8 @@ from ident.excitation.known import ROWS_HZ, Known, usual_term
 from ident.excitation.limits import Bounds
 from ident.excitation.separate import Projector
 from ident.progress import Progress, silent
-from ident.simulate.requests import parse_effect
-from ident.simulate.twin import placed
+from ident.twin.requests import parse_effect
+from ident.twin.twin import placed
 from modelgen.effects import catalogue
 from modelgen.effects.place import Motion
 

@@ -12,7 +12,7 @@ from small_arm import ARM
 
 import ident as door
 from ident.export.saved import load_fit
-from ident.simulate import PlannedRun, simulate, write_simulation
+from ident.twin import PlannedRun, simulate, write_simulation
 
 RUNS = (
     PlannedRun("first", "identify", 20.0),

@@ -17,7 +17,7 @@ from ident.diagnosis.rows import Rows
 from ident.diagnosis.whitened import Whitener
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
-from ident.simulate import PlannedRun, Sensors, simulate, write_simulation
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 
 
 def tiny_rows(columns, Y, hop=0.05, piece=None, use=None):

@@ -12,7 +12,7 @@ from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import extended_study, found_effects
 from ident.recordings.study import load_study, study_from
 from ident.report.files import fit_document
-from ident.simulate import PlannedRun, simulate, write_simulation
+from ident.twin import PlannedRun, simulate, write_simulation
 
 RUNS = (PlannedRun("run1", "identify", 40.0, 20), PlannedRun("run3", "validate", 30.0))
 

@@ -14,8 +14,8 @@ from ident.excitation.limits import ExcitationError, bounds_of
 from ident.excitation.motion import Basis
 from ident.excitation.sensitivity import FINE_HZ, projector, smallest_visible
 from ident.excitation.separate import Projector, Separation, imitation, proof, seconds_needed
-from ident.simulate.requests import parse_effect
-from ident.simulate.twin import ActiveEffect, make_twin, placed, run_twin
+from ident.twin.requests import parse_effect
+from ident.twin.twin import ActiveEffect, make_twin, placed, run_twin
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
 from modelgen.effects.place import Place
 from modelgen.geometry.robot_file import load_robot

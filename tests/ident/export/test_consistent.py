@@ -18,7 +18,7 @@ from ident.export.saved import load_fit
 from ident.export.urdf import write_urdf
 from ident.recordings.study import load_study
 from ident.report.files import write_into
-from ident.simulate.parameters import random_parameters
+from ident.twin.parameters import random_parameters
 from modelgen.geometry.robot_file import load_robot
 
 pytest.importorskip("cvxpy", reason="the extra dynident[export] is not installed")

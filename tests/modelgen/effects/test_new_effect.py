@@ -42,7 +42,7 @@ PROGRAM = """
 import sys
 from modelgen.effects import register_folder
 register_folder(sys.argv[1])
-from ident.simulate import PlannedRun, simulate
+from ident.twin import PlannedRun, simulate
 runs = (PlannedRun("run1", "identify", 6.0), PlannedRun("run2", "test", 6.0, 3))
 print(simulate("kuka_lwr4p", effects=("wind:2",), runs=runs).truth["effects"][0]["effect"])
 """

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ident.simulate.trajectories import TrapezoidalAcceleration, fourier, point_to_point, reach
+from ident.twin.trajectories import TrapezoidalAcceleration, fourier, point_to_point, reach
 from modelgen.geometry.robot_file import load_robot
 
 SPACE = reach(load_robot("kuka_lwr4p"))

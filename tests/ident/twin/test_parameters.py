@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import generated
-from ident.simulate.parameters import (
+from ident.twin.parameters import (
     ParameterError,
     payload_body,
     random_parameters,

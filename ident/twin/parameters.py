@@ -45,7 +45,7 @@ def twin_parameters(robot: Robot, file: Path | None, seed: int) -> TwinParameter
                 f"{file}: cannot be read; give the path of a parameter file (YAML)"
             ) from None
         return read_parameters(text, robot, str(file))
-    built_in = files("ident.simulate").joinpath("parameters", f"{robot.name}.yaml")
+    built_in = files("ident.twin").joinpath("parameters", f"{robot.name}.yaml")
     if built_in.is_file():
         return read_parameters(built_in.read_text(encoding="utf-8"), robot, f"{robot.name}.yaml")
     return random_parameters(robot, np.random.default_rng([seed, 77]))

@@ -19,8 +19,8 @@ import numpy as np
 
 import generated
 from ident.errors import IdentError
-from ident.simulate.requests import EffectRequest
-from ident.simulate.trajectories import State
+from ident.twin.requests import EffectRequest
+from ident.twin.trajectories import State
 from modelgen.dynamics.models import MODELS
 from modelgen.effects.place import Layout, Place
 from modelgen.effects.truth import STAGES, Truth, played

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from ident.progress import Progress, silent
-from ident.simulate.parameters import payload_body, twin_parameters
-from ident.simulate.requests import EffectRequest, EffectRequestError, parse_effect
-from ident.simulate.sensors import Sensors, coloured_noise, encoder, measured, noise_level, sampling_times
-from ident.simulate.sizing import activate
-from ident.simulate.trajectories import Motion, Reach, fourier, point_to_point, reach
-from ident.simulate.twin import ActiveEffect, SimulationError, Twin, make_twin, run_twin
+from ident.twin.parameters import payload_body, twin_parameters
+from ident.twin.requests import EffectRequest, EffectRequestError, parse_effect
+from ident.twin.sensors import Sensors, coloured_noise, encoder, measured, noise_level, sampling_times
+from ident.twin.sizing import activate
+from ident.twin.trajectories import Motion, Reach, fourier, point_to_point, reach
+from ident.twin.twin import ActiveEffect, SimulationError, Twin, make_twin, run_twin
 from modelgen.dynamics.models import MODELS
 from modelgen.geometry.robot import Robot
 from modelgen.geometry.robot_file import load_robot

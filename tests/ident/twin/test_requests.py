@@ -2,7 +2,7 @@
 
 import pytest
 
-from ident.simulate.requests import EffectRequestError, parse_effect
+from ident.twin.requests import EffectRequestError, parse_effect
 from modelgen.geometry.robot_file import load_robot
 
 LWR = load_robot("kuka_lwr4p")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ident.simulate.sensors import (
+from ident.twin.sensors import (
     Sensors,
     coloured_noise,
     delayed,

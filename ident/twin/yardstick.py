@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import generated
-from ident.simulate.sensors import smooth
-from ident.simulate.trajectories import Motion, State
-from ident.simulate.twin import ActiveEffect, Twin, run_twin
+from ident.twin.sensors import smooth
+from ident.twin.trajectories import Motion, State
+from ident.twin.twin import ActiveEffect, Twin, run_twin
 from modelgen.effects.motions import derivatives
 
 Array = np.ndarray

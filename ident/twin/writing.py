@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import yaml
 
 from ident.output import staged
-from ident.simulate.study import SimulatedStudy
+from ident.twin.study import SimulatedStudy
 
 TRUTH = "truth.json"  # not named in the study; for whoever wants to check an answer
 

@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.simulate.requests import EffectRequest
-from ident.simulate.trajectories import Motion, reach
-from ident.simulate.twin import ActiveEffect, SimulationError, Twin, placed
-from ident.simulate.yardstick import Yardstick
+from ident.twin.requests import EffectRequest
+from ident.twin.trajectories import Motion, reach
+from ident.twin.twin import ActiveEffect, SimulationError, Twin, placed
+from ident.twin.yardstick import Yardstick
 from modelgen.effects.place import Layout, Place
 from modelgen.effects.scaling import metres_per_radian, radian_power
 

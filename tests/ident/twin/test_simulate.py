@@ -10,12 +10,12 @@ from scipy.integrate import solve_ivp
 
 import generated
 from ident.errors import IdentError
-from ident.simulate import PlannedRun, Sensors, simulate, write_simulation
-from ident.simulate.parameters import random_parameters
-from ident.simulate.requests import parse_effect
-from ident.simulate.sizing import activate
-from ident.simulate.trajectories import fourier, reach
-from ident.simulate.twin import make_twin, run_twin
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
+from ident.twin.parameters import random_parameters
+from ident.twin.requests import parse_effect
+from ident.twin.sizing import activate
+from ident.twin.trajectories import fourier, reach
+from ident.twin.twin import make_twin, run_twin
 from modelgen.effects import Place, catalogue, effect
 from modelgen.errors import ModelgenError
 from modelgen.geometry.robot_file import load_robot
