@@ -9,6 +9,7 @@ import ident
 from ident.api.study import inputs_of
 from ident.command_line.terminal import print_table, progress_bar
 from ident.output import staged
+from ident.report.joints import named, names_of, with_names
 from ident.report.wording import check_sentence
 
 
@@ -42,14 +43,16 @@ def fit(study_file: Path, output: Path, models: tuple[str, ...], overwrite: bool
     from ident.report.fit_report import left_over
 
     documents = {model: each.document() for model, each in result.fits.items()}
+    names = names_of(next(iter(documents.values())))
     say_notes(note for each in result.fits.values() for note in each.result.columns.model.notes)
     say_checks(*documents.values())
     for title, header, rows in result.tables():
-        show(title, header, rows)
+        show(title, *with_names(header, rows, names))
     checks = [check_sentence(check) for document in documents.values() for check in document["checks"]]
-    say_warnings([text for text in result.warnings if not any(told.endswith(text) for told in checks)])
+    warnings = [text for text in result.warnings if not any(told.endswith(text) for told in checks)]
+    say_warnings([named(text, names) for text in warnings])
     for model, document in documents.items():
-        print((f"Model {model}. " if models else "") + left_over(document))
+        print((f"Model {model}. " if models else "") + named(left_over(document), names))
     print(f"wrote {output / 'report.html'}; next: ident diagnose {study_file} -o RESULTS")
 
 
@@ -67,10 +70,13 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
     say_notes(diagnosis.result.first.columns.model.notes)
     say_checks(document)
     remedies = [f"What to do: {f['remedy']}." for f in document["findings"] if f["remedy"]]
-    for text in (verdict(document), *told(document), *dict.fromkeys(remedies)):
+    names = names_of(document)
+    for text in (verdict(document), *told(document)):
+        print(named(text, names))
+    for text in dict.fromkeys(remedies):
         print(text)
-    show("error in percent", *before_and_after(document))
-    say_warnings(diagnosis.result.notes)
+    show("error in percent", *with_names(*before_and_after(document), names))
+    say_warnings([named(text, names) for text in diagnosis.result.notes])
     last = f"; ident fit {output / 'extended_study.yaml'} gives the errors after again"
     print(f"wrote {output / 'report.html'}{last if document['verdict'] == 'effect' else ''}")
     print(f"next: ident export {output} --urdf FILE (or --mjcf, --c) writes the robot as it was identified")
@@ -103,13 +109,14 @@ def demo(output: Path, overwrite: bool, verbose: bool) -> None:
 
 def show(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table whose first column is a name and whose others are numbers, but for a unit and remarks."""
-    words = ("unit", "physics")
+    words = ("unit", "physics", "joint")
     print_table(title, header, rows, numbers=[k for k, name in enumerate(header) if k and name not in words])
 
 
 def say_checks(*documents: Mapping[str, Any]) -> None:
     """What was found in the data, before anything else, on stderr."""
-    checks = [check_sentence(check) for document in documents for check in document.get("checks", ())]
+    checks = [check_sentence(check, names_of(document))
+              for document in documents for check in document.get("checks", ())]  # fmt: skip
     for sentence in dict.fromkeys(checks):
         print(sentence, file=sys.stderr)
 

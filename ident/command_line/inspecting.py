@@ -19,6 +19,7 @@ def inspect(
     from ident.inspection import page as shown
     from ident.inspection.inspection import inspect_recordings
     from ident.output import OutputError, write_file
+    from ident.report.joints import named
     from ident.report.render import render
 
     beside = output.with_suffix(".html") if output is not None else None
@@ -43,8 +44,10 @@ def inspect(
         header, rows = shown.column_rows(log)
         print_table(log.label, header, rows, numbers=range(2, len(header)))
     if inspection.excitation is not None:
-        print(inspection.excitation.sentence)
-        print_table("parameters shown least", *shown.excitation_rows(inspection), numbers=(1,))
+        print(named(inspection.excitation.sentence, inspection.joints))
+        header, weakest = shown.excitation_rows(inspection)
+        said = [tuple(named(cell, inspection.joints) for cell in row) for row in weakest]
+        print_table("parameters shown least", header, said, numbers=(1,))
     if output is None or beside is None:
         print(study)
         return

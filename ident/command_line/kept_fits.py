@@ -8,6 +8,7 @@ from typing import Any
 
 from ident.command_line.terminal import print_table, progress_bar
 from ident.output import staged, write_file
+from ident.report.joints import joints_of_robot, named, names_in, names_of, with_names
 
 
 def predict(
@@ -34,11 +35,13 @@ def predict(
         document = write_prediction(found, stage)
         write_document(stage / "predict.json", document)
         write_csv(stage / "predict.csv", channel_table(document))
-    header, rows = channel_table(document)
+    names = names_of(document)
+    header, rows = with_names(*channel_table(document), names)
     print_table(f"prediction of {found.stream.label}", header, rows, numbers=range(1, len(header)))
     if document["excursions"]:
         header, rows = excursion_table(document)
-        print_table("leaves the fit's band", header, rows, numbers=range(1, len(header) - 1))
+        words = len(header) - 1  # how long it lasts, and the joint
+        print_table("leaves the fit's band", *with_names(header, rows, names), numbers=range(1, words))
         print(
             "The log leaves what this fit was ever wrong by; a contact, a payload that is not declared, "
             "wear and a changed drive do so."
@@ -48,7 +51,7 @@ def predict(
     else:
         print("The log holds no torques: what is written is the predicted torque and its band.")
     for warning in document["warnings"]:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(f"warning: {named(warning, names)}", file=sys.stderr)
     print(f"wrote {output / 'predict.json'}")
 
 
@@ -110,7 +113,8 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
             print_table(f"what {path.name} cannot hold", header, rows, numbers=range(2, len(header)))
         print(f"wrote {path}")
     header, rows = cost_table(saved, found)
-    print_table("error in percent", header, rows, numbers=range(1, len(header)))
+    names = names_in(joints_of_robot(robot))
+    print_table("error in percent", *with_names(header, rows, names), numbers=range(1, len(header)))
     header, rows = parameter_table(found)
     beside = (urdf or mjcf).with_suffix(".csv")  # type: ignore[union-attr]
     write_file(beside, "\n".join(",".join(row) for row in (header, *rows)) + "\n", overwrite=overwrite)
@@ -118,7 +122,7 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
     print(f"wrote {beside}: {measured} parameters measured, {len(rows) - measured} from the prior")
     print(found.sentence())
     for finding in found.findings:
-        print(f"warning: {finding}", file=sys.stderr)
+        print(f"warning: {named(finding, names)}", file=sys.stderr)
 
 
 def note(saved: Any, found: Any, lost: Any) -> str:

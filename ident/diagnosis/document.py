@@ -9,6 +9,7 @@ import numpy as np
 from ident.diagnosis.diagnosis import Alternative, Diagnosis, Finding, Unexplained
 from ident.diagnosis.loop import Step
 from ident.diagnosis.requests import separable, separating_command
+from ident.report.joints import joints_of
 
 PLACE = {"source_joint": "", "recording": "", "from": "s", "to": "s", "link": ""}  # contract 7: parameters
 
@@ -21,6 +22,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "verdict": diagnosis.verdict,
         "robot": diagnosis.robot,
         "model": diagnosis.model,
+        "joints": joints_of(before.columns.model),
         "alpha": diagnosis.alpha,
         "judged": _judged(diagnosis),
         "findings": [_finding(f, diagnosis) for f in diagnosis.findings],

@@ -7,7 +7,7 @@ that fit uses, and the regressor, can be asked before anything is filled in; no 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +24,7 @@ from ident.recordings.recording import RecordingStream, Survey
 from ident.recordings.study import study_from
 from ident.recordings.tables import one_episode, open_table
 from ident.recordings.tables.episodes import episodes_of
+from ident.report.joints import Names, joints_of_robot, names_in
 
 MOST_EPISODES = 12  # of one file
 DRAWN = 1500  # samples of a curve on the page
@@ -64,6 +65,7 @@ class Inspection:
     excitation_refusal: str
     study: str
     robot_notes: tuple[str, ...] = ()  # what was rounded in reading it
+    joints: Names = field(default_factory=dict)  # the names that it gives them
     of_fit: tuple[Check, ...] = ()  # what a quick fit shows, where the torques' meaning is known
 
     @property
@@ -87,12 +89,14 @@ def inspect_recordings(
     will stand, `topic` the one to read of bags that have several. Raises IdentError for what is no table."""
     names: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    joints: Names = {}
     if robot is not None:
         from modelgen.geometry.robot_file import load_robot
 
         progress("reading the robot")
         loaded = load_robot(robot)
         names, notes = tuple(loaded.joint_names), loaded.remarks
+        joints = names_in(joints_of_robot(loaded))
     tables, sources = [], []
     for k, file in enumerate(files):
         progress(f"reading {file.name}", k / len(files))
@@ -110,7 +114,7 @@ def inspect_recordings(
         Log(source.label, str(source.file), table, None, (), (), "", {})
         for source, table in zip(sources, tables)
     )
-    inspection = Inspection(robot or "", logs, proposal, None, "", text, notes)
+    inspection = Inspection(robot or "", logs, proposal, None, "", text, notes, joints)
     return inspection if robot is None else _tried(inspection, sources, folder, progress)
 
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 
 from ident.inspection.inspection import Inspection, Log
+from ident.report.joints import page_with_names
 from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPage, Section, Table, Trace
 from ident.report.wording import check_sentence, number
 
@@ -21,7 +22,7 @@ def page(inspection: Inspection, study: str) -> ReportPage:
     if inspection.excitation is not None:
         seen = inspection.excitation
         facts.append(Fact(f"{seen.rank} of {seen.parameters}", "base parameters that the motion shows"))
-    return ReportPage(
+    found = ReportPage(
         title=f"Inspection of {', '.join(log.label for log in inspection.logs[:3])}",
         kind="Inspection",
         verdict=verdict,
@@ -32,6 +33,7 @@ def page(inspection: Inspection, study: str) -> ReportPage:
         details=tuple(f"{log.label}: {text}" for log in inspection.logs for text in log.table.remarks)
         + tuple(text for log in inspection.logs for text in log.notes),
     )
+    return page_with_names(found, inspection.joints)
 
 
 def next_step(inspection: Inspection, study: str) -> str:
@@ -46,7 +48,10 @@ def next_step(inspection: Inspection, study: str) -> str:
 def remarks(inspection: Inspection) -> list[tuple[str, bool]]:
     """Refusals and checks, the gravest first, each with whether it was left as it is."""
     out = [(f"refused: {log.refusal}", True) for log in inspection.logs if log.refusal]
-    out += [(check_sentence(asdict(check)), check.outcome != "mended") for check in inspection.checks]
+    out += [
+        (check_sentence(asdict(check), inspection.joints), check.outcome != "mended")
+        for check in inspection.checks
+    ]
     if inspection.excitation_refusal:
         out.append((f"refused: {inspection.excitation_refusal}", True))
     return out

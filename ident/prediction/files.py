@@ -16,6 +16,7 @@ import numpy as np
 
 from ident.export.saved import TextTable
 from ident.prediction.prediction import ALPHA, Excursion, Prediction
+from ident.report.joints import joints_of
 
 POINTS = 4000  # of a drawn line
 
@@ -49,6 +50,7 @@ def prediction_document(
         "recording": found.stream.label,
         "robot": found.fit.columns.model.robot_name,
         "model": found.fit.study.model,
+        "joints": joints_of(found.fit.columns.model),
         "payload": found.stream.payload,
         "verdict": verdict if found.compared else "not compared",
         "predicted_rms": dict(zip(channels, drawn.rms.tolist())),

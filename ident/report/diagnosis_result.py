@@ -10,6 +10,7 @@ from ident.diagnosis.pictures import Picture
 from ident.diagnosis.requests import column_request
 from ident.report.diagnosis_report import View, diagnosis_page
 from ident.report.fit_result import channel_unit
+from ident.report.joints import names_of, page_with_names
 from ident.report.page import ReportPage
 from ident.report.render import render
 from modelgen.effects import catalogue
@@ -23,7 +24,7 @@ def diagnosis_html(diagnosis: Diagnosis) -> str:
 def page_of(diagnosis: Diagnosis, document: Mapping[str, Any]) -> ReportPage:
     """The page of a diagnosis; `document` is its diagnosis.json."""
     requests = {k: column_request(finding) for k, finding in enumerate(document["findings"])}
-    return diagnosis_page(
+    page = diagnosis_page(
         document,
         title=f"{diagnosis.robot}, model {diagnosis.model}",
         views=views_of(diagnosis),
@@ -41,6 +42,7 @@ def page_of(diagnosis: Diagnosis, document: Mapping[str, Any]) -> ReportPage:
         ),
         footer=f"dynident {version('dynident')}. The numbers for programs are in diagnosis.json.",
     )
+    return page_with_names(page, names_of(document))
 
 
 def _runs(diagnosis: Diagnosis) -> str:

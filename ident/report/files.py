@@ -21,6 +21,7 @@ from ident.estimation.fit import FitResult, interval_factor
 from ident.estimation.found_effects import found_effects
 from ident.examination.check import Check, worst_first
 from ident.export.saved import keep
+from ident.report.joints import joints_of
 
 Row = tuple[str, ...]
 
@@ -34,6 +35,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "checks": [check.document() for check in checks_of(result)],
         "robot": columns.model.robot_name,
         "model": result.study.model,
+        "joints": joints_of(columns.model),
         "base_parameters": len(columns.parameters) - sum(len(term.names) for term in result.terms),
         "essential_parameters": estimate.b,
         "parameters": _parameters(result, interval_factor(free)),

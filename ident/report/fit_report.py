@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ident.report.joints import names_of
 from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPage, Section, Table, Trace
 from ident.report.thinning import envelope, stretches_for, with_gaps
 from ident.report.wording import (
@@ -92,8 +93,8 @@ def verdict(document: Mapping[str, Any]) -> str:
 
 def remarks(document: Mapping[str, Any]) -> tuple[Remark, ...]:
     """`checks` of a document, for the top of its page."""
-    checks = document.get("checks") or ()
-    return tuple(Remark(check_sentence(check), check["outcome"] != "mended") for check in checks)
+    checks, names = document.get("checks") or (), names_of(document)
+    return tuple(Remark(check_sentence(check, names), check["outcome"] != "mended") for check in checks)
 
 
 def _told(document: Mapping[str, Any], warning: str) -> bool:

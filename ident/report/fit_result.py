@@ -9,6 +9,7 @@ import numpy as np
 from ident.estimation.fit import FitResult
 from ident.report.files import comparison_table, fit_document
 from ident.report.fit_report import Curve, fit_page
+from ident.report.joints import names_of, page_with_names
 from ident.report.page import Cell, Column, Panel, Plot, ReportPage, Section, Table, Trace
 from ident.report.render import render
 from ident.report.wording import number, percent
@@ -21,7 +22,7 @@ def fit_html(result: FitResult) -> str:
 
 def page_of(result: FitResult, document: Mapping[str, Any]) -> ReportPage:
     """The page of a fit; `document` is its fit.json."""
-    return fit_page(
+    page = fit_page(
         document,
         curves_of(result, document),
         histogram=histogram(result.normalised),
@@ -30,6 +31,7 @@ def page_of(result: FitResult, document: Mapping[str, Any]) -> ReportPage:
         extra=(recording_section(document), reduction_section(document)),
         footer=f"dynident {version('dynident')}. Numbers for programs are in fit.json beside this file.",
     )
+    return page_with_names(page, names_of(document))
 
 
 def curves_of(result: FitResult, document: Mapping[str, Any]) -> tuple[Curve, ...]:
@@ -225,7 +227,7 @@ def comparison_html(results: Mapping[str, FitResult]) -> str:
         warnings=warnings,
         footer=f"dynident {version('dynident')}. Each model has a folder with a report of its own.",
     )
-    return render(page)
+    return render(page_with_names(page, names_of(first)))
 
 
 def _titled(model: str, curve: Curve) -> Plot:

@@ -8,6 +8,7 @@ from typing import Any
 from ident.estimation.fit import FitResult
 from ident.report.files import error_table, fit_document, parameter_table
 from ident.report.fit_report import left_over, parameter_section, verdict
+from ident.report.joints import named, names_of, with_names
 from ident.report.page import Table
 from ident.report.render import render_table
 from ident.report.wording import check_sentence
@@ -30,17 +31,18 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 def fit_summary(result: FitResult) -> str:
     """Checks, verdict, errors, essential parameters, warnings, what is left; without a date or an id."""
     document = fit_document(result)
+    names = names_of(document)
     parts = [f"{document['robot']}, model {document['model']}"]
-    parts += [check_sentence(check) for check in document["checks"]]
+    parts += [check_sentence(check, names) for check in document["checks"]]
     parts += [
         verdict(document),
         "",
-        text_table(*error_table(result)),
+        text_table(*with_names(*error_table(result), names)),
         "",
-        text_table(*parameter_table(result)),
+        text_table(*with_names(*parameter_table(result), names)),
     ]
-    parts += ["", *[f"warning: {text}" for text in result.warnings], left_over(document)]
-    return "\n".join(parts)
+    parts += ["", *[named(f"warning: {text}", names) for text in result.warnings]]
+    return "\n".join([*parts, named(left_over(document), names)])
 
 
 def fit_table(result: FitResult) -> str:
@@ -53,10 +55,11 @@ def diagnosis_summary(document: Mapping[str, Any]) -> str:
     """Checks, verdict, findings, what is unexplained, errors before and after."""
     from ident.report.diagnosis_words import before_and_after, told, verdict
 
+    names = names_of(document)
     parts = [f"{document['robot']}, model {document['model']}"]
-    parts += [check_sentence(check) for check in document.get("checks", ())]
-    parts += [verdict(document), *told(document), "", text_table(*before_and_after(document))]
-    return "\n".join(parts)
+    parts += [check_sentence(check, names) for check in document.get("checks", ())]
+    parts += [named(text, names) for text in (verdict(document), *told(document))]
+    return "\n".join([*parts, "", text_table(*with_names(*before_and_after(document), names))])
 
 
 def diagnosis_table(document: Mapping[str, Any]) -> str:

@@ -5,6 +5,8 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from ident.report.joints import named
+
 NO_BREAK = "\u00a0"
 _MEANINGS = {
     "Iam": "drive inertia (rotor and gear)",
@@ -79,12 +81,14 @@ def with_deviation(value: float, std: float, unit: str = "") -> str:
     return f"{value:.{decimals}f} ± {std:.{decimals}f} {readable_unit(unit)}".strip()
 
 
-def check_sentence(check: Mapping[str, Any]) -> str:
-    """An entry of `checks` as a line: `warning: run1: ...; remedy`."""
+def check_sentence(check: Mapping[str, Any], names: Mapping[str, str] | None = None) -> str:
+    """An entry of `checks` as a line: `warning: run1: ...; remedy`. Names of joints (joints.py) go into the
+    message; the remedy is to be copied as it is."""
     opening = "warning" if check["outcome"] == "warned" else check["outcome"]
     where = f"{check['recording']}: " if check.get("recording") else ""
     remedy = f"; {check['remedy']}" if check.get("remedy") else ""
-    return f"{opening}: {where}{check['message'].rstrip('.')}{remedy}"
+    message = named(check["message"].rstrip("."), names or {})
+    return f"{opening}: {where}{message}{remedy}"
 
 
 def joined(words: list[str]) -> str:

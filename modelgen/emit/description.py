@@ -126,7 +126,9 @@ def _joints(robot: Robot) -> list[dict[str, Any]]:
     """Label and kind of each moving joint, and its own name where the robot file gives one."""
     found: list[dict[str, Any]] = []
     for j, k, name in zip(robot.moving, robot.joint_labels, robot.joint_names):
-        own = {} if name == f"q{k}" else {"name": name}
+        own: dict[str, Any] = {} if name == f"q{k}" else {"name": name}
+        if own and k != str(j):
+            own["row"] = j
         found.append({"label": k, "prismatic": robot.link(j).sigma == 1, **own})
     return found
 
