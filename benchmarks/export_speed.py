@@ -1,18 +1,21 @@
 """Time per call of the exported C beside Pinocchio's RNEA on the exported robot, one core.
 
-    python benchmarks/export_speed.py [ROBOT]
+    python benchmarks/export_speed.py [ROBOT] [--calls N]
 
 A twin of the robot is fitted, exported and compiled with -O2 (and -O2 -march=native); both are called a
-million times; Pinocchio through its Python bindings, whose own time is in the number.
+million times; Pinocchio through its Python bindings, whose own time is in the number: that of a call that
+computes next to nothing is measured and printed as well. For kuka_lwr4p also Pinocchio's C++ in a compiled
+loop (-O3 -march=native), as regressor_speed.py has it.
 """
 
+import argparse
 import subprocess
-import sys
 import tempfile
 import time
 from pathlib import Path
 
 import numpy as np
+import regressor_speed
 
 from ident.estimation.fit import fit_study
 from ident.export.c_source import c_code
@@ -20,7 +23,6 @@ from ident.export.saved import keep, load_fit
 from ident.recordings.study import load_study
 from ident.report.files import fit_document, write_document
 
-CALLS = 1_000_000
 TIMER = """
 #define _POSIX_C_SOURCE 199309L
 #include <stdio.h>
@@ -54,21 +56,22 @@ def exported(robot: str, folder: Path):
     return load_fit(folder)
 
 
-def c_time(fit, folder: Path, float32: bool, options: list[str]) -> float:
+def c_time(fit, folder: Path, float32: bool, options: list[str], calls: int) -> float:
+    """Nanoseconds of one arm_torque, the best of three runs."""
     code = c_code(fit, fit.load_robot(), "arm", float32)
     (folder / "arm.h").write_text(code.header)
     (folder / "arm.c").write_text(code.source)
     n, m = fit.columns.model.n, len(fit.columns.channels)
     real = "float" if float32 else "double"
-    (folder / "timer.c").write_text(TIMER.format(real=real, n=n, m=m, calls=CALLS))
+    (folder / "timer.c").write_text(TIMER.format(real=real, n=n, m=m, calls=calls))
     build = ["cc", "-std=c99", "-O2", *options, "timer.c", "arm.c", "-o", "timer", "-lm"]
     subprocess.run(build, cwd=folder, check=True)
     run: dict = {"cwd": folder, "check": True, "capture_output": True, "text": True}
     return min(float(subprocess.run(["./timer"], **run).stdout.split()[0]) for _ in range(3))
 
 
-def pinocchio_time(fit) -> float:
-    """Nanoseconds of one pin.rnea from Python: the call's overhead, some 1 to 2 us, is in it."""
+def pinocchio_times(fit) -> tuple[float, float]:
+    """Nanoseconds of one pin.rnea from Python, and of one pin.neutral, which is nearly all overhead."""
     import pinocchio as pin
 
     from ident.export.consistent import consistent
@@ -78,25 +81,46 @@ def pinocchio_time(fit) -> float:
     model = pin.buildModelFromXML(write_urdf(robot, consistent(fit, robot), ""))
     data = model.createData()
     q, dq, ddq = np.random.default_rng(0).uniform(-1, 1, (3, model.nq))
+    rnea = best_of(lambda: pin.rnea(model, data, q, dq, ddq))
+    return rnea, best_of(lambda: pin.neutral(model))
+
+
+def compiled_rnea() -> float:
+    """Nanoseconds a sample of Pinocchio's RNEA in a loop of its own language."""
+    peer = regressor_speed.Peer()
+    q, dq, ddq = np.random.default_rng(0).uniform(-1, 1, (3, 100_000, regressor_speed.JOINTS))
+    return best_of(lambda: peer.rnea(q, dq, ddq), 1) / len(q)
+
+
+def best_of(call, repeats: int = 20_000) -> float:
+    """Nanoseconds of a call, the best of five."""
     best = np.inf
     for _ in range(5):
         start = time.perf_counter()
-        for _ in range(20_000):
-            pin.rnea(model, data, q, dq, ddq)
-        best = min(best, (time.perf_counter() - start) / 20_000)
+        for _ in range(repeats):
+            call()
+        best = min(best, (time.perf_counter() - start) / repeats)
     return 1e9 * best
 
 
 def main() -> None:
-    robot = sys.argv[1] if len(sys.argv) > 1 else "kuka_lwr4p"
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("robot", nargs="?", default="kuka_lwr4p", help="built-in name, robot file or URDF")
+    parser.add_argument("--calls", type=int, default=1_000_000, help="of the C, a run")
+    asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        fit = exported(robot, folder)
+        fit = exported(asked.robot, folder)
         for float32 in (False, True):
             for options in ([], ["-march=native"]):
                 kind = f"C, {'float32' if float32 else 'float64'} {' '.join(options)}"
-                print(f"{kind:28} {c_time(fit, folder, float32, options):8.1f} ns a call, friction included")
-        print(f"{'Pinocchio RNEA from Python':28} {pinocchio_time(fit):8.1f} ns a call, no friction")
+                best = c_time(fit, folder, float32, options, asked.calls)
+                print(f"{kind:28} {best:8.1f} ns a call, friction included")
+        rnea, overhead = pinocchio_times(fit)
+        print(f"{'Pinocchio RNEA from Python':28} {rnea:8.1f} ns a call, no friction")
+        print(f"{'Pinocchio from Python, idle':28} {overhead:8.1f} ns a call that computes nothing")
+        if asked.robot == regressor_speed.ROBOT:
+            print(f"{'Pinocchio RNEA in C++':28} {compiled_rnea():8.1f} ns a call, no friction")
 
 
 if __name__ == "__main__":
