@@ -290,7 +290,10 @@ def planted(base: Base, fault: Fault, folder: Path) -> Path | None:
         for name in {entry["file"] for entry in study["recordings"]}:
             read = pq.read_table(source / name)
             table = {key: read.column(key).to_numpy() for key in read.column_names}
-            tables[name] = table
+            for j in (name[1:] for name in list(table) if name[0] == "q" and name[1:].isdigit()):
+                if f"dq{j}" not in table:
+                    table[f"dq{j}"] = np.gradient(table[f"q{j}"], np.median(np.diff(table["t"])))
+            tables[name] = dict(table)
             if fault.table is not None:
                 fault.table(table, base.torque, _joint(base, fault) or 1)
             pq.write_table(pa.table(table), folder / name)

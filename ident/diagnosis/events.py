@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.evidence import Evidence, Metric, _side, weigh
-from ident.diagnosis.leading import leading_metric
+from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.refine import Refined, fit_sizes
-from ident.diagnosis.state import State
+from ident.diagnosis.state import Found, State
 from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
@@ -81,9 +81,11 @@ def halves_of(state: State, m: Metric, columns: Mapping[int, np.ndarray]) -> tup
     return crossed(m, state.rows.fitted | state.rows.judged, fold)
 
 
-def still_holds(state: State, columns: Mapping[int, np.ndarray], tau: float, alpha: float) -> bool:
+def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
     """Of a load found before: beside all that was found since (the state is without it)."""
-    return is_load(state, halves_of(state, state.metric, columns), columns, tau, alpha)
+    assert f.term is not None
+    own = outside_metric(state, Refined(f.term, f.columns, f.sizes, 0.0), acting(f.columns))
+    return is_load(state, halves_of(state, own, f.columns), f.columns, tau, alpha)
 
 
 def is_load(
@@ -157,7 +159,7 @@ def best_event(
             continue
         term, cut = _moved(m, term, columns, state)
         sizes, _ = fit_sizes(m, cut)
-        own = leading_metric(state, [Refined(term, cut, sizes, gain)])
+        own = outside_metric(state, Refined(term, cut, sizes, gain), acting(cut))
         halves = halves_of(state, own, cut)
         evidence = cross_evidence(halves, cut, acting(cut))
         sizes, gain = fit_sizes(whole(own, usable), cut)

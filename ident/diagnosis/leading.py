@@ -1,14 +1,18 @@
-"""The one noise in which the hypotheses of a step are compared."""
+"""The one noise in which the hypotheses of a step are compared, and that in which a load is judged."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ident.diagnosis.evidence import Metric, metric, stacked
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import Found, State, solved
 from ident.diagnosis.whitened import whitener
+
+ENOUGH = 0.25  # of the rows, to know their noise by
 
 
 def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
@@ -25,3 +29,18 @@ def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
                 least[c] = w
     design, B = stacked(state.rows, [f.columns for f in state.found])
     return metric(state.rows, design, B, least)
+
+
+def outside_metric(state: State, r: Refined, inside: np.ndarray) -> Metric:
+    """The noise of all rows but those `inside` (M,), of the model with the hypothesis in it as the fitted
+    rows have it: on the rows that judge it is what that model predicts wrongly. A load that says more than
+    this is no weakness of a model that has seen too little."""
+    usable = state.rows.fitted | state.rows.judged
+    trial = solved(replace(state, found=(*state.found, Found(r.term, r.columns, r.sizes))))
+    whiteners = []
+    for c, use in enumerate(state.rows.use):
+        rest = use & usable & ~inside
+        here = rest if rest.sum() > ENOUGH * (use & usable).sum() else use & usable
+        whiteners.append(whitener(state.rows, trial.residual[c], here, use))
+    design, B = stacked(state.rows, [f.columns for f in state.found])
+    return metric(state.rows, design, B, whiteners)

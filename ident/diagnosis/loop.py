@@ -19,7 +19,7 @@ from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.nameless import Flexible, flexible
 from ident.diagnosis.refine import Refined, refine
-from ident.diagnosis.state import Found, State, recolumned, settled, solved, with_found, without
+from ident.diagnosis.state import Found, State, converged, settled, solved, with_found, without
 from ident.diagnosis.terms import Term
 from ident.progress import Progress, silent
 
@@ -96,10 +96,15 @@ def trace(
             continue
         if not weighed.passed:
             break
-        best, evidence = simplest(weighed, tau, alpha)
+        best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
         if flex is not None and flex.evidence.log_e > evidence.log_e + tau:
+            settled_in = _settled_in(state, best, c, tau)
+            if settled_in is not None:
+                steps.append(Step(best.term, evidence, (), flex))
+                state = settled_in
+                continue
             pair = _pair(state, weighed, best, flex, tau, alpha)
             if pair is None:
                 unnamed.append(
@@ -116,7 +121,9 @@ def trace(
                 state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
                 continue
         equal = tuple(
-            Equivalent(r.term, e.log_e) for r, e in weighed.passed if not evidence.beats(e, tau, alpha)
+            Equivalent(r.term, e.log_e)
+            for r, e in weighed.passed
+            if set(r.columns) & set(best.columns) and not evidence.beats(e, tau, alpha)
         )
         steps.append(Step(best.term, evidence, _rivals(state, best, equal), flex))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
@@ -163,7 +170,7 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     return Weighed(m, tuple(told), tuple(sorted(passed, key=lambda item: -item[1].log_e)))
 
 
-def simplest(weighed: Weighed, tau: float, alpha: float) -> tuple[Refined, Evidence]:
+def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     """Of the explanations of the leading channels that cannot be told from the best, the one with fewest
     parameters."""
     lead, most = weighed.passed[0]
@@ -175,9 +182,7 @@ def simplest(weighed: Weighed, tau: float, alpha: float) -> tuple[Refined, Evide
     if left_out:  # what the study itself took out of the model is there, and comes before what imitates it
         return left_out[0]
     equal = [
-        (r, e)
-        for r, e in weighed.passed
-        if not most.beats(e, tau, alpha) and set(r.columns) & set(lead.columns)
+        (r, e) for r, e in weighed.passed if e.log_e > most.log_e - tau and set(r.columns) & set(lead.columns)
     ]
     return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
 
@@ -248,6 +253,18 @@ def ask(
     return flexible(m, c, joint, state.segments, load, TOP_WAVE, wanted, only)
 
 
+def _settled_in(state: State, best: Refined, c: int, tau: float) -> State | None:
+    """The state with the effect in it, if it is sufficient once dry friction's turn-over and all shapes were
+    taken again beside it: what it was compared with before may have taken its place in part."""
+    trial = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
+    f = trial.found[-1]
+    assert f.term is not None
+    others = replace(trial, found=trial.found[:-1])
+    m = leading_metric(others, [Refined(f.term, f.columns, f.sizes, 0.0)])
+    own, flex = weigh(m, f.columns), sufficiency(others, m, f.term, c, tau)
+    return trial if flex is None or flex.evidence.log_e <= own.log_e + tau else None
+
+
 def _pair(
     state: State, weighed: Weighed, best: Refined, flex: Flexible, tau: float, alpha: float
 ) -> Refined | None:
@@ -296,7 +313,7 @@ def refined_together(state: State) -> State:
         found = list(state.found)
         found[number] = Found(term, best.columns, best.sizes)
         state = solved(replace(state, found=tuple(found)))
-    return settled(recolumned(state), 1)
+    return settled(converged(state), 1)
 
 
 def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
@@ -308,7 +325,7 @@ def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[S
                 continue
             others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
             if f.term.place.recording is not None:
-                if not still_holds(others, f.columns, tau, alpha):
+                if not still_holds(others, f, tau, alpha):
                     weak = (-np.inf, number)
                 continue
             e = weigh(others.metric, f.columns)

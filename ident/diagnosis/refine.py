@@ -16,6 +16,7 @@ from ident.diagnosis.evidence import Metric, orthonormal, project
 from ident.diagnosis.terms import Scene, Term
 
 TURNS = 5
+FACTORS = (-1.0, 0.5, 2.0, 4.0, 8.0)  # of the size that a tangent gives
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,12 +77,16 @@ def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
         term = _whole(m, scene, best.term)
         columns = scene.columns(term)
         best = Refined(term, columns, *fit_sizes(m, columns))
+    natural = {p.name: p.grid for p in term.effect.nonlinear}  # a bound that a search may begin at is no end
     bound = tuple(
         name
         for name in names
-        if name in best.term.theta
-        and min(abs(best.term.theta[name] - bounds[name][0]), abs(best.term.theta[name] - bounds[name][1]))
-        < 1e-6 * max(bounds[name][1] - bounds[name][0], 1e-300)
+        if any(
+            abs(best.term.theta.get(name, np.nan) - end)
+            < 1e-6 * max(bounds[name][1] - bounds[name][0], 1e-300)
+            and end not in natural.get(name, ())
+            for end in bounds[name]
+        )
     )
     return replace(best, at_bound=bound)
 
@@ -98,19 +103,38 @@ def _whole(m: Metric, scene: Scene, term: Term) -> Term:
 
 
 def _secant(m: Metric, scene: Scene, start: Refined) -> Refined:
-    """Columns again at the size found, until it stays; the tangent where the columns do not depend on it."""
+    """Columns again at the size found, until it stays; the tangent where the columns do not depend on it.
+
+    An effect that is far from its tangent has a size of its own that the tangent does not lead to (a delay of
+    some friction reversals): multiples of the first size are tried as well."""
+    best = _followed(m, scene, start, tuple(start.sizes))
+    if best.term.size is None or len(start.sizes) > 1:
+        return best
+    tried = [_at(m, scene, start, (factor * float(start.sizes[0]),)) for factor in FACTORS]
+    most = max(tried, key=lambda r: r.gain)
+    if most.gain > best.gain + 1.0:
+        again = _followed(m, scene, most, most.term.size or ())
+        best = max((most, again, best), key=lambda r: r.gain)
+    return best
+
+
+def _at(m: Metric, scene: Scene, start: Refined, size: tuple[float, ...]) -> Refined:
+    term = replace(start.term, size=size)
+    columns = scene.columns(term)
+    return Refined(term, columns, *fit_sizes(m, columns))
+
+
+def _followed(m: Metric, scene: Scene, start: Refined, size: tuple[float, ...]) -> Refined:
     best = start
     for _ in range(4):
-        term = replace(best.term, size=tuple(best.sizes))
-        columns = scene.columns(term)
-        sizes, gain = fit_sizes(m, columns)
-        if not len(sizes):
+        trial = _at(m, scene, start, size)
+        if not len(trial.sizes):
             return best
-        same = np.allclose(sizes, best.sizes, rtol=1e-3, atol=1e-12)
-        linear = all(np.array_equal(columns[c], best.columns[c]) for c in columns if c in best.columns)
-        if linear:
+        same = np.allclose(trial.sizes, best.sizes, rtol=1e-3, atol=1e-12)
+        columns = trial.columns
+        if all(np.array_equal(columns[c], best.columns[c]) for c in columns if c in best.columns):
             return best
-        best = Refined(term, columns, sizes, gain)
+        best, size = trial, tuple(trial.sizes)
         if same:
             break
     return best

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 import scipy.sparse
@@ -22,6 +22,8 @@ from ident.equations.columns import Columns
 from ident.equations.fitted import FittedModel
 from modelgen.effects.place import Motion
 from modelgen.geometry.robot import Robot
+
+ROUNDS, CHANGE = 8, 1e-3  # of the residual, from which on columns that read the model stay as they are
 
 
 @dataclass(frozen=True)
@@ -80,7 +82,8 @@ class State:
 
     @cached_property
     def model(self) -> FittedModel:
-        return replace(self._rigid, before=self._added, kept={})
+        before = partial(added, self._rigid, self.found, self.rows.channels)  # of values: no reference circle
+        return replace(self._rigid, before=before, kept={})
 
     @cached_property
     def _rigid(self) -> FittedModel:
@@ -91,18 +94,20 @@ class State:
     def scene(self) -> Scene:
         return Scene(self.rows, self.segments, self.motions, self.model)
 
-    def _added(self, motion: Motion) -> np.ndarray:
-        out = np.zeros((len(motion.t), self.rows.channels))
-        for f in self.found:
-            if f.term is None:
-                continue
-            for c, z in columns_of(f.term, motion, self._rigid, {}).items():
-                out[:, c] += z @ f.sizes
-        return out
-
     @property
     def terms(self) -> tuple[Term, ...]:
         return tuple(f.term for f in self.found if f.term is not None)
+
+
+def added(rigid: FittedModel, found: Sequence[Found], channels: int, motion: Motion) -> np.ndarray:
+    """(N, C) torque of what was found."""
+    out = np.zeros((len(motion.t), channels))
+    for f in found:
+        if f.term is None:
+            continue
+        for c, z in columns_of(f.term, motion, rigid, {}).items():
+            out[:, c] += z @ f.sizes
+    return out
 
 
 def first_state(problem: Problem, rows: Rows, segments: Sequence[FineSegment]) -> State:
@@ -216,6 +221,15 @@ def recolumned(state: State) -> State:
         replace(f, columns=state.scene.columns(f.term)) if f.term is not None else f for f in state.found
     ]
     return replace(state, found=tuple(f for f in found if f.columns))
+
+
+def converged(state: State) -> State:
+    """Columns that read the model, and the model beside them, taken in turn until neither changes."""
+    for _ in range(ROUNDS):
+        before, state = state.residual, solved(recolumned(state))
+        if np.linalg.norm(state.residual - before) < CHANGE * np.linalg.norm(state.residual):
+            break
+    return state
 
 
 def with_found(state: State, *found: Found) -> State:

@@ -27,7 +27,12 @@ class Counterbalance(Effect):
     )
     remedy = "add its term to the model, with the spring's geometry from its data sheet where known"
     terms = {"Kab": sp.sin(x), "Kl": sp.sin(x) / sp.sqrt(1 - rho * sp.cos(x))}
-    linear = (LinearParameter("Kab", "N m", -1e4, 1e4), LinearParameter("Kl", "N m", -1e4, 1e4))
+    linear = (
+        LinearParameter(
+            "Kab", "N m", -1e4, 1e4, optional=True
+        ),  # gravity in the model absorbs it, where it acts
+        LinearParameter("Kl", "N m", -1e4, 1e4),
+    )
     nonlinear = (
         NonlinearParameter("q0", "rad", -3.2, 3.2, tuple(-3.0 + 0.5 * i for i in range(13))),
         NonlinearParameter("rho", "-", 0.2, 0.98, (0.4, 0.65, 0.85, 0.95)),
@@ -35,6 +40,10 @@ class Counterbalance(Effect):
     channel = "link"
     typical = {"Kab": 5.0, "Kl": -10.0, "q0": 0.3, "rho": 0.85}
     common = False
+
+    def variants(self) -> tuple[tuple[str, ...], ...]:
+        """A gas spring, or a coil spring where gravity does not act like its first part."""
+        return (("Kl",), ("Kab", "Kl"))
 
     def places(self, layout: Layout) -> Iterable[Place]:
         """Joints that turn."""

@@ -3,10 +3,12 @@
 import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
+from modelgen.effects.hidden_rotor import CARRIED, HIDDEN_ROTOR
 
 
 class LoadDependentFriction(Effect):
-    """Dry friction that grows with the torque the gear carries."""
+    """Dry friction mu |tau_link| sign(dq). Where the base parameters do not part the rotor's inertia from the
+    link's, the torque that the gear carries is known but for Iam ddq, and Iam is found with mu."""
 
     name = "load_dependent_friction"
     summary = "dry friction grows with the torque that the gear passes on"
@@ -16,9 +18,10 @@ class LoadDependentFriction(Effect):
         "load and velocity, IROS 2010"
     )
     remedy = "add its term to the friction model; check the lubrication of the gear"
-    terms = {"mu": sp.Abs(SIGNALS.tau_link) * SIGNALS.sign_dq}
+    terms = {"mu": sp.Abs(CARRIED) * SIGNALS.sign_dq}
     linear = (LinearParameter("mu", "-", 0.0, 0.4, "positive"),)
-    typical = {"mu": 0.08}
+    nonlinear = (HIDDEN_ROTOR,)
+    typical = {"mu": 0.08, "Iam": 0.0}
 
 
 EFFECT = LoadDependentFriction()

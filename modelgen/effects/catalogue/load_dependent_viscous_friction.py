@@ -3,6 +3,7 @@
 import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
+from modelgen.effects.hidden_rotor import CARRIED, HIDDEN_ROTOR
 
 
 class LoadDependentViscousFriction(Effect):
@@ -13,9 +14,10 @@ class LoadDependentViscousFriction(Effect):
     signature = "proportional to the rate with a slope that follows |tau_link|"
     source = "Hamon, Gautier, Garrec, IROS 2010 (friction depending on load and velocity)"
     remedy = "add its term to the friction model; check the lubrication of the gear"
-    terms = {"muv": sp.Abs(SIGNALS.tau_link) * SIGNALS.dq}
+    terms = {"muv": sp.Abs(CARRIED) * SIGNALS.dq}
     linear = (LinearParameter("muv", "s/rad", 0.0, 0.5, "positive"),)
-    typical = {"muv": 0.08}
+    nonlinear = (HIDDEN_ROTOR,)
+    typical = {"muv": 0.08, "Iam": 0.0}
     common = False
 
 

@@ -108,7 +108,7 @@ def test_linear_gains_are_half_the_fall(clean_arm):
 def test_what_an_effect_reads():
     place = Place(1, None, "motor")
     assert signals_read(Term(catalogue()["stribeck_friction"], place)) == {"dq2"}
-    assert signals_read(Term(catalogue()["load_dependent_friction"], place)) == {"dq2", "tau"}
+    assert signals_read(Term(catalogue()["load_dependent_friction"], place)) == {"dq2", "ddq2", "tau"}
     assert signals_read(Term(catalogue()["base_tilt"], Place())) is None
 
 
