@@ -1,6 +1,7 @@
 // The rival of regressor_speed.py: Pinocchio's C++ in a compiled loop over samples, on the same arrays.
 // Templates are instantiated here, so they get this file's compiler flags (-O3 -march=native).
 #include <pinocchio/algorithm/joint-configuration.hpp>
+#include <pinocchio/algorithm/parallel/rnea.hpp>
 #include <pinocchio/algorithm/regressor.hpp>
 #include <pinocchio/algorithm/rnea.hpp>
 #include <pinocchio/multibody.hpp>
@@ -8,6 +9,7 @@
 namespace {
 pinocchio::Model model;
 pinocchio::Data *data = nullptr;
+pinocchio::ModelPool *pool = nullptr;
 using Map = Eigen::Map<const Eigen::VectorXd>;
 }  // namespace
 
@@ -28,6 +30,8 @@ void peer_robot(int joints, const double *rotation, const double *position, cons
     }
     delete data;
     data = new pinocchio::Data(model);
+    delete pool;
+    pool = new pinocchio::ModelPool(model, 2);
 }
 
 // Sum over samples of one entry, so that nothing is optimised away; `last` (n x 10 n) is the last regressor.
@@ -51,5 +55,14 @@ void peer_rnea(long rows, const double *q, const double *dq, const double *ddq, 
     for (long i = 0; i < rows; ++i)
         Eigen::Map<Eigen::VectorXd>(tau + i * n, n) =
             pinocchio::rnea(model, *data, Map(q + i * n, n), Map(dq + i * n, n), Map(ddq + i * n, n));
+}
+
+// Pinocchio's own parallel loop (OpenMP), on two threads.
+void peer_rnea_two_threads(long rows, const double *q, const double *dq, const double *ddq, double *tau)
+{
+    using Columns = Eigen::Map<const Eigen::MatrixXd>;
+    const int n = model.nv;
+    Eigen::Map<Eigen::MatrixXd> out(tau, n, rows);
+    pinocchio::rneaInParallel(2, *pool, Columns(q, n, rows), Columns(dq, n, rows), Columns(ddq, n, rows), out);
 }
 }
