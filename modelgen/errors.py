@@ -37,7 +37,3 @@ class RobotFileError(ModelgenError):
     def __init__(self, source: str, problem: str) -> None:
         self.source, self.problem = source, problem
         super().__init__(f"{shortened(source)}: {' '.join(problem.split())}")
-
-
-class RegroupingError(ModelgenError):
-    """The regrouping rules could not be derived, or failed their exact check."""

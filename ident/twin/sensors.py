@@ -61,12 +61,6 @@ def measured(true: Array, noise: Array, level: Array, sensors: Sensors) -> Array
     return np.round((true + noise * level) / sensors.torque_step) * sensors.torque_step
 
 
-def delayed(true: Array, t: Array, delay: Array) -> Array:
-    """Each channel as it was `delay` (channels,) seconds ago; before the first sample, the first."""
-    columns = [np.interp(t - lag, t, true[:, k]) if lag else true[:, k] for k, lag in enumerate(delay)]
-    return np.stack(columns, axis=1)
-
-
 def smooth(signal: Array, dt: float, sigma_s: float) -> Array:
     """Zero-phase Gaussian of standard deviation sigma_s [s]; -3 dB at about 0.13/sigma_s Hz."""
     return gaussian_filter1d(signal, sigma_s / dt, axis=0, mode="nearest") if sigma_s > 0.2 * dt else signal

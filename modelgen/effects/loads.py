@@ -127,16 +127,6 @@ def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: flo
     return _gravity_torque(frames(robot, q), standard, tilted(g, roll, pitch) - g)
 
 
-def tilt_columns(robot: Robot, q: Array, standard: Mapping[str, float], arm: Frames | None = None) -> Array:
-    """(N, n, 2) derivatives of the torques with respect to roll and pitch at a level base.
-
-    d/d(roll) of the gravity is -e x g with the axis of `tilted`. `arm`: frames(robot, q) if known.
-    """
-    g = np.array([float(robot.value(x)) for x in robot.gravity])
-    arm = frames(robot, q) if arm is None else arm
-    return np.stack([_gravity_torque(arm, standard, -np.cross(axis, g)) for axis in across(g).T[:2]], axis=-1)
-
-
 def body_columns(robot: Robot, q: Array, dq: Array, ddq: Array, row: int, kinds: tuple[str, ...]) -> Array:
     """(N, n, len(kinds)) torques of unit inertial parameters ("M", "MX", "XX", ...) of a body on `row`, from
     1.

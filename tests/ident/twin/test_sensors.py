@@ -6,7 +6,6 @@ import pytest
 from ident.twin.sensors import (
     Sensors,
     coloured_noise,
-    delayed,
     encoder,
     measured,
     noise_level,
@@ -34,14 +33,6 @@ def test_level_is_a_share_of_the_torque_but_not_below_the_floor():
 def test_encoder_counts():
     q = encoder(np.array([0.0, 1.4e-5, 1.0]), Sensors(encoder_step=1e-5))
     assert q == pytest.approx([0.0, 1e-5, 1.0], abs=1e-12)
-
-
-def test_delay_shifts_one_channel():
-    t = np.arange(0, 1, 1e-3)
-    true = np.stack([np.sin(9 * t), np.sin(9 * t)], axis=1)
-    late = delayed(true, t, np.array([0.0, 0.0125]))
-    assert np.array_equal(late[:, 0], true[:, 0])
-    assert late[50:, 1] == pytest.approx(np.sin(9 * (t[50:] - 0.0125)), abs=2e-5)  # linear interpolation
 
 
 def test_jitter_never_swaps_samples():

@@ -10,8 +10,6 @@ from modelgen.effects.loads import (
     gate,
     gravity_columns,
     gravity_torque,
-    tilt_columns,
-    tilt_torque,
     tilted,
 )
 from modelgen.geometry.robot_file import load_robot
@@ -67,17 +65,6 @@ def test_a_force_does_the_work_of_the_tip():
         step = h * np.eye(robot.n)[k]
         moved = (frames(robot, q + step).p[:, -1] - frames(robot, q - step).p[:, -1]) / (2 * h)
         assert columns[:, k, :3] == pytest.approx(moved, abs=1e-8)  # h^2 and rounding/h
-
-
-def test_tilt_columns_are_the_slope_of_the_tilted_torque():
-    robot = load_robot("kuka_lwr4p")
-    q = some_states(robot)
-    standard = {f"{kind}{j}": v for (j, kind), v in some_weights(robot).items()}
-    columns, h = tilt_columns(robot, q, standard), 1e-5
-    for k, (roll, pitch) in enumerate(((h, 0.0), (0.0, h))):
-        up, down = (tilt_torque(robot, q, standard, s * roll, s * pitch) for s in (1, -1))
-        assert columns[:, :, k] == pytest.approx((up - down) / (2 * h), abs=1e-6)
-    assert tilt_torque(robot, q, standard, 0.0, 0.0) == pytest.approx(0.0)
 
 
 def test_a_base_that_is_rolled_sees_gravity_turned_back():
