@@ -79,8 +79,8 @@ def export(
         with staged(c, "ident export", overwrite=overwrite, inputs=[fit], complete=False) as stage:
             (stage / f"{code.name}.h").write_text(code.header, encoding="utf-8")
             (stage / f"{code.name}.c").write_text(code.source, encoding="utf-8")
-        for label in code.left_out:
-            print(f"warning: {label} is in the fit and not in the C", file=sys.stderr)
+        for label, reason in code.left_out.items():
+            print(f"warning: {label} is in the fit and not in the C: {reason}", file=sys.stderr)
         print(f"wrote {c / f'{code.name}.h'} and {code.name}.c; link with -lm")
     if urdf or mjcf:
         _bodies(saved, robot, urdf, mjcf, overwrite)

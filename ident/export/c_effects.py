@@ -1,8 +1,8 @@
 """The found effects of a fit on CasADi symbols, for its C: torques of their terms, updates of their states.
 
 An effect that is a column of its joint's own signals is written from its one definition, whatever its name;
-its state (the memory of presliding friction) belongs to the caller. What is no such column (an elastic gear,
-a recorder's delay) or acts in one recording only is left out and told.
+its states (the memory of presliding friction) belong to the caller. What is no such column (an elastic gear,
+a recorder's delay) or acts in one recording only is left out and told, with the reason.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class CEffects:
-    """`terms` that are written, labels of others; joint (from 0) of each state, and its first value."""
+    """`terms` that are written, labels of others with the reason; joint (from 0) of each state, its first
+    value."""
 
     terms: tuple[Term, ...]
-    left_out: tuple[str, ...]
+    left_out: Mapping[str, str]
     joints: tuple[int, ...]
     initial: tuple[float, ...]
     timed: bool  # some term reads the time
@@ -34,26 +35,33 @@ class CEffects:
 
 def written(terms: Sequence[Term]) -> CEffects:
     """Which of a fit's effects can be C."""
-    fine = tuple(term for term in terms if _is_column(term))
-    with_state = [term for term in fine if term.effect.state is not None]
+    reasons = {term.label: _reason(term) for term in terms}
+    fine = tuple(term for term in terms if not reasons[term.label])
+    states = [term for term in fine for _ in term.effect.updates]
     return CEffects(
         fine,
-        tuple(term.label for term in terms if term not in fine),
-        tuple(term.place.joint or 0 for term in with_state),
-        tuple(term.effect.state.initial for term in with_state if term.effect.state),
+        {label: reason for label, reason in reasons.items() if reason},
+        tuple(term.place.joint or 0 for term in states),
+        tuple(term.effect.state.initial if term.effect.state else 0.0 for term in states),
         any("t" in term.effect.needs for term in fine),
     )
 
 
-def _is_column(term: Term) -> bool:
+def _reason(term: Term) -> str:
+    """Why a term is not in the C, "" where it is."""
     effect, place = term.effect, term.place
-    own = all(
-        getattr(type(effect), name) is getattr(Effect, name) for name in ("columns", "states", "signals")
-    )
-    anywhere = place.recording is None and place.start is None and place.stop is None
-    return (
-        effect.kind == "column" and own and anywhere and not effect.changes_model and place.joint is not None
-    )
+    if place.recording is not None or place.start is not None or place.stop is not None:
+        return "it acts in one recording"
+    if effect.kind == "measurement":
+        return "it is of what is recorded, not of the torque that acts"
+    if effect.kind == "motion":
+        return "it needs the motion before and after a sample, filtered as in the fit"
+    if effect.changes_model or place.joint is None:
+        return "it changes what all joints feel; write what it found into the study (gravity:) and fit again"
+    kind = type(effect)
+    plain = kind.columns is Effect.columns and kind.signals is Effect.signals
+    plain &= kind.states is Effect.states or bool(effect.updates)
+    return "" if plain and effect.kind == "column" else "it is not a term of its joint's own signals"
 
 
 def behind_the_gear(parameters: Sequence[str]) -> set[str]:
@@ -86,9 +94,9 @@ def torques(
         known |= {
             name: values.get(f"{term.label}.{name}", term.theta[name]) for name in effect.nonlinear_names
         }
-        if effect.state is not None:
-            known |= {"z": v["z"][state], "step": v["step"][state]}
-            states.append(to_casadi(effect.state.update, known))
+        for name, update in effect.updates.items():
+            known |= {name: v["z"][state], "step": v["step"][state]}
+            states.append(to_casadi(update, known))
             state += 1
         for number, name in enumerate(term.linear):
             size = values.get(f"{term.label}.{name}", term.size[number])

@@ -4,7 +4,7 @@
     gravity       of the bodies, at rest
     friction      viscous, dry and offset, of motor and link
     compensation  gravity + friction
-    effects       found effects, with states that the caller keeps (c_effects.py)
+    effects       found effects, with states that the caller keeps (c_effects.py, c_states.py)
     torque        rigid + friction + effects
 
 The statements are CasADi's, of the same programs that the fit evaluated, with cancelled parameters folded
@@ -23,7 +23,8 @@ import casadi as ca
 import numpy as np
 
 from ident.export.c_effects import CEffects, behind_the_gear, torques, written
-from ident.export.c_text import Numbers, Writer, literal
+from ident.export.c_states import literal
+from ident.export.c_text import Numbers, Writer
 from ident.export.combination import ExportError
 from ident.export.saved import SavedFit
 from modelgen.dynamics.newton_euler import INERTIAL
@@ -43,7 +44,7 @@ class CCode:
     name: str
     header: str
     source: str
-    left_out: tuple[str, ...] = ()  # effects of the fit that are not in it
+    left_out: Mapping[str, str]  # effects of the fit that are not in it, and why
 
 
 def c_code(fit: SavedFit, robot: Robot, name: str | None = None, float32: bool = False) -> CCode:

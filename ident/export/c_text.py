@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.export.c_effects import CEffects
+from ident.export.c_states import States, literal
 from ident.export.saved import SavedFit
 from modelgen.emit.description import Derived
 
@@ -31,13 +32,6 @@ class Numbers:
         return tuple(re.sub(r"\W", "_", name) for name in self.names)
 
 
-def literal(text: str, suffix: str) -> str:
-    text = text + "0" if text.endswith(".") else text
-    if "." not in text and "e" not in text:
-        text += ".0"
-    return f"({text}{suffix})" if text.startswith("-") else f"{text}{suffix}"
-
-
 def shortened(rule: str) -> str:
     return rule if len(rule) <= LONGEST else f"{rule[:LONGEST]} ..."
 
@@ -53,34 +47,38 @@ class Writer:
         self.up, self.n, self.m = name.upper(), len(self.joints), len(fit.columns.channels)
         robot = derived.description["robot"]
         self.note = f"{robot}, model {fit.study.model}: identified torque as C. Written by ident export."
+        turns = fit.study.turn_overs
+        self.states = States(name, real, self.n, effects.joints, effects.initial, turns)
 
     def _signatures(self) -> dict[str, tuple[str, str]]:
         r, n, m = self.real, self.n, self.m
         q, dq, ddq = (f"const {r} {x}[{n}]" for x in ("q", "dq", "ddq"))
         tau = f"{r} tau[{m}]"
         whole, effects = f"{q}, {dq}, {ddq}, {tau}", self.effects
-        state = f"struct {self.name}_state *state, " if effects.joints else ""
+        state = self.states.argument
         time = f"{r} t, " if effects.timed else ""
-        told = "Found effects" + (", whose states go on by one sample." if state else ".")
+        told = "Found effects" + (", whose states go on by one sample" if effects.joints else "")
+        told += "; after friction of the same sample." if self.states.slides else "."
+        dry = "Viscous and dry friction and offset; sign(0) is 0: give desired rates."
+        slid = f"{state}{q}, " if self.states.slides else ""
+        if slid:
+            dry = "Viscous and dry friction and offset, whose states go on by one sample."
         signatures = {
             "rigid": (
                 f"{q}, {dq}, {ddq}, {tau}",
                 "Bodies and rotors: inertia, Coriolis, centrifugal, gravity.",
             ),
             "gravity": (f"{q}, {tau}", "Weight of the bodies alone."),
-            "friction": (
-                f"{dq}, {tau}",
-                "Viscous and dry friction and offset; sign(0) is 0: give desired rates.",
-            ),
-            "compensation": (f"{q}, {dq}, {tau}", "gravity + friction."),
+            "friction": (f"{slid}{dq}, {tau}", dry),
+            "compensation": (f"{state if slid else ''}{q}, {dq}, {tau}", "gravity + friction."),
         }
-        if effects.joints:
+        if state:
             signatures["start"] = (f"struct {self.name}_state *state", "Before the first sample.")
         if effects.terms:
             signatures["effects"] = (f"{state}{time}{whole}", told)
             signatures["torque"] = (f"{state}{time}{whole}", "All of it: rigid + friction + effects.")
         else:
-            signatures["torque"] = (whole, "All of it: rigid + friction.")
+            signatures["torque"] = (f"{state}{whole}", "All of it: rigid + friction.")
         return signatures
 
     def header(self) -> str:
@@ -116,7 +114,7 @@ enum {self.name}_parameter {{
 /* Identified values and their standard deviations, in the units above. */
 extern const {self.real} {self.name}_value[{self.up}_PARAMETERS];
 extern const {self.real} {self.name}_std[{self.up}_PARAMETERS];
-{self._struct()}
+{self.states.struct()}
 #ifdef __cplusplus
 extern "C" {{
 #endif
@@ -134,9 +132,14 @@ extern "C" {{
             self._table("value", self.numbers.values),
             self._table("std", self.numbers.std),
         ]
-        functions = [self._function(key, emitted[key]) for key in ("rigid", "gravity", "friction")]
+        functions = [self.states.slide()] if self.states.slides else []
+        functions += [self._function(key, emitted[key]) for key in ("rigid", "gravity", "friction")]
+        if self.states.argument:
+            arguments, comment = self._signatures()["start"]
+            head = f"/* {comment} */\nvoid {self.name}_start({arguments})"
+            functions.append(f"{head}\n{{\n{self.states.start()}\n}}\n")
         if self.effects.joints:
-            functions += [self._start(), self._advance(emitted["advance"])]
+            functions.append(self.states.advance(emitted["advance"]))
         if self.effects.terms:
             functions.append(self._function("effects", emitted["effects"]))
         if any(f"{self.name}_sign(" in function for function in functions):
@@ -146,10 +149,11 @@ extern "C" {{
                 f"((x < {zero}) ? -{one} : {zero});\n}}\n"
             )
         parts += functions
-        parts.append(self._sum("compensation", ("gravity", "q"), ("friction", "dq")))
-        given = [("rigid", "q, dq, ddq"), ("friction", "dq")]
+        dry = "state, q, dq" if self.states.slides else "dq"
+        parts.append(self._sum("compensation", ("gravity", "q"), ("friction", dry)))
+        given = [("rigid", "q, dq, ddq"), ("friction", dry)]
         if self.effects.terms:
-            first = ("state, " if self.effects.joints else "") + ("t, " if self.effects.timed else "")
+            first = ("state, " if self.states.argument else "") + ("t, " if self.effects.timed else "")
             given.append(("effects", f"{first}q, dq, ddq"))
         parts.append(self._sum("torque", *given))
         return "\n".join(parts)
@@ -177,8 +181,12 @@ extern "C" {{
         given = re.findall(r"const \w+ (\w+)\[", arguments)
         if key == "effects" and self.effects.joints:
             set_up.insert(0, f"  {self.name}_advance(state, q);")
-            given.remove("q")
+        if key == "friction" and self.states.slides:
+            set_up.insert(0, f"  {self.name}_slide(state, q, dq);")
         whole = "\n".join([*set_up, text])
+        passed = re.findall(r"\w+", " ".join(re.findall(r"\(state, ([\w, ]+)\);", whole)))
+        given = [name for name in given if name not in passed]
+        given += ["state"] if "*state" in arguments and "state" not in whole else []
         unused = [f"  (void){name};" for name in given if not re.search(rf"(?<!\w){name}\[", whole)]
         declared = [f"  {line}" for line in statements if line.startswith(f"{self.real} ")]
         rest = [f"  {line}" for line in statements if not line.startswith(f"{self.real} ")]
@@ -197,60 +205,9 @@ extern "C" {{
             ]
         )
 
-    def _struct(self) -> str:
-        if not self.effects.joints:
-            return ""
-        count = len(self.effects.joints)
-        return (
-            "\n/* States of the found effects; the caller keeps one for each robot. */\n"
-            f"struct {self.name}_state {{\n  {self.real} z[{count}];\n  {self.real} q[{count}];\n"
-            "  int begun;\n};\n"
-        )
-
-    def _start(self) -> str:
-        suffix = "F" if self.real == "float" else ""
-        zero = f"0.0{suffix}"
-        lines = [
-            f"  state->z[{k}] = {literal(repr(float(z)), suffix)};\n  state->q[{k}] = {zero};"
-            for k, z in enumerate(self.effects.initial)
-        ]
-        body = "\n".join([*lines, "  state->begun = 0;"])
-        arguments, comment = self._signatures()["start"]
-        return f"/* {comment} */\nvoid {self.name}_start({arguments})\n{{\n{body}\n}}\n"
-
-    def _advance(self, statements: list[str]) -> str:
-        """States by one sample: what their update makes of the step of q."""
-        r, count = self.real, len(self.effects.joints)
-        declared = [f"  {line}" for line in statements if line.startswith(f"{r} ")]
-        rest = [f"    {line}" for line in statements if not line.startswith(f"{r} ")]
-        steps = [f"    step[{k}] = q[{j}] - state->q[{k}];" for k, j in enumerate(self.effects.joints)]
-        keep = [f"  state->q[{k}] = q[{j}];" for k, j in enumerate(self.effects.joints)]
-        back = [f"    state->z[{k}] = tau[{k}];" for k in range(count)]
-        return "\n".join(
-            [
-                f"static void {self.name}_advance(struct {self.name}_state *state, const {r} q[{self.n}])",
-                "{",
-                f"  {r} step[{count}];",
-                f"  {r} tau[{count}];",
-                *declared,
-                "  if (state->begun != 0) {",
-                *steps,
-                *rest,
-                *back,
-                "  }",
-                *keep,
-                "  state->begun = 1;",
-                "}",
-                "",
-            ]
-        )
-
     def _set_up(self, name: str, k: int, call: str, argument: str) -> str:
-        width = self.fit.study.turn_over[k] if name == "sign" and self.fit.study.turn_over else 0.0
-        if width > 0:  # the fit's own smooth sign
-            tanh, suffix = ("tanhf", "F") if self.real == "float" else ("tanh", "")
-            return f"sign[{k}] = {tanh}(dq[{k}] / {literal(repr(float(width)), suffix)});"
-        return f"{name}[{k}] = {call}({argument}[{k}]);"
+        value = self.states.sign(k) if name == "sign" else f"{call}({argument}[{k}])"
+        return f"{name}[{k}] = {value};"
 
     def _sum(self, key: str, *parts: tuple[str, str]) -> str:
         arguments, comment = self._signatures()[key]

@@ -107,6 +107,11 @@ class Definition:
             theta.setdefault(p.name, p.grid[len(p.grid) // 2])
         return theta
 
+    @property
+    def updates(self) -> Mapping[str, sp.Expr]:
+        """{state: its next value, of itself, the `step` of q and the shape parameters}: what becomes C."""
+        return {} if self.state is None else {"z": self.state.update}
+
     def unit(self, quantity: Quantity | LinearParameter | NonlinearParameter, place: Place | None) -> str:
         """Unit of a parameter where it stands: N and m on a joint that slides."""
         if place is None or place.joint is None or getattr(quantity, "angle", False):

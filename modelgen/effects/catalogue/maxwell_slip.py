@@ -43,6 +43,11 @@ class MaxwellSlip(Effect):
         Quantity("width", "rad", width),
         Quantity("sigma", "N m/rad", (Wa + Wb / 3 + Wc / 9) / width),  # of all springs together
     )
+    updates = {
+        name: (sp.Abs(moved + 1) - sp.Abs(moved - 1)) / 2  # clip(moved, -1, 1)
+        for name, ratio in SPREAD.items()
+        for moved in [sp.Symbol(name, real=True) + SIGNALS.step / (ratio * width)]
+    }
     sizes = ("Wa", "Wb", "Wc")
     typical = {"Wa": 2.0, "Wb": 2.0, "Wc": 2.0, "width": 0.01}
     share = 0.1

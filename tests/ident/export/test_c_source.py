@@ -11,6 +11,7 @@ from recordings import motion
 
 from ident.export.c_source import c_code
 from ident.export.combination import ExportError
+from ident.signals.dry_friction import TurnOver
 
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c99", "-Wconversion"]
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -94,6 +95,42 @@ def test_a_smooth_sign_of_the_study_is_the_sign_of_the_c(kept, tmp_path):
     np.testing.assert_allclose(run(library, "friction", np.float64, 7, dq), expected, atol=1e-12)
 
 
+@needs_compiler
+@pytest.mark.parametrize(("float32", "tolerance"), [(False, 1e-12), (True, 1e-4)])
+def test_presliding_of_the_study_is_a_state_of_the_c(kept, tmp_path, float32, tolerance):
+    """Two joints' dry friction takes a travel to turn over, one of them a rate as well."""
+    rates, travels = (0.05, *[0.0] * 6), (0.02, 0.0, 0.4, *[0.0] * 4)
+    slow = replace(kept, study=kept.study.with_(turn_over=rates, presliding=travels))
+    library = compiled(slow, tmp_path, float32)
+    real = np.float32 if float32 else np.float64
+    _, q, dq, ddq = (x.astype(real).astype(float) for x in motion(20, 50, 5))
+    sign = np.sign(dq)
+    for j, (rate, travel) in enumerate(zip(rates, travels)):
+        direct = np.tanh(dq[:, j] / rate) if rate else sign[:, j].copy()
+        slid = TurnOver(rate, travel).state(q[:, j], dq[:, j]) * abs(direct) if travel else direct
+        sign[:, j] = slid
+    model, chi = kept.columns.model, kept.columns.model_chi(kept.chi, None)
+    tau = model.torque(q, dq, ddq, chi, sign=sign)
+    still = np.zeros_like(q)
+    drives = np.array([name.startswith(("Fv", "Fc", "Off")) for name in model.parameters])
+    friction = model.torque(q, dq, ddq, np.where(drives, chi, 0), sign=sign)
+    weight = model.torque(q, still, still, np.where(drives, 0, chi))
+    state = ctypes.create_string_buffer(256)
+    for name, expected, given in (
+        ("torque", tau, (q, dq, ddq)),
+        ("friction", friction, (q, dq)),
+        ("compensation", weight + friction, (q, dq)),
+    ):
+        library.arm_start(state)
+        found = np.zeros((len(q), 7), real)
+        for k in range(len(q)):
+            rows = [np.ascontiguousarray(x[k], real) for x in given]
+            pointers = [ctypes.c_void_p(row.ctypes.data) for row in (*rows, found[k])]
+            getattr(library, f"arm_{name}")(state, *pointers)
+        np.testing.assert_allclose(found, expected, atol=tolerance * np.abs(tau).max(), err_msg=name)
+    assert np.abs(sign[:, 0] - np.sign(dq[:, 0])).max() > 0.5
+
+
 def test_a_name_that_c_cannot_bear_is_refused(kept):
     with pytest.raises(ExportError, match="--name 3arm: give a C name"):
         c_code(kept, kept.load_robot(), "3arm")
@@ -110,10 +147,12 @@ EFFECTS = [
         "fixed": ["wavenumber"],
     },
     {"effect": "hysteresis", "joint": 4, "Fc": 3.0, "width": 0.02},
-    {"effect": "load_dependent_friction", "joint": 2, "mu": 0.05},
+    {"effect": "load_dependent_friction", "joint": 2, "mu": 0.05, "Iam": 0.3},
+    {"effect": "maxwell_slip", "joint": 3, "Wa": 1.0, "Wb": 2.0, "Wc": 0.7, "width": 0.01},
     {"effect": "offset_drift", "joint": 5, "slope": 0.03},
     {"effect": "joint_coupling", "joint": 6, "source_joint": 5, "Fv": 0.4, "Ia": 0.1},
     {"effect": "time_delay", "joint": 1, "delay": 0.002},
+    {"effect": "joint_elasticity", "joint": 1, "k": 2e4},
 ]
 
 
@@ -141,7 +180,9 @@ def test_effects_with_their_states(kept, tmp_path, float32, tolerance):
     fit = with_effects(kept)
     library = compiled(fit, tmp_path, float32)
     code = c_code(fit, fit.load_robot(), "arm", float32)
-    assert [label.partition(":")[0] for label in code.left_out] == ["time_delay"]
+    left_out = {label.partition(":")[0]: reason for label, reason in code.left_out.items()}
+    assert list(left_out) == ["time_delay", "joint_elasticity"]
+    assert "what is recorded" in left_out["time_delay"] and "before and after" in left_out["joint_elasticity"]
     assert "ARM_stribeck_friction_2_Fs" in code.header and "_delay" not in code.header
     real = np.float32 if float32 else np.float64
     t, q, dq, ddq = (x.astype(real).astype(float) for x in motion(20, 50, 5))
