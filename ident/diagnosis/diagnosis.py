@@ -124,7 +124,7 @@ def diagnose_study(
     relatives.
 
     alpha: rate of false findings in the whole study (the study's own where not given). memory [bytes]: what
-    columns of candidates may take.
+    the process may take (half of what is free where not given).
     """
     from threadpoolctl import threadpool_limits
 
@@ -141,8 +141,8 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     base = fit_study(working, progress=_part(progress, 0.1, 0.15)) if mended else first
     if working.drive_gains == "identify":
         working = working.with_(drive_gains=tuple(drive_gains(base)))
-    begun = opened(prepare_study(working), _part(progress, 0.15, 0.2))
-    library = Library(list(catalogue().values()), begun.layout, 0.3 * memory if memory else 6e8)
+    begun = opened(prepare_study(working), _part(progress, 0.15, 0.2), memory)
+    library = Library(list(catalogue().values()), begun.layout, begun.room.library)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
     last = _extended(working, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))

@@ -5,8 +5,9 @@ that is decimated is not the sign of a decimated dq. Kept is every s-th sample o
 the distance of its rows, so the impulse response of the equations' own decimation, sampled at s, puts a
 column on the very instants of the rows (`scipy.signal.upfirdn`; each row rescaled to unit gain, as there).
 
-Memory: 8 (1 + 6 n + C) bytes for each fine sample of n joints and C channels: an hour of 7 joints at 200 Hz
-is 250 MB."""
+Memory: 8 (1 + 6 n + C) bytes for each fine sample of n joints and C channels. An hour of 7 joints at 200 Hz
+would be 290 MB: long recordings wait on disk, in single precision, until it is known which stretches of them
+are looked at."""
 
 from __future__ import annotations
 
@@ -17,7 +18,10 @@ from functools import lru_cache
 import numpy as np
 from scipy.signal import upfirdn
 
+from ident.diagnosis.stretches import Cut
 from ident.equations.columns import Columns
+from ident.equations.prepared import Prepared
+from ident.equations.spilled import SpilledRows, Spool, joined
 from ident.recordings.recording import RecordingStream
 from ident.signals.decimation import kept_every, response_terms
 from ident.signals.filtering import FilteredBlock, LowPass
@@ -85,14 +89,17 @@ def _unit(filter: LowPass, every: int, length: int, ahead: int) -> np.ndarray:
 
 
 class FineKeeper:
-    """An observer of `equations.build` that keeps strided samples of every block."""
+    """An observer of `equations.build` that keeps strided samples of every block, on disk where they are
+    many."""
 
-    def __init__(self, columns: Columns, cutoff_hz: float, order: int) -> None:
+    def __init__(self, columns: Columns, cutoff_hz: float, order: int, on_disk: bool = False) -> None:
         self.columns, self.cutoff_hz, self.order = columns, cutoff_hz, order
-        self.parts: dict[tuple[str, int], list[tuple[np.ndarray, ...]]] = {}
+        self.t: dict[tuple[str, int], list[np.ndarray]] = {}
+        self.parts: dict[tuple[str, int], list[np.ndarray | SpilledRows]] = {}
         self.streams: dict[str, RecordingStream] = {}
         self.seen: dict[tuple[str, int], int] = {}
         self.vs: dict[str, np.ndarray] = {}
+        self.spool = Spool() if on_disk else None
 
     def __call__(self, stream: RecordingStream, index: int, block: FilteredBlock) -> None:
         key = (stream.label, index)
@@ -102,42 +109,57 @@ class FineKeeper:
         self.seen[key] = seen + len(block.t)
         self.streams[stream.label], self.vs[stream.label] = stream, block.vs
         speed = block.dq if block.speed is None else block.speed
-        signals = (block.t, block.q, block.dq, block.ddq, block.sign_dq, speed, block.certain)
-        kept = tuple(part[pick].copy() for part in (*signals, self.columns.torque(block)))
-        self.parts.setdefault(key, []).append(kept)
+        signals = (block.q, block.dq, block.ddq, block.sign_dq, speed, block.certain)
+        kept = np.vstack([part[pick].T for part in (*signals, self.columns.torque(block))])
+        self.t.setdefault(key, []).append(block.t[pick].copy())
+        self.parts.setdefault(key, []).append(kept if self.spool is None else self.spool.append(kept))
 
-    def segments(self, labels: Sequence[str]) -> tuple[FineSegment, ...]:
-        """Every stretch, recording after recording in the order of `labels`."""
-        out = []
-        for number, label in enumerate(labels):
-            stream = self.streams[label]
-            every = kept_every(self.cutoff_hz, stream.rate_hz)
-            step = stride_of(every, stream.rate_hz)
-            for key in sorted(key for key in self.parts if key[0] == label):
-                t, q, dq, ddq, sign, speed, certain, measured = (
-                    np.concatenate(p) for p in zip(*self.parts.pop(key))
-                )
-                out.append(
-                    FineSegment(
-                        number,
-                        label,
-                        stream.payload,
-                        stream.survey.segments[0].start,
-                        t,
-                        q,
-                        dq,
-                        ddq,
-                        sign,
-                        speed,
-                        certain,
-                        measured,
-                        stream.rate_hz / step,
-                        LowPass(self.cutoff_hz, stream.rate_hz / step, self.order),
-                        every // step,
-                        self.vs[label],
-                    )
-                )
-        return tuple(out)
+    def segments(self, labels: Sequence[str], cuts: Sequence[Cut]) -> tuple[FineSegment, ...]:
+        """One a cut of the recordings' rows, in the order of the cuts; labels: of the numbers in them. What
+        was kept is handed over."""
+        keys = {label: sorted(key for key in self.parts if key[0] == label) for label in labels}
+        return tuple(self._segment(keys[labels[cut.system]][cut.segment], cut) for cut in cuts)
+
+    def _segment(self, key: tuple[str, int], cut: Cut) -> FineSegment:
+        stream = self.streams[key[0]]
+        every = kept_every(self.cutoff_hz, stream.rate_hz)
+        step = stride_of(every, stream.rate_hz)
+        t, whole = np.concatenate(self.t[key]), joined(self.parts[key])
+        self.t[key], self.parts[key] = [t], [whole]
+        each = every // step
+        pick = slice(cut.start * each, len(t) if cut.stop >= len(t) // each else cut.stop * each)
+        n = len(self.columns.need.joints)
+        ends = np.arange(1, 7) * n
+        q, dq, ddq, sign, speed, certain, measured = (
+            np.array(part.T, float, order="C") for part in np.split(whole[:, pick], ends)
+        )
+        return FineSegment(
+            cut.system,
+            stream.label,
+            stream.payload,
+            stream.survey.segments[0].start,
+            t[pick].copy(),
+            q,
+            dq,
+            ddq,
+            sign,
+            speed,
+            certain,
+            measured,
+            stream.rate_hz / step,
+            LowPass(self.cutoff_hz, stream.rate_hz / step, self.order),
+            each,
+            self.vs[stream.label],
+        )
+
+
+def bytes_of(prepared: Prepared, cutoff_hz: float) -> float:
+    """What the fine signals of a study take in double precision."""
+    wide = 1 + 6 * len(prepared.columns.need.joints) + len(prepared.columns.channels)
+    return sum(
+        8 * wide * stream.survey.rows / stride_of(kept_every(cutoff_hz, stream.rate_hz), stream.rate_hz)
+        for stream in prepared.streams
+    )
 
 
 def stride_of(every: int, rate_hz: float) -> int:

@@ -13,15 +13,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.fine import FineKeeper, FineSegment
+from ident.diagnosis.fine import FineKeeper, FineSegment, bytes_of
+from ident.diagnosis.room import Room, room_for
 from ident.diagnosis.rows import Rows, rows_of
 from ident.diagnosis.state import Found, Problem, State, first_state, settled
+from ident.diagnosis.stretches import Cut, cut_out, cuts
 from ident.diagnosis.terms import Term
 from ident.diagnosis.turn_over import Dry
 from ident.equations.build import build
-from ident.equations.observation import DecimatedSegment, RecordingSystem
+from ident.equations.observation import RecordingSystem, stack
 from ident.equations.placing import layout_of, terms_of
 from ident.equations.prepared import Prepared
+from ident.estimation.least_squares import channel_sigma, weighted_least_squares
 from ident.progress import Progress, silent
 from ident.signals.filtering import prepare
 from modelgen.effects.place import Layout
@@ -31,8 +34,7 @@ DRY = ("Fcm", "Fcl")  # kinds of parameters whose columns are signs
 PER_RATE = 12.0  # samples a second and Hz of cut-off, at least
 PREFILTER = 4.0  # of the rows' cut-off
 HIGHEST = 0.4  # of the rate
-ROWS_A_SIDE = 7000  # rows of the fitted, and of the judged recordings; more are thinned by stretches
-STRETCH_S = 20.0  # s
+HELD = 1.5e8  # bytes of fine signals that are held; more wait on disk
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,7 @@ class Opened:
     state: State
     cutoff_hz: float
     thinned: bool
+    room: Room
 
 
 def diagnosis_cutoff(prepared: Prepared) -> float:
@@ -51,24 +54,31 @@ def diagnosis_cutoff(prepared: Prepared) -> float:
     return min(prepared.study.filter.position_cutoff_hz, slowest / PER_RATE)
 
 
-def opened(prepared: Prepared, progress: Progress = silent) -> Opened:
-    """Rows, fine signals, layout, first state. Pure but for reading the recordings."""
+def opened(prepared: Prepared, progress: Progress = silent, memory: float | None = None) -> Opened:
+    """Rows, fine signals, layout, first state. Pure but for reading the recordings.
+
+    memory [bytes]: what the process may take; None: half of what is free. Raises MemoryLimitError."""
     study, columns = prepared.study, prepared.columns
     cutoff = diagnosis_cutoff(prepared)
     slowest = min(stream.rate_hz for stream in prepared.streams)
     settings = study.filter.model_copy(
         update={"position_cutoff_hz": min(PREFILTER * cutoff, HIGHEST * slowest)}
     )
-    banks = tuple(prepare(stream, settings) for stream in prepared.streams)
-    keeper = FineKeeper(columns, cutoff, study.filter.order)
+    room = room_for(prepared, cutoff, memory)
+    banks = tuple(prepare(stream, settings, study.turn_overs) for stream in prepared.streams)
+    keeper = FineKeeper(columns, cutoff, study.filter.order, bytes_of(prepared, cutoff) > HELD)
     systems = build(replace(prepared, banks=banks), cutoff, observer=keeper, progress=progress)
-    segments = keeper.segments([system.label for system in systems])
-    systems, segments, thinned = _thinned(systems, segments)
+    chosen = cuts(systems, room.rows, lambda: _left(systems, prepared))
+    thinned = sum(cut.stop - cut.start for cut in chosen) < sum(len(p.t) for s in systems for p in s.segments)
+    segments = keeper.segments([system.label for system in systems], chosen)
+    systems, segments = _seen(systems, segments, chosen) if thinned else (systems, segments)
+    del keeper
     rows = rows_of(systems, len(columns.parameters))
     n = len(columns.need.joints)
     low = np.min([s.q.min(axis=0) for s in segments], axis=0)
     high = np.max([s.q.max(axis=0) for s in segments], axis=0)
     layout = layout_of(study, columns, tuple(float(x) for x in high - low))
+    layout = replace(layout, recordings=rows.names)
     problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n))
     state = first_state(problem, rows, segments)
     declared = [
@@ -80,7 +90,7 @@ def opened(prepared: Prepared, progress: Progress = silent) -> Opened:
         if made:
             p = next(iter(made.values())).shape[1]
             state = replace(state, found=(*state.found, Found(term, made, np.zeros(p))))
-    return Opened(layout, settled(state, 2) if declared else state, cutoff, thinned)
+    return Opened(layout, settled(state, 2) if declared else state, cutoff, thinned, room)
 
 
 def _dry(parameters: Sequence[str], layout: Layout, rows: Rows, n: int) -> tuple[Dry, ...]:
@@ -100,48 +110,17 @@ def _dry(parameters: Sequence[str], layout: Layout, rows: Rows, n: int) -> tuple
     return tuple(out)
 
 
-def _thinned(
-    systems: Sequence[RecordingSystem], segments: Sequence[FineSegment]
-) -> tuple[tuple[RecordingSystem, ...], tuple[FineSegment, ...], bool]:
-    """Stretches of STRETCH_S spread evenly where a role has more than ROWS_A_SIDE rows."""
-    total: dict[str, int] = {}
-    for system in systems:
-        total[system.role] = total.get(system.role, 0) + sum(len(s.t) for s in system.segments)
-    if max(total.values()) <= ROWS_A_SIDE:
-        return tuple(systems), tuple(segments), False
-    out_systems, out_segments, at = [], [], 0
-    for system in systems:
-        share = min(1.0, ROWS_A_SIDE / total[system.role])
-        kept: list[DecimatedSegment] = []
-        for part in system.segments:
-            fine = segments[at]
-            at += 1
-            for rows in _stretches(len(part.t), part.t, share):
-                kept.append(
-                    replace(
-                        part,
-                        t=part.t[rows],
-                        values=part.values[:, rows],
-                        Y=part.Y[:, rows],
-                        weight=part.weight[:, rows],
-                    )
-                )
-                out_segments.append(_cut(fine, rows))
-        out_systems.append(replace(system, segments=tuple(kept)))
-    return tuple(out_systems), tuple(out_segments), True
+def _left(systems: Sequence[RecordingSystem], prepared: Prepared) -> list[list[np.ndarray]]:
+    """What the rigid model leaves of every row, fitted to the identify recordings: (C, m) a segment."""
+    factors = stack([system for system in systems if system.role == "identify"])
+    chi = weighted_least_squares(factors, channel_sigma(factors), prepared.columns.parameters).chi
+    return [system.residuals(chi) for system in systems]
 
 
-def _stretches(count: int, t: np.ndarray, share: float) -> list[slice]:
-    if share >= 1.0 or count < 4:
-        return [slice(0, count)]
-    length = max(4, round(STRETCH_S / float(np.median(np.diff(t)))))
-    period = length / share
-    number = max(1, round(count / period))
-    starts = np.linspace(0, max(count - length, 0), number).astype(int)
-    return [slice(int(a), int(min(a + length, count))) for a in starts]
-
-
-def _cut(fine: FineSegment, rows: slice) -> FineSegment:
-    pick = slice(rows.start * fine.every, rows.stop * fine.every)
-    arrays = ("t", "q", "dq", "ddq", "sign_dq", "speed", "certain", "measured")
-    return replace(fine, **{name: getattr(fine, name)[pick].copy() for name in arrays})
+def _seen(
+    systems: Sequence[RecordingSystem], segments: Sequence[FineSegment], chosen: Sequence[Cut]
+) -> tuple[tuple[RecordingSystem, ...], tuple[FineSegment, ...]]:
+    """The recordings of which something is looked at, with that alone."""
+    left = sorted({cut.system for cut in chosen})
+    out = tuple(cut_out(systems[k], [cut for cut in chosen if cut.system == k]) for k in left)
+    return out, tuple(replace(s, recording=left.index(s.recording)) for s in segments)

@@ -19,6 +19,7 @@ SLOWEST = 0.2  # s between samples: nobody records dynamics slower
 FASTEST = 1e-5
 UNITS = (("ms", 1e-3, 100.0), ("us", 1e-6, 1e5), ("ns", 1e-9, 1e9))  # name, scale, largest step in it
 LONGER = (("minutes", 60.0), ("hours", 3600.0), ("days", 86400.0))
+PAUSE = 5.0  # usual steps
 BURSTS = 0.05  # share of rows that share a stamp, or follow closer than a third of the mean
 
 
@@ -71,7 +72,11 @@ def uniform_clock(blocks: Iterable[np.ndarray], window: tuple[float, float] = (-
         rate = 1.0 / (1.0 / rate + slope)
     off = t - rows / rate
     middle = (off.max() + off.min()) / 2
-    return Clock(float(middle), float(rate), float(np.abs(off - middle).max()), float(np.diff(t).max()))
+    steps = np.diff(t)
+    usual = PAUSE * float(np.median(steps[steps > 0]))  # a pause is no step of the stamps
+    return Clock(
+        float(middle), float(rate), float(np.abs(off - middle).max()), min(float(steps.max()), usual)
+    )
 
 
 def time_stamps(recording: str, clock: Clock, shared: int, rows: int) -> Check:

@@ -89,7 +89,7 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         repeated += int(single_repeats(same & moving).sum())
         held += int(single_repeats((after[:, :n] == before[:, :n]).all(axis=1) & ~same).sum())
         wide = dt > gap_s
-        bursts += int(((dt < 0.3 * (t[-1] - t[0]) / len(t)) & ~same).sum())
+        bursts += int(((dt < 0.3 * dt[~wide].sum() / max((~wide).sum(), 1)) & ~same).sum())
         marks += [(float(after_t[k] - dt[k]), float(after_t[k])) for k in np.flatnonzero(wide)]
         inner = dt[moving & ~wide]
         sums += [len(inner), inner.sum(), ((inner - first_interval) ** 2).sum()]

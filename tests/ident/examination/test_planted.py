@@ -172,6 +172,13 @@ def test_a_dead_torque_and_all_of_them(tmp_path):
     assert checks == {"dead_channel"} and "no torque is recorded" in text
 
 
+def test_a_pause_of_an_hour_splits_the_run_and_is_no_clock(tmp_path):
+    study = planted(tmp_path, changed("t", lambda t: t + np.where(np.arange(len(t)) > 2000, 3600.0, 0.0)))
+    plain, paused = (prepare_study(s).streams[0] for s in (ur10e(), study))
+    assert paused.checks == () and paused.rate_hz == pytest.approx(plain.rate_hz, rel=1e-6)
+    assert len(paused.survey.segments) == len(plain.survey.segments) + 1
+
+
 @pytest.mark.parametrize(
     ("signal", "change", "check"),
     [
