@@ -27,6 +27,7 @@ from ident.examination.torques import (
     all_signs,
     one_sign,
     scales,
+    several_signs,
     swapped,
     swapped_positions,
     unexplained,
@@ -102,6 +103,7 @@ def _best(
     error = fit.error[np.isfinite(fit.error)]
     found = [*one_sign(quick, fit, how, names, currents)]
     if error.max() > DOUBTFUL:
+        found += several_signs(quick, fit, how, names, currents)
         found += swapped(quick, fit, how, names, currents)
         if not prepared.study.without:  # a torque that misses a term of the model looks scaled
             found += scales(quick, fit, how, names, currents)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -24,6 +24,7 @@ FRICTION = ("Fvm", "Fcm", "Fvl", "Fcl", "Fvc", "Fcc")
 FACTOR = 3.0
 NOTHING = 0.85  # error of a channel that the model does not explain
 CONFIGURATIONS = 40
+MOST_SIGNS = 8  # torques whose signs are all tried together
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +156,47 @@ def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
                 column_line(maps, {name: {"sign": -1}}),
             ),
         )
+
+
+def several_signs(
+    quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
+) -> Iterator[Hypothesis]:
+    """Two torques or more with the other sign: turning one alone may only move the contradiction.
+
+    A pattern of signs fits as well as its opposite; which of the two is meant inertia and friction say, and
+    without them the fewer torques."""
+    seen = np.flatnonzero(quick.identify.rows > 10).tolist()
+    if not 3 <= len(seen) <= MOST_SIGNS:
+        return
+    patterns = [
+        [c for c, turned in zip(seen[1:], bits) if turned] for bits in product((0, 1), repeat=len(seen) - 1)
+    ]
+    fits = [quick.fit(how.times(which, -1.0)) for which in patterns]
+    gains = np.array([other.gain_over(fit) for other in fits])
+    best = int(np.argmax(gains))
+    other, which = fits[best], patterns[best]
+    opposite = [c for c in seen if c not in which]
+    if min(len(which), len(opposite)) < 2 or other.holds_over(fit) < CLEARLY:
+        return
+    others = [k for k, its in enumerate(patterns) if len(set(its) ^ set(which)) in (1, len(seen) - 1)]
+    if gains[best] < 2 * CLEARLY or gains[best] - gains[others].max() < 0.5 * CLEARLY:
+        return
+    told = evidence(quick, other, how.times(which, -1.0))
+    speaking = sum(told.speaks_for(c) for c in seen) - sum(told.against(c) for c in seen)
+    if speaking < 0 or (speaking == 0 and len(opposite) < len(which)):
+        which = opposite
+    names = tuple(signal_of(quick, c, currents) for c in which)
+    beside = listed(signal_of(quick, c, currents) for c in seen if c not in which)
+    check = Check(
+        "torque_sign",
+        "",
+        names,
+        None,
+        "warned",
+        f"{listed(names)} have the other sign than {beside}: turned, {_falls(fit, other)}",
+        column_line(maps, {name: {"sign": -1} for name in names}),
+    )
+    yield Hypothesis(float(gains[best]), how.times(which, -1.0), check)
 
 
 def swapped(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
