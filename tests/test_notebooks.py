@@ -56,6 +56,8 @@ def test_the_paper_on_a_twin(tmp_path):
     # the twin has the paper's Iam2 = 3.05; 2 % is some five of its standard deviations
     assert all(abs(value / 3.05 - 1) < 0.02 for value in claim["Iam2"].values())
     assert abs(claim["ZZ2R_A_minus_C_is_Iam2"] / 3.05 - 1) < 0.05
+    # gears that yield: the joints' positions are where the bodies are
+    assert claim["off_truth_percent"]["joint"] < 0.5 * claim["off_truth_percent"]["motor"]
 
 
 @pytest.mark.slow
