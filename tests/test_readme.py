@@ -19,6 +19,15 @@ BLOCK = re.compile(r"^(?:<!-- (?P<note>[^>]*) -->\n)?```(?P<language>\w+)\n(?P<t
 SETUP = ("make ", "pip install", "git clone", "cd ")  # executed by whoever runs these tests
 
 
+def test_every_key_of_a_study_is_in_the_table():
+    from ident.recordings.study import EffectEntry, FilterSettings, RecordingEntry, Study
+
+    table = README[README.index("Every key of a study") :].partition("</details>")[0]
+    models = (Study, RecordingEntry, FilterSettings, EffectEntry)
+    keys = {field.alias or name for model in models for name, field in model.model_fields.items()}
+    assert [key for key in sorted(keys) if f"`{key}`" not in table and f"{key}: " not in table] == []
+
+
 def blocks(text, language):
     return [
         (found["note"] or "", found["text"])
