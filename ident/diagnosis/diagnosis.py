@@ -46,6 +46,7 @@ class Alternative:
     joints: tuple[int, ...]
     log_e: float
     error_drop_percent: float
+    source_joint: int | None = None  # of a pair of joints, the other one
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,7 +158,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         findings,
         unexplained,
         checks,
-        noise_floor(prepared),
+        noise_floor(last),
         _explainable(outcome, begun),
         alpha,
         ("of long recordings stretches spread over them were looked at",) if begun.thinned else (),
@@ -343,6 +344,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
                 _joints(eq.term, state),
                 float(eq.log_e),
                 float(100 * (1 - np.exp(-eq.log_e / max(state.metric.judged.free[c], 1.0)))),
+                None if eq.term.place.source is None else int(labels[eq.term.place.source]),
             )
             for eq in step.equivalent
         ),
@@ -424,7 +426,10 @@ def _explainable(outcome: Outcome, begun: Opened) -> dict[str, dict[str, float]]
     state = outcome.last
     named, nameless = np.zeros(state.rows.channels), np.zeros(state.rows.channels)
     for step in outcome.steps:
-        named += np.maximum(step.evidence.per_channel, 0.0)
+        place = step.term.place
+        own = range(len(named)) if place.joint is None else place.rows(state.model.channels)
+        for c in own:
+            named[c] += max(float(step.evidence.per_channel[c]), 0.0)
     for u in outcome.unnamed:
         nameless[u.channel] += max(u.log_e, 0.0)
     out = {}

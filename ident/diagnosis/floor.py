@@ -1,49 +1,84 @@
-"""The noise floor of a channel: what of its torque no model of the motion could ever explain.
+"""The noise floor of a channel: what of its error no model of the motion could ever explain.
 
-Above the band of the motion a robot's torque holds noise alone. Its density there, the median of the
-periodogram of short windows (lines and knocks do not move it), taken as flat down to rest, gives the noise
-inside the band of the fit's position filter. It is read off the recorded torque itself, so it does not
-follow the residual. Slow noise is not in it; a recording whose rate leaves nothing above the band has no
-floor."""
+Where the model's own torque has little power against what is left, a model that is wrong by a fifth could not
+make what is left: that is noise, whatever the model lacks. Below, where the robot moves, the noise is taken
+to be as dense as at the lowest such frequencies, and no denser than what is left. So the floor has the unit
+of the error at the full rate and does not follow the residual. Slower noise is not in it."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.signal
 
-from ident.equations.prepared import Prepared
-from ident.signals.filtering import filter_stream
+from ident.equations.comparison import Curves
+from ident.estimation.fit import FitResult
+from ident.signals.filtering import LowPass
 
-SECONDS = 60.0  # of each recording
-WINDOW_S = 1.0
-LOWEST, HIGHEST = 2.5, 0.9  # of the position cut-off, of half the rate
+WINDOW_S, WINDOWS = 2.0, 4
+NEAR = 8  # lowest frequencies of noise alone that speak for those below
+PASSED = 0.1  # of the position filter: where it lets less through, nothing can be read
+LITTLE = (5.0, 25.0)  # power of the model's torque in that of what is left, where enough is so quiet: a fifth
+# of that torque wrong makes a fifth of what is left, or all of it
+MOVES = 0.9  # share of the torque's power about its mean that is taken for motion
 
 
-def noise_floor(prepared: Prepared) -> dict[str, float]:
-    """{channel: percent of the rms torque} over the identify recordings, at the full filtered rate."""
-    noise, power = 0.0, 0.0
-    cutoff = prepared.study.filter.position_cutoff_hz
-    for stream, bank in zip(prepared.streams, prepared.banks):
-        if stream.role != "identify" or stream.rate_hz * HIGHEST / 2 < 1.3 * LOWEST * cutoff:
+def noise_floor(fit: FitResult) -> dict[str, float]:
+    """{channel: percent of the rms torque} over the identify recordings, as the error is."""
+    settings = fit.study.filter
+    C = len(fit.columns.channels)
+    noise, power = np.zeros(C), np.zeros(C)
+    known = np.ones(C, bool)
+    streams = {stream.label: stream for stream in fit.recordings}
+    for curve in fit.errors.curves:
+        if curve.role != "identify" or len(curve.t) < 2:
             continue
-        parts, seconds = [], 0.0
-        for _, block in filter_stream(stream, bank):
-            parts.append(prepared.columns.torque(block))
-            seconds += len(block.t) / stream.rate_hz
-            if seconds > SECONDS:
-                break
-        torque = np.concatenate(parts)
-        size = int(WINDOW_S * stream.rate_hz)
-        if len(torque) < 4 * size:
+        filter = LowPass(settings.position_cutoff_hz, streams[curve.label].rate_hz, settings.order)
+        for c in range(C):
+            density = noise_floor_power(curve, c, filter)
+            if density is None:
+                known[c] = False
+                continue
+            seconds = np.isfinite(curve.measured[:, c]).sum()
+            noise[c] += density * seconds
+            power[c] += float(np.nanmean(curve.measured[:, c] ** 2)) * seconds
+    names = fit.columns.channels
+    return {
+        name: float(100 * np.sqrt(noise[c] / power[c]))
+        for c, name in enumerate(names)
+        if known[c] and power[c] > 0
+    }
+
+
+def noise_floor_power(curve: Curves, c: int, filter: LowPass) -> float | None:
+    """Mean square of the noise that the filter lets through; None where it cannot be read."""
+    seconds = float(np.nanmedian(np.diff(curve.t)))
+    size = int(WINDOW_S / seconds)
+    if 1.0 / seconds < 2.2 * filter.cutoff_hz or size < 2 * NEAR:
+        return None
+    spectra, count = np.zeros((3, size // 2 + 1)), 0
+    f = np.fft.rfftfreq(size, seconds)
+    whole = np.isfinite(curve.t) & np.isfinite(curve.measured[:, c]) & np.isfinite(curve.modelled[:, c])
+    for part in np.split(np.flatnonzero(whole), np.flatnonzero(np.diff(np.flatnonzero(whole)) > 1) + 1):
+        if len(part) < size:
             continue
-        f, P = scipy.signal.welch(torque, stream.rate_hz, "hann", size, axis=0, average="median")
-        band = (f > LOWEST * cutoff) & (f < HIGHEST * stream.rate_hz / 2)
-        density = np.median(P[band], axis=0)
-        passed = bank.position.response(f)
-        width = float(np.sum(passed**2) * (f[1] - f[0]))
-        noise = noise + density * width
-        power = power + np.mean(torque**2, axis=0)
-    if np.ndim(noise) == 0:
-        return {}
-    share = 100 * np.sqrt(np.asarray(noise) / np.maximum(np.asarray(power), 1e-300))
-    return {name: float(x) for name, x in zip(prepared.columns.channels, share)}
+        measured, modelled = curve.measured[part, c], curve.modelled[part, c]
+        three = np.stack([measured, modelled, measured - modelled])
+        _, P = scipy.signal.welch(three, 1.0 / seconds, "hann", size, axis=1)
+        n = 2 * (len(part) // size) - 1
+        spectra, count = spectra + n * P, count + n
+    if count < WINDOWS:
+        return None
+    P, M, E = spectra / count
+    moving = f <= f[min(int(np.searchsorted(np.cumsum(P) / P.sum(), MOVES)), len(f) - 1)]
+    passed = filter.response(f)
+    for little in LITTLE:
+        alone = np.flatnonzero((little * E > M) & ~moving & (passed > PASSED))
+        if len(alone) >= NEAR:
+            break
+    else:
+        return None
+    density = float(np.median(E[alone[:NEAR]] / passed[alone[:NEAR]] ** 2))
+    noisy = np.zeros(len(f), bool)
+    noisy[alone] = True
+    there = np.where(noisy | (passed <= PASSED), E, np.minimum(E, density * passed**2))
+    return float(there.sum() * (f[1] - f[0]))

@@ -7,6 +7,7 @@ from ident.report.wording import joined, number, percent, with_deviation
 
 PLACED = ("source_joint", "recording", "from", "to", "link")  # said as a place, not as a value
 SIDES = {"motor": "motor side", "link": "link side", "sensor": "torque sensor", "drive": "drive"}
+NOISY = 1.5  # times its noise floor, up to which what is left is called noise: as far as the floor may be off
 FAR = 2.0  # from this ratio on an error is called larger than another; only words depend on it
 
 
@@ -73,15 +74,15 @@ def left_in_words(document: Mapping[str, Any]) -> str:
             f"{percent(after['total'])} of the torque is left on the fitted runs; whether that is noise is "
             "not known: no noise floor can be read off these recordings."
         )
-    above = sorted((n for n in seen if after[n] > FAR * floor[n]), key=lambda n: -after[n] / floor[n])
+    above = sorted((n for n in seen if after[n] > NOISY * floor[n]), key=lambda n: -after[n] / floor[n])
     if not above and len(seen) == len(channels):
-        return "What is left looks like noise: no torque keeps more than twice its noise floor."
+        return "What is left looks like noise: no torque keeps more than 1.5 times its noise floor."
     if not above:
         rest = joined([name for name in channels if name not in seen])
         return f"What is left of {joined(seen)} looks like noise; for {rest} no noise floor is known."
     worst = above[0]
     beyond = (after[worst] ** 2 - floor[worst] ** 2) ** 0.5
-    more = f", and more than twice the floor in {joined(above[1:])}" if len(above) > 1 else ""
+    more = f", and more than 1.5 times the floor in {joined(above[1:])}" if len(above) > 1 else ""
     return (
         f"{percent(after[worst])} of {worst} is left on the fitted runs where noise alone would leave "
         f"{percent(floor[worst])}: {percent(beyond)} of the torque is above that floor{more}. Slow noise is "

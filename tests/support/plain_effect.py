@@ -37,7 +37,9 @@ class PlainEffect:
 
     def test_it_stands_on_each_joint_where_the_channels_show_it(self):
         places = {
-            sides: [(p.joint, p.side) for p in effect(self.name).places(layout(arm_model(sides)))]
+            sides: list(
+                dict.fromkeys((p.joint, p.side) for p in effect(self.name).places(layout(arm_model(sides))))
+            )
             for sides in (("motor",), ("motor", "sensor"), ("drive",))
         }
         assert places[("motor",)] == [(j, "link" if self.behind else "motor") for j in range(4)]

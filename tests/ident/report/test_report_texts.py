@@ -129,7 +129,7 @@ def test_nothing_found_is_called_noise_only_where_the_floor_says_so():
 
     assert plain(nothing({"tau_m1": 2.0}, {"tau_m1": 1.8})) == (
         "The model lacks nothing that these recordings show. "
-        "What is left looks like noise: no torque keeps more than twice its noise floor."
+        "What is left looks like noise: no torque keeps more than 1.5 times its noise floor."
     )
     assert plain(nothing({"tau_m1": 8.1, "tau_m2": 2.0}, {"tau_m1": 1.6, "tau_m2": 1.9})) == (
         "The model lacks nothing that these recordings show. 8.1 % of tau_m1 is left on the fitted runs "

@@ -9,6 +9,7 @@ class TestCounterbalance(PlainEffect):
     behind = True
     sides = ("link",)
     drives = False
+    absent = ("Kab",)
     impossible = {"rho": -0.5}
 
     def expected(self, m, model, v):

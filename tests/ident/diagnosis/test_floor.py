@@ -1,0 +1,45 @@
+"""The noise floor is the noise that was put in, whatever the model lacks."""
+
+import numpy as np
+import pytest
+import scipy.signal
+
+from ident.diagnosis.floor import noise_floor_power
+from ident.equations.comparison import Curves
+from ident.signals.filtering import LowPass
+
+RATE, CUTOFF = 250.0, 10.0
+
+
+def curves(wrong: float, corner_hz: float, seed: int) -> tuple[Curves, float]:
+    """60 s of a slow motion's torque with a model that is wrong by a share, and noise through the filter."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(0, 60, 1 / RATE)
+    q = sum(np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in (0.1, 0.23, 0.4, 0.71))
+    torque = 20 * np.sin(q) + 3 * np.tanh(np.gradient(q, t) / 0.05)
+    pole = np.exp(-2 * np.pi * corner_hz / RATE)
+    noise = scipy.signal.lfilter([1.0], [1.0, -pole], rng.normal(size=len(t)))
+    sos = scipy.signal.butter(4, CUTOFF, fs=RATE, output="sos")
+    torque, noise = scipy.signal.sosfiltfilt(sos, torque), scipy.signal.sosfiltfilt(sos, noise)
+    every = int(RATE / (5 * CUTOFF))
+    pick = slice(0, None, every)
+    made = Curves(
+        "run", "identify", t[pick], (torque + noise)[pick, None], ((1 - wrong) * torque)[pick, None]
+    )
+    return made, float(np.mean(noise**2))
+
+
+@pytest.mark.parametrize("wrong", [0.0, 0.03, 0.1])
+@pytest.mark.parametrize("corner_hz", [5.0, 16.0, 100.0])
+def test_it_is_the_noise_and_not_what_the_model_lacks(wrong, corner_hz):
+    """Within a fifth, in noise from white to coloured in the band, the model wrong by up to 10 %."""
+    seen = [
+        np.sqrt(noise_floor_power(made, 0, LowPass(CUTOFF, RATE)) / true)
+        for made, true in (curves(wrong, corner_hz, seed) for seed in range(3))
+    ]
+    assert np.median(seen) == pytest.approx(1.0, abs=0.2)
+
+
+def test_nothing_is_said_where_no_frequency_is_without_motion():
+    made, _ = curves(0.0, 16.0, 0)
+    assert noise_floor_power(made, 0, LowPass(0.5, RATE)) is None
