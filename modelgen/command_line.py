@@ -134,12 +134,13 @@ def effect_names(incomplete: str) -> list[str]:
     return sorted(name for name in catalogue() if name.startswith(incomplete))
 
 
-def folder(text: str) -> Path:
-    """The value of -o. Raises OutputError for what names no folder."""
+def folder(given: str | Path) -> Path:
+    """The value of -o, or its default. Raises OutputError for what names no folder."""
     from pathlib import Path
 
     from modelgen.output import OutputError
 
+    text = str(given)
     if not text.strip():
         raise OutputError("-o is empty; name a folder, as in -o out")
     if "\0" in text:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -109,6 +110,16 @@ def test_a_stopped_run_leaves_the_folder_as_it_was(tmp_path):
         raise KeyboardInterrupt
     assert (folder / "fit.json").read_text() == "{}"
     assert sorted(path.name for path in folder.iterdir()) == ["fit.json", "plots", MANIFEST]
+
+
+def test_a_command_without_a_folder_takes_its_own(monkeypatch):
+    """`ident demo` alone, as `make demo` calls it: the parser of -o sees the default too."""
+    from ident.command_line import cli, commands
+
+    seen = []
+    monkeypatch.setattr(commands, "demo", lambda output, *_: seen.append(output))
+    cli.run(["demo"])
+    assert seen == [Path("out-demo")]
 
 
 def test_a_folder_that_is_a_file_is_refused(tmp_path):
