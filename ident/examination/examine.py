@@ -20,6 +20,7 @@ from ident.equations.prepared import Prepared
 from ident.errors import IdentError
 from ident.examination.check import Check, column_line, refuse, worst_first
 from ident.examination.geometry import base_orientation, joint_axes, parts_of
+from ident.examination.limits import beyond_limits
 from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
 from ident.examination.torques import (
     CLEARLY,
@@ -43,8 +44,9 @@ UNDONE = ("torque_sign", "torque_scale", "swapped_signals", "position_sign", "ba
 
 
 def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
-    """What was found in the recordings when they were opened."""
-    return worst_first(check for stream in prepared.streams for check in stream.checks)
+    """What was found in the recordings when they were opened, and of them against the robot's limits."""
+    found = [check for stream in prepared.streams for check in stream.checks]
+    return worst_first([*found, *beyond_limits(prepared)])
 
 
 def examine_fit(prepared: Prepared) -> tuple[Check, ...]:

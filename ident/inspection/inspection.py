@@ -66,7 +66,7 @@ class Inspection:
     study: str
     robot_notes: tuple[str, ...] = ()  # what was rounded in reading it
     joints: Names = field(default_factory=dict)  # the names that it gives them
-    of_fit: tuple[Check, ...] = ()  # what a quick fit shows, where the torques' meaning is known
+    of_fit: tuple[Check, ...] = ()  # of limits; what a quick fit shows, where the torques' meaning is known
 
     @property
     def checks(self) -> tuple[Check, ...]:
@@ -128,6 +128,7 @@ def _tried(inspection: Inspection, sources: Sequence[Source], folder: Path, prog
     """Open the logs as a study would, and ask the regressor."""
     from ident.equations.prepared import columns_of, prepare_study
     from ident.examination.examine import examine_fit
+    from ident.examination.limits import beyond_limits
     from ident.recordings.opening import open_recording
 
     text = trial_text(inspection.study, inspection.proposal)
@@ -162,10 +163,11 @@ def _tried(inspection: Inspection, sources: Sequence[Source], folder: Path, prog
         return inspection
     try:
         prepared = prepare_study(study.with_(recordings=tuple(good)))
-        inspection = replace(inspection, excitation=excitation(prepared), excitation_refusal="")
+        shown, limits = excitation(prepared), tuple(beyond_limits(prepared, not inspection.questions))
+        inspection = replace(inspection, excitation=shown, excitation_refusal="", of_fit=limits)
         if not inspection.questions:
             progress("examining the torques")
-            inspection = replace(inspection, of_fit=examine_fit(prepared))
+            inspection = replace(inspection, of_fit=(*limits, *examine_fit(prepared)))
     except IdentError as error:
         inspection = replace(inspection, excitation_refusal=str(error))
     return inspection

@@ -104,6 +104,36 @@ def test_one_log_is_cut_in_two_and_its_robot_may_be_unknown(folder):
     assert [question.split(":")[0] for question in found.questions] == ["robot", "joints", "effort"]
 
 
+def test_what_no_joint_of_this_robot_does_is_said(folder, capsys):
+    """Positions with another zero, torques in N mm, against the URDF's limits; the log itself is fine."""
+    table = pq.read_table(lamp_table(folder))
+    for name, change, words in (
+        ("fine", {}, ()),
+        ("zero", {"q2": np.pi}, ("q2 (elbow) reaches", "limits -3 to 3", "the zero and the order")),
+        ("unit", {"tau_m1": 1000.0}, ("tau_m1 (shoulder) reaches", "limit 50", "the drive's gain")),
+    ):
+        columns = {key: table[key].to_numpy() for key in table.column_names}
+        for key, by in change.items():
+            columns[key] = columns[key] + by if key[0] == "q" else columns[key] * by
+        pq.write_table(pa.table(columns), folder / f"{name}.parquet")
+        run(["inspect", str(folder / f"{name}.parquet"), "--robot", str(folder / "lamp.urdf")])
+        said = capsys.readouterr().err
+        assert all(word in said for word in words) and ("far beyond" in said) == bool(words), name
+
+
+def lamp_table(folder):
+    """The lamp's motion as Parquet, torques of a motor."""
+    model = generated.load(str(folder / "lamp.urdf"), "A")
+    t, q, dq, ddq = motion(30)
+    tau = model.torque(q, dq, ddq, np.full(len(model.parameters), 0.6))
+    tau += 0.05 * np.random.default_rng(0).normal(size=q.shape)
+    columns = (
+        {"t": t} | {f"q{k + 1}": q[:, k] for k in range(2)} | {f"tau_m{k + 1}": tau[:, k] for k in range(2)}
+    )
+    pq.write_table(pa.table(columns), folder / "plain.parquet")
+    return folder / "plain.parquet"
+
+
 def test_episodes_of_one_file_are_recordings_of_their_own(folder, capsys):
     model = generated.load(str(folder / "lamp.urdf"), "A")
     chi, tables = np.full(len(model.parameters), 0.6), []
