@@ -206,7 +206,8 @@ def _windows(
     mine, t = _since(state, place)
     if len(t) < 20:
         return [], np.zeros(0)
-    edges = np.arange(np.floor(t[0] / STEP_S), np.ceil(t[-1] / STEP_S) + 1) * STEP_S
+    cells = np.unique(np.floor(t / STEP_S))  # a pause is one block, however long
+    edges = np.union1d(cells, cells + 1) * STEP_S
     sums = _sums(m, columns, mine, t, edges)
     B = len(edges) - 1
     pairs: list[tuple[int, int]] = [(0, B)]

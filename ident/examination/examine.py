@@ -170,7 +170,8 @@ def _geometry(
     if identify is None:
         return
     validate = parts_of(table, columns, [s for s in samples if s.role == "validate"], how)
-    tilted = list(base_orientation(identify, validate, gravity, how))
+    alone = prior == 0 and how == quick.plain()
+    tilted = list(base_orientation(identify, validate, gravity, how, alone))
     yield from tilted
     if axes and not tilted:
         yield from joint_axes(table, columns, samples, gravity, how, prior)

@@ -26,6 +26,7 @@ CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on vali
 SAMPLES = 260
 AXES_SAMPLES = 160
 DIRECTIONS = 120
+CARRIED, KEPT = 2.5, 0.3  # gain on validate alone, and what identify may lose by it
 LEAST_ANGLE = 8.0  # degrees; smaller tilts are the diagnosis's effect base_tilt
 ROUND_ANGLE = 4.0  # within it an axis of the base is meant
 RIDGE = 1e-9
@@ -148,9 +149,10 @@ def gain(before: np.ndarray | None, after: np.ndarray | None) -> float:
 
 
 def base_orientation(
-    identify: Parts, validate: Parts | None, assumed: np.ndarray, how: Assignment
+    identify: Parts, validate: Parts | None, assumed: np.ndarray, how: Assignment, alone: bool = True
 ) -> Iterator[Hypothesis]:
-    """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's."""
+    """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
+    alone: no other fault is known, so that what does not carry over to validate may be gravity's."""
     size = float(np.linalg.norm(assumed)) or 9.81
     plain, held = errors(identify, validate, assumed)
 
@@ -170,17 +172,26 @@ def base_orientation(
         if abs(factor - 1) > 0.2 and score(other) > value + CLEARLY:
             best, value = other, score(other)
     now, after = errors(identify, validate, best)
-    norm = np.linalg.norm(best)
-    cosine = assumed @ best / (size * norm) if norm and np.any(assumed) else 0.0
-    angle = np.degrees(np.arccos(np.clip(cosine, -1, 1)))
-    if (
-        value < CLEARLY
-        or gain(held, after) < 0.5 * CLEARLY
-        or (norm and angle < LEAST_ANGLE and abs(norm / size - 1) < 0.2)
-    ):
-        return
+    norm = float(np.linalg.norm(best))
+    small = norm > 0 and _angle(assumed, best) < LEAST_ANGLE and abs(norm / size - 1) < 0.2
+    if value < CLEARLY or gain(held, after) < 0.5 * CLEARLY or small:
+        carried = _by_validate(identify, validate, assumed, size) if alone else None
+        if carried is None:
+            return
+        best = carried
+        now, after = errors(identify, validate, best)
+        value, plain, now = gain(held, after), held, after
+        where = " of the recordings that validate"
+    else:
+        where = ""
     line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
+    angle, norm = _angle(assumed, best), float(np.linalg.norm(best))
     turned = f"turned by {angle:.0f} degrees against the robot file's" if norm else "absent"
+    if norm and angle < LEAST_ANGLE:
+        turned = f"{norm:.3g} m/s^2, not {size:.4g} as the robot file says"
+        why = "its unit is another"
+    else:
+        why = "the base is mounted otherwise, or its frame is"
     yield Hypothesis(
         value,
         how,
@@ -190,12 +201,38 @@ def base_orientation(
             (),
             None,
             "warned",
-            f"gravity is {turned}: the base is mounted otherwise, or its frame is; so taken, the errors "
-            "of the torques "
+            f"gravity is {turned}: {why}; so taken, the errors of the torques{where} "
             f"fall from {_span(plain)} to {_span(now)}",
             line,
         ),
     )
+
+
+def _angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Degrees between two vectors; 90 where one is zero."""
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(np.degrees(np.arccos(np.clip(a @ b / size if size else 0.0, -1, 1))))
+
+
+def _by_validate(
+    identify: Parts, validate: Parts | None, assumed: np.ndarray, size: float
+) -> np.ndarray | None:
+    """Gravity along an axis of the base where the fitted motion is too poor to tell and only the other
+    recordings do: those that are fitted keep their error, the others lose most of theirs."""
+    plain, held = errors(identify, validate, assumed)
+    if validate is None or held is None:
+        return None
+    told = []
+    for k in range(3):
+        for sign in (-1.0, 1.0):
+            axis = sign * size * np.eye(3)[k]
+            now, after = errors(identify, validate, axis)
+            if gain(plain, now) > -KEPT and _angle(assumed, axis) > LEAST_ANGLE:
+                told.append((gain(held, after), tuple(axis)))
+    told.sort(reverse=True)
+    if not told or told[0][0] < CARRIED or (len(told) > 1 and told[0][0] - told[1][0] < 0.25 * CARRIED):
+        return None
+    return np.array(told[0][1])
 
 
 def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:

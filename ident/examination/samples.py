@@ -30,6 +30,7 @@ TORQUE_RANGE = 0.9  # of the signal's range; 0.67 is the most on the measured ro
 LEAST_SPIKE = 1e-4  # rad or m: below it nothing is harmed
 GROSS = 30.0  # ranges from the median at which short runs are no measurement
 GROSS_RUN = 20  # samples
+MARK = 1.0  # ranges from the median at which a logger's mark is one, if it leaps
 SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 2147483647.0, 2147483648.0)
 ABSURD = 1e9
 STRETCH = 100  # samples of a local scale
@@ -265,17 +266,26 @@ def no_measurement(
         away = np.abs(clean - middle)
         reach = np.maximum(high - low, 1e-12)
         far = away > 5 * reach
-        if not far.any():
-            return out, far & False
         raw = np.abs((clean - offset) / factor)
+        if not far.any():
+            return out | _marks(raw, clean, away > MARK * reach), far & False
         sentinel = np.zeros_like(out)
         for value in SENTINELS:
             sentinel |= np.abs(raw - value) < 1e-6 * value
         changes = np.abs(np.diff(clean, axis=0))
         changes = np.nan_to_num(np.where(changes > 0, changes, np.inf).min(axis=0), posinf=0.0)
         gross = away > np.maximum(GROSS * np.maximum(reach, np.maximum(known, 1e-3)), 12 * changes)
-    out = out | (far & sentinel)
+    out = out | (far & sentinel) | _marks(raw, clean, away > MARK * reach)
     return out, np.column_stack([_short(g, c) for g, c in zip((gross & ~out).T, clean.T)])
+
+
+def _marks(raw: np.ndarray, x: np.ndarray, away: np.ndarray) -> np.ndarray:
+    """A logger's mark inside a large signal's reach: exactly its number, begun and ended by a leap."""
+    out = np.zeros(x.shape, bool)
+    for k in np.flatnonzero((away & np.isin(raw, SENTINELS)).any(axis=0)):
+        mine = away[:, k] & np.isin(raw[:, k], SENTINELS)
+        out[:, k] = _short(mine, x[:, k])
+    return out
 
 
 def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:

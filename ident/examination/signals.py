@@ -65,9 +65,11 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
     """One check a kind of samples that are no measurement."""
     for kind, counts in mender.counts.items():
         mine = np.flatnonzero(counts)
+        if kind == "spike":
+            mine = np.array([k for k in mine if not _after_a_stop(mender, int(k))], int)
         if not len(mine):
             continue
-        worst = int(counts.max())
+        worst = int(counts[mine].max())
         limit = MOST_SPIKES if kind == "spike" else MOST_MISSING
         refused = worst > limit * rows
         names = tuple(columns.signals[k] for k in mine)
@@ -78,7 +80,7 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
             said = f"{worst} of {rows} samples of {names[int(np.argmax(counts[mine]))]} are"
             message = f"{said} {_WORDS[kind]} (rows {span[0]} to {span[1]}), more than {100 * limit:g} %"
         else:
-            number = worst if kind == "frozen" else int(counts.sum())
+            number = worst if kind == "frozen" else int(counts[mine].sum())
             message = (
                 f"{number} sample{'s' if number > 1 else ''} of {subject} "
                 f"{'are' if number > 1 else 'is'} {_WORDS[kind]} (rows {span[0]} to {span[1]}); "
@@ -105,6 +107,12 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
             f"the last row ({row}) is not whole and was left out",
             "",
         )
+
+
+def _after_a_stop(mender: Mender, k: int) -> bool:
+    """Whether a signal's spikes are the leap with which it goes on after the logger stood still."""
+    first, last = mender.first["spike"][k]
+    return any(first > stop and last <= stop + 3 for _, stop in mender.first.get("frozen", {}).values())
 
 
 def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
@@ -212,7 +220,7 @@ def limits_hit(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             below = (y >= y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x))) & ~top
             moving = np.abs(np.diff(q, append=q[-1:])) > 0
             count = int((top & moving).sum())
-            if count < 4 * CLIPPED_RUN or count < CLIPPED_EXCESS * max(below.sum(), 1) or y.max() <= 0:
+            if count < 4 * CLIPPED_RUN or count < CLIPPED_EXCESS * max(below.sum(), 1) or y.max() == 0:
                 continue
             edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
             if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:

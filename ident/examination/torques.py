@@ -23,6 +23,7 @@ SURE = 5.0  # standard deviations
 FRICTION = ("Fvm", "Fcm", "Fvl", "Fcl", "Fvc", "Fcc")
 FACTOR = 3.0
 NOTHING = 0.85  # error of a channel that the model does not explain
+UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 CONFIGURATIONS = 40
 MOST_SIGNS = 8  # torques whose signs are all tried together
 
@@ -291,6 +292,9 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
         if 1 / FACTOR < factor < FACTOR or other.holds_over(fit) < 0.5 * CLEARLY:
             continue
         name = signal_of(quick, int(c), currents)
+        if (quick.identify.rows > 10).sum() == 2:
+            yield _one_of_two(quick, fit, how.times([int(c)], factor), int(c), factor, other, maps, currents)
+            return
         size = f"{1 / factor:.3g} times too large" if factor < 1 else f"{factor:.3g} times too small"
         unit = "it looks like N mm" if abs(np.log(factor * 1000)) < 0.2 else "gear ratio, unit or drive gain"
         yield Hypothesis(
@@ -309,6 +313,33 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
         )
 
 
+def _one_of_two(
+    quick: Quick, fit: Fit, how: Assignment, c: int, factor: float, other: Fit, maps: dict, currents: bool
+) -> Hypothesis:
+    """Of two torques either may be the wrong one, but where a factor of 1000 tells N mm."""
+    other_one = next(k for k in np.flatnonzero(quick.identify.rows > 10).tolist() if k != c)
+    large, small = (other_one, c) if factor > 1 else (c, other_one)
+    ratio = max(factor, 1 / factor)
+    names = (signal_of(quick, large, currents), signal_of(quick, small, currents))
+    lines = [
+        column_line(maps, {name: {"scale": float(f"{value:.3g}")}})
+        for name, value in zip(names, (1 / ratio, ratio))
+    ]
+    milli = abs(np.log(ratio / 1000)) < 0.2
+    check = Check(
+        "torque_scale",
+        "",
+        names[:1] if milli else names,
+        None,
+        "warned",
+        f"{names[0]} is {ratio:.3g} times too large beside {names[1]}"
+        + (" (it looks like N mm)" if milli else f", or {names[1]} as much too small")
+        + f": scaled, {_falls(fit, other)}",
+        lines[0] if milli else f"write {lines[0]} or {lines[1]}",
+    )
+    return Hypothesis(other.gain_over(fit), how, check)
+
+
 def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
     """Channels, or all of them, of which the model explains nothing; validate runs that nothing predicts."""
     seen = np.flatnonzero(np.isfinite(fit.error))
@@ -316,7 +347,8 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         return
     error = fit.error[seen]
     empty = [int(c) for c in seen if fit.error[c] > NOTHING]
-    if (np.median(error) > 0.6 and len(seen) > 1) or (len(seen) == 1 and error[0] > NOTHING):
+    nothing = np.median(error) > 0.6 and error.min() > UNLIKE and len(seen) > 1
+    if nothing or (len(seen) == 1 and error[0] > NOTHING):
         yield Check(
             "wrong_robot",
             "",
