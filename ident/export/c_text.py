@@ -81,6 +81,11 @@ class Writer:
             signatures["torque"] = (f"{state}{whole}", "All of it: rigid + friction.")
         return signatures
 
+    def _named(self) -> str:
+        """The joints' own names, where they have any, as a comment can hold them."""
+        names = [f"q{its['label']} {its['name']}" for its in self.joints if "name" in its]
+        return f"\n   Joints: {re.sub(r'[^ -.0-~]', '_', ', '.join(names))}." if names else ""
+
     def header(self) -> str:
         lengths = [joint["label"] for joint in self.joints if joint["prismatic"]]
         mixed = f"; joints {', '.join(lengths)} slide: m and N instead" if lengths else ""
@@ -97,7 +102,7 @@ class Writer:
         return f"""\
 /* {self.note}
    SI units, joint side: q rad, dq rad/s, ddq rad/s^2, tau N m{mixed}.
-   tau: {", ".join(self.fit.columns.channels)}.
+   tau: {", ".join(self.fit.columns.channels)}.{self._named()}
    Needs <math.h> only. Reentrant: nothing is stored between calls, nothing is allocated. */
 #ifndef {self.up}_H
 #define {self.up}_H

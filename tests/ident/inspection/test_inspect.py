@@ -87,7 +87,8 @@ def test_from_a_urdf_and_bags_to_a_diagnosis(folder, capsys):
 
     pytest.importorskip("cvxpy", reason="the extra dynident[export] is not installed")
     robot = folder / "lamp_identified.urdf"
-    assert run(["export", str(folder / "results"), "--urdf", str(robot)]) == 0
+    assert run(["export", str(folder / "results"), "--urdf", str(robot), "--c", str(folder / "c")]) == 0
+    assert "Joints: q1 shoulder, q2 elbow." in (folder / "c" / "lamp_a.h").read_text()
     links = convert(robot.read_bytes(), robot.name).urdf.links
     assert set(links) == {"base", "upper", "fore"} and links["fore"].mass > 0
 
