@@ -17,7 +17,7 @@ from ident.errors import IdentError, StudyError
 from ident.examination.check import Check, worst_first
 from ident.inspection.excitation import Excitation, excitation
 from ident.inspection.profile import TableProfile, profile
-from ident.inspection.proposal import Proposal, propose
+from ident.inspection.proposal import Proposal, clock, propose
 from ident.inspection.study_text import Source, study_text, trial_text
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream, Survey
@@ -108,8 +108,7 @@ def inspect_recordings(
         sources += [Source(file, episode) for episode in several]
         tables += [profile(one_episode(table, episode)) for episode in several]
     proposal = propose(tables[0], names, len(names))
-    seconds = [_seconds(table, proposal) for table in tables]
-    text = study_text(sources, seconds, proposal, robot, folder, topic)
+    text = study_text(sources, [_span(table) for table in tables], proposal, robot, folder, topic)
     logs = tuple(
         Log(source.label, str(source.file), table, None, (), (), "", {})
         for source, table in zip(sources, tables)
@@ -118,10 +117,11 @@ def inspect_recordings(
     return inspection if robot is None else _tried(inspection, sources, folder, progress)
 
 
-def _seconds(table: TableProfile, proposal: Proposal) -> float:
-    """Length by a column that is called t, or is taken for it in seconds, else NaN."""
-    t = table.column(proposal.columns.get("t", "t"))
-    return t.highest - t.lowest if t else float("nan")
+def _span(table: TableProfile) -> tuple[float, float] | None:
+    """First and last second by the column that is taken for the time, None without one in a known unit."""
+    name, scale = clock(table)
+    t = table.column(name)
+    return None if t is None or scale is None else (t.lowest * scale, t.highest * scale)
 
 
 def _tried(inspection: Inspection, sources: Sequence[Source], folder: Path, progress: Progress) -> Inspection:

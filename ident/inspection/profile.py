@@ -48,10 +48,19 @@ class TableProfile:
     def column(self, name: str) -> ColumnProfile | None:
         return next((column for column in self.columns if column.name == name), None)
 
-    def values(self, name: str) -> np.ndarray:
-        """(N,) of the pieces."""
+    @property
+    def units(self) -> dict[str, str]:
+        """Of the columns whose unit the file states."""
+        return {column.name: column.unit for column in self.columns if column.unit}
+
+    def pieces_of(self, name: str) -> list[np.ndarray]:
+        """(N,) of a column, piece by piece."""
         k = [column.name for column in self.columns].index(name)
-        return np.concatenate([piece[:, k] for piece in self.pieces])
+        return [piece[:, k] for piece in self.pieces]
+
+    def values(self, name: str) -> np.ndarray:
+        """(N,) of the pieces together."""
+        return np.concatenate(self.pieces_of(name))
 
 
 def profile(table: Table) -> TableProfile:

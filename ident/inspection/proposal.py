@@ -152,19 +152,36 @@ def _groups(present: Sequence[str]) -> dict[str, list[list[str]]]:
     }
 
 
-def _time(table: TableProfile) -> tuple[dict[str, str], bool]:
-    """The map of `t`, with a scale where the step tells it; and whether there is no time at all."""
+def clock(table: TableProfile) -> tuple[str, float | None]:
+    """The column of the time and what makes seconds of it; ("", None) where there is none, None as the factor
+    where neither name, nor unit, nor step tells it."""
     names = [column.name for column in table.columns]
-    if "t" in names or len([name for name in names if TIME.fullmatch(name)]) == 1:
-        return {}, False
+    if "t" in names:
+        return "t", SECONDS.get(table.units.get("t", ""), 1.0)
+    told = [name for name in names if TIME.fullmatch(name)]
+    if len(told) == 1:
+        return told[0], SECONDS[TIME.fullmatch(told[0])[1].lower()]  # type: ignore[index]
+    timed = [name for name in names if table.units.get(name, "") in SECONDS and _rises(table, name)]
+    if timed:
+        return timed[0], SECONDS[table.units[timed[0]]]
     for name in (name for name in names if TIMES.fullmatch(name)):
         steps = np.diff(table.values(name))
         steps = steps[steps > 0]
         step = float(np.median(steps)) if len(steps) else 0.0
         unit = next((unit for unit, least, most in STEPS if least <= step < most), None)
-        if unit == "s":
-            return {"t": name}, False
-        if unit is not None:
-            return {"t": f"{{column: {name}, scale: {SECONDS[unit]:.1e}}}"}, False
-        return {"t": f"{{column: {name}, scale: {FILL_IN}}}"}, False
-    return {}, True
+        return name, None if unit is None else SECONDS[unit]
+    return "", None
+
+
+def _rises(table: TableProfile, name: str) -> bool:
+    return all((np.diff(piece) > 0).all() for piece in table.pieces_of(name))
+
+
+def _time(table: TableProfile) -> tuple[dict[str, str], bool]:
+    """The map of `t`, with a scale where name and unit do not say it; and whether there is no time at all."""
+    name, scale = clock(table)
+    if name in ("", "t") or TIME.fullmatch(name):
+        return {}, not name
+    if name in table.units or scale == 1.0:  # a stated unit is applied by itself
+        return {"t": name}, False
+    return {"t": f"{{column: {name}, scale: {FILL_IN if scale is None else f'{scale:.1e}'}}}"}, False

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import os
 import re
 from collections.abc import Sequence
@@ -36,13 +35,13 @@ OPENING = f"""# A first study, written by ident inspect. Lines with {FILL_IN} ho
 
 def study_text(
     sources: Sequence[Source],
-    seconds: Sequence[float],
+    spans: Sequence[tuple[float, float] | None],
     proposal: Proposal,
     robot: str | None,
     folder: Path,
     topic: str | None = None,
 ) -> str:
-    """The whole file. `seconds`: length of each recording where its time is known, else NaN."""
+    """The whole file. `spans`: first and last second of each recording where its time is known."""
     lines = [OPENING]
     if robot is None:
         lines.append(f"robot: {FILL_IN}   # a built-in name, a robot file (YAML) or a URDF")
@@ -51,7 +50,7 @@ def study_text(
     effort = any(line.key == "effort" for line in proposal.lines)
     said = "B where effort is joint_torque" if effort else "torques: A motor, B joint sensor, C both"
     lines += [f"model: {proposal.model}   # {said}", "recordings:"]
-    lines += [f"  - {entry}" for entry in _entries(sources, seconds, proposal, folder, topic)]
+    lines += [f"  - {entry}" for entry in _entries(sources, spans, proposal, folder, topic)]
     mapped = dict(proposal.columns)
     asked = {
         line.key.removeprefix("columns."): line for line in proposal.lines if line.key.startswith("columns.")
@@ -76,7 +75,11 @@ def trial_text(text: str, proposal: Proposal) -> str:
 
 
 def _entries(
-    sources: Sequence[Source], seconds: Sequence[float], proposal: Proposal, folder: Path, topic: str | None
+    sources: Sequence[Source],
+    spans: Sequence[tuple[float, float] | None],
+    proposal: Proposal,
+    folder: Path,
+    topic: str | None,
 ) -> list[str]:
     """One recording is cut in two, the last of several is held out."""
     counted = f", rate_hz: {FILL_IN}" if proposal.counted else ""
@@ -84,9 +87,10 @@ def _entries(
     ask = "   # samples a second: the table has no time" if proposal.counted else ""
     names = [_quoted(_relative(its.file, folder)) for its in sources]
     if len(sources) == 1:
-        if not math.isfinite(seconds[0]) or seconds[0] < LEAST_S or proposal.counted:
+        first, last = spans[0] or (0.0, 0.0)
+        if not last - first >= LEAST_S or proposal.counted:
             return [f"{{file: {names[0]}, use: identify{counted}}}{ask}"]
-        cut = f"{(1 - HELD_OUT) * seconds[0]:.4g}"
+        cut = f"{last - HELD_OUT * (last - first):.1f}"  # of the table's own time
         return [
             f"{{file: {names[0]}, name: first, use: identify, to: {cut}{counted}}}",
             f"{{file: {names[0]}, name: last, use: validate, from: {cut}{counted}}}",

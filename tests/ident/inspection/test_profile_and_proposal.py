@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 import yaml
 
+from ident.inspection.inspection import inspect_recordings
 from ident.inspection.profile import profile
-from ident.inspection.proposal import propose
+from ident.inspection.proposal import clock, propose
 from ident.recordings.fill_in import FILL_IN
 from ident.recordings.tables import open_table
 
@@ -98,6 +99,24 @@ def test_time_by_its_step(unit, scale):
     found = proposed(numbered("q{}"), time={"timestamp": T * factor})
     line = yaml.safe_load(f"t: {found.columns['t']}")["t"]
     assert line == ("timestamp" if scale is None else {"column": "timestamp", "scale": scale})
+
+
+def test_the_clock_is_the_column_whose_unit_is_one(tmp_path):
+    rows = "".join(f"{20 * k},{k / 100}\n" for k in range(2000))
+    (tmp_path / "run.csv").write_text("Zeit,q1\nms,rad\n" + rows)
+    table = profile(open_table(tmp_path / "run.csv"))
+    assert clock(table) == ("Zeit", 1e-3) and propose(table).columns["t"] == "Zeit"
+
+
+@pytest.mark.parametrize(("unit", "start"), [("t", 100.0), ("timestamp_ns", 1.7e9), ("timestamp", 1.7e9)])
+def test_one_log_is_cut_in_its_own_time(tmp_path, unit, start):
+    factor = {"t": 1, "timestamp_ns": 1e9, "timestamp": 1e6}[unit]
+    t = np.arange(0, 40, 0.004)
+    stamps = np.round((start + t) * factor).astype("i8") if factor > 1 else start + t
+    np.savez(tmp_path / "run.npz", **{unit: stamps, "q1": np.sin(t), "tau_m1": np.cos(t)})
+    inspection = inspect_recordings([tmp_path / "run.npz"], None, tmp_path)
+    first, last = yaml.safe_load(inspection.study)["recordings"]
+    assert first["to"] == last["from"] == pytest.approx(start + 28, abs=0.1)
 
 
 def test_a_table_without_time_asks_for_its_rate():
