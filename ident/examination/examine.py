@@ -19,6 +19,7 @@ import yaml
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
 from ident.examination.check import Check, column_line, refuse, worst_first
+from ident.examination.currents import motor_signs
 from ident.examination.geometry import base_orientation, joint_axes, parts_of
 from ident.examination.limits import beyond_limits
 from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
@@ -53,11 +54,11 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     """What a quick fit shows of signs, scales, places, gravity and axes. Raises RecordingError where no
     number would mean anything (positions in degrees)."""
     columns = prepared.columns
-    if columns.gain_columns:  # motor signals of unknown scale and sign: the gains' own fit judges them
-        return ()
     samples = [
         s for role in ("identify", "validate") for s in take(prepared.streams, prepared.banks, columns, role)
     ]
+    for sample in samples:  # motor signals of unknown gain are no torques yet
+        sample.weight[:, list(columns.gain_columns)] = 0.0
     if not any(s.role == "identify" for s in samples):
         return ()
     quick = quick_of(columns, samples)
@@ -77,7 +78,9 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best.check.check in ("base_orientation", "joint_axis"):
             return tuple(found)
         how, quick = best.how, best.quick or quick
-    return (*_joined(found, maps), *unexplained(quick, quick.fit(how), currents))
+    last = quick.fit(how)
+    found += motor_signs(quick, last, maps, "i" if currents else "tau_m")
+    return (*_joined(found, maps), *unexplained(quick, last, currents))
 
 
 def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
@@ -88,7 +91,7 @@ def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
 def _currents(prepared: Prepared) -> bool:
     """Whether motor torques are computed from currents."""
     study = prepared.study
-    if not isinstance(study.drive_gains, tuple):
+    if study.drive_gains is None:
         return False
     stream = prepared.streams[0]
     number = f"i{stream.need.joints[0]}"

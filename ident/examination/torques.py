@@ -107,8 +107,9 @@ def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: boo
     speaking = [c for c in rows if seen.speaks_for(c)]
     if len(rows) < 2 or speaking or len(against) < max(min(3, len(rows)), 0.55 * len(rows)):
         return None
-    flipped = how.times(range(len(how.order)), -1.0)
-    names = tuple(signal_of(quick, c, currents) for c in range(len(how.order)))
+    which = [c for c in range(len(how.order)) if c not in quick.columns.gain_columns]
+    flipped = how.times(which, -1.0)
+    names = tuple(signal_of(quick, c, currents) for c in which)
     check = Check(
         "torque_sign",
         "",

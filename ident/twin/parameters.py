@@ -12,11 +12,13 @@ from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from ident.errors import IdentError
 from modelgen.effects.loads import gravity_torque
+from modelgen.errors import ModelgenError
+from modelgen.geometry import strict_yaml
 from modelgen.geometry.robot import Robot
+from modelgen.geometry.urdf_xml import LARGEST_TEXT
 
 INERTIA = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
 BODY = (*INERTIA, "MX", "MY", "MZ", "M")
@@ -39,24 +41,24 @@ def twin_parameters(robot: Robot, file: Path | None, seed: int) -> TwinParameter
     """From `file`; else those that come with a built-in robot; else random ones of that seed."""
     if file is not None:
         try:
-            text = file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError):
+            text = strict_yaml.read(file, LARGEST_TEXT)
+        except (OSError, ModelgenError):
             raise ParameterError(
                 f"{file}: cannot be read; give the path of a parameter file (YAML)"
             ) from None
         return read_parameters(text, robot, str(file))
     built_in = files("ident.twin").joinpath("parameters", f"{robot.name}.yaml")
     if built_in.is_file():
-        return read_parameters(built_in.read_text(encoding="utf-8"), robot, f"{robot.name}.yaml")
+        return read_parameters(built_in.read_bytes(), robot, f"{robot.name}.yaml")
     return random_parameters(robot, np.random.default_rng([seed, 77]))
 
 
-def read_parameters(text: str, robot: Robot, file: str) -> TwinParameters:
+def read_parameters(text: bytes | str, robot: Robot, file: str) -> TwinParameters:
     """Parse a parameter file. Raises ParameterError naming the file, the key and the remedy."""
     try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError:
-        raise ParameterError(f"{file}: is not valid YAML; write lines such as Iam1: 3.19") from None
+        data = strict_yaml.load(text.encode() if isinstance(text, str) else text)
+    except ModelgenError as error:
+        raise ParameterError(f"{file}: {error}") from None
     if not isinstance(data, dict):
         raise ParameterError(f"{file}: holds no parameters; write lines such as Iam1: 3.19")
     table = data.get("parameters", {k: v for k, v in data.items() if k != "payload"})

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from ident.equations.prepared import prepare_study
-from ident.errors import RecordingError
+from ident.errors import IdentError, RecordingError
 from ident.examination.examine import examine_fit, examine_tables, mended_study
 from ident.recordings.study import load_study
 
@@ -29,13 +29,25 @@ def ur10e():
     return study.with_(recordings=tuple(e for e in study.recordings if e.label in keep))
 
 
-def planted(folder, change):
-    study = ur10e()
-    for entry in study.recordings:
-        table = pq.read_table(study.recording_path(entry))
-        columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
-        pq.write_table(pa.table({k: pa.array(v) for k, v in change(columns).items()}), folder / entry.file)
+def planted(folder, change, study=None):
+    study = study or ur10e()
+    for path in {study.recording_path(entry) for entry in study.recordings}:
+        table = pq.read_table(path)
+        columns = {name: table[name].to_numpy() for name in table.column_names if name != "pose"}
+        columns = {name: np.asarray(values, float) for name, values in columns.items()}
+        pq.write_table(pa.table({k: pa.array(v) for k, v in change(columns).items()}), folder / path.name)
     return study.with_(folder=str(folder))
+
+
+def measured(robot):
+    path = DATA / robot / "study.yaml"
+    return load_study(path if path.is_file() else str(files("ident").joinpath("studies", f"{robot}.yaml")))
+
+
+def live_arm():
+    """The dual arm without its dead sensors."""
+    keep = [f"tau_m{j}" for j in range(1, 8)] + [f"tau_l{j}" for j in range(1, 5)]
+    return measured("dualarm_v2_7dof").with_(channels=tuple(keep))
 
 
 def refused(study):
@@ -61,12 +73,85 @@ def rows(x, at, values):
 
 @pytest.mark.parametrize("robot", ["ur10e", "kuka_kr300", "barrett_wam_2dof", "kinova_gen3_joint7_friction"])
 def test_nothing_is_said_of_measured_robots_as_they_are(robot):
-    path = DATA / robot / "study.yaml"
-    study = load_study(path if path.is_file() else str(files("ident").joinpath("studies", f"{robot}.yaml")))
-    prepared = prepare_study(study)
+    prepared = prepare_study(measured(robot))
     said = [*examine_tables(prepared), *examine_fit(prepared)]
     # the Kinova's current starts with up to five samples of thirty times its range
     assert {check.check for check in said} == ({"spike"} if "kinova" in robot else set())
+
+
+def test_sensors_of_the_dual_arm_have_mixed_signs():
+    """tau_l1 and tau_l3 are turned. The currents say the same: each rises with its own dry friction, so it
+    has its joint's sense, and on joints 1 and 3 the sensor falls where the current rises."""
+    checks = examine_fit(prepare_study(live_arm()))
+    assert [(c.check, c.signals) for c in checks] == [("torque_sign", ("tau_l1", "tau_l3"))]
+    for entry in live_arm().recordings:
+        table = pq.read_table(live_arm().recording_path(entry))
+        for j, sign in enumerate((-1, 1, -1, 1), 1):
+            i, tau, dq = (table[f"{name}{j}"].to_numpy() for name in ("i", "tau_l", "dq"))
+            moving = np.abs(dq) > 0.1 * np.abs(dq).max()
+            X = np.column_stack([tau, np.sign(dq), dq, np.ones_like(dq)])[moving]
+            slope, friction, *_ = np.linalg.lstsq(X, i[moving], rcond=None)[0]
+            assert friction > 0.5 and sign * slope > 0.1
+
+
+def test_signs_beside_unknown_drive_gains(tmp_path):
+    turned = {"tau_l1", "tau_l3", "i2"}
+    study = planted(tmp_path, lambda c: {k: -v if k in turned else v for k, v in c.items()}, live_arm())
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.signals, c.remedy) for c in checks] == [
+        ("torque_sign", ("i2",), "columns: {i2: {sign: -1}}")
+    ]
+    assert examine_fit(prepare_study(mended_study(study, checks))) == ()
+
+
+def test_a_sensor_of_another_scale_beside_unknown_drive_gains(tmp_path):
+    turned = {"tau_l1": -1.0, "tau_l3": -1.0, "tau_l2": 1e3}
+    study = planted(tmp_path, lambda c: {k: turned.get(k, 1.0) * v for k, v in c.items()}, live_arm())
+    assert [(c.check, c.signals) for c in examine_fit(prepare_study(study))] == [
+        ("torque_scale", ("tau_l2",))
+    ]
+
+
+def test_two_torques_with_the_other_sign(tmp_path):
+    study = planted(tmp_path, lambda c: c | {"i2": -c["i2"], "i4": -c["i4"]})
+    (check,) = examine_fit(prepare_study(study))
+    assert check.check == "torque_sign" and set(check.signals) == {"i2", "i4"}
+
+
+@pytest.mark.parametrize(("factor", "signals"), [(1e3, ("tau_m2",)), (5.0, ("tau_m2", "tau_m1"))])
+def test_of_two_torques_either_may_be_scaled(tmp_path, factor, signals):
+    study = planted(tmp_path, changed("tau_m2", lambda x: x * factor), measured("barrett_wam_2dof"))
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.signals) for c in checks] == [("torque_scale", signals)]
+
+
+def test_noise_in_one_of_two_torques_is_no_other_robot(tmp_path):
+    noise = np.random.default_rng(0).normal(size=10000)
+    study = planted(tmp_path, changed("tau_m2", lambda x: noise[: len(x)]), measured("barrett_wam_2dof"))
+    assert [c.check for c in examine_fit(prepare_study(study))] == ["unrelated_torque"]
+
+
+def test_a_mark_inside_a_large_robots_torques(tmp_path):
+    study = planted(
+        tmp_path, changed("tau_m2", lambda x: rows(x, slice(500, 505), 9999.0)), measured("kuka_kr300")
+    )
+    checks = tables(study)
+    assert {(c.check, c.signals, c.rows) for c in checks} == {("missing_values", ("tau_m2",), (501, 505))}
+
+
+def test_a_clipped_torque_that_is_negative_all_along(tmp_path):
+    study = planted(
+        tmp_path, changed("tau_m2", lambda x: np.clip(x, None, np.quantile(x, 0.9))), measured("kuka_kr300")
+    )
+    assert {(c.check, c.signals) for c in tables(study)} == {("saturation", ("tau_m2",))}
+
+
+@pytest.mark.parametrize("gravity", [(9.81, 0, 0), (0, 0, 9.81)])
+def test_gravity_that_only_the_other_recording_tells(gravity):
+    """The KR 300's slow motion fits as well with any gravity; its other run is predicted with one alone."""
+    (check,) = examine_fit(prepare_study(measured("kuka_kr300").with_(gravity=gravity)))
+    assert check.check == "base_orientation" and check.remedy == "gravity: [0, 0, -9.81]"
+    assert "that validate" in check.message
 
 
 def test_dead_sensors_of_the_dual_arm_are_refused_with_the_line_that_leaves_them_out():
@@ -248,6 +333,20 @@ def test_positions_of_another_run(tmp_path):
     )
     checks = examine_fit(prepare_study(study))
     assert {"wrong_robot"} & {c.check for c in checks}
+
+
+@pytest.mark.parametrize("size", [-98.1, -9810.0, -1.0])
+def test_gravity_of_the_wrong_size_is_refused(size):
+    with pytest.raises(ValueError, match="Earth's is 9.81"):
+        ur10e().with_(gravity=(0, 0, size))
+
+
+def test_gravity_that_is_left_out():
+    study = ur10e().with_(gravity=(0, 0, 0))
+    checks = examine_fit(prepare_study(study))
+    assert [c.check for c in checks] == ["base_orientation"]
+    mended = mended_study(study, checks)
+    assert mended is not None and np.allclose(mended.gravity, (0, 0, -9.81), atol=0.7)
 
 
 @pytest.mark.parametrize("gravity", [(9.81, 0, 0), (0, -9.81, 0), (0, 0, 9.81), (0, 4.905, -8.496)])
