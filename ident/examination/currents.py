@@ -19,9 +19,7 @@ from ident.examination.quick import CLUSTERS, Fit, Quick, Sample
 from ident.examination.torques import SURE
 
 
-def motor_signs(
-    quick: Quick, fit: Fit, how: Assignment, maps: Mapping[str, Any], kind: str
-) -> Iterator[Check]:
+def motor_signs(quick: Quick, fit: Fit, maps: Mapping[str, Any], kind: str) -> Iterator[Check]:
     """Checks of the motor signals; `kind` is the study's name of them, "i" or "tau_m"."""
     columns = quick.columns
     seen = np.flatnonzero(quick.identify.rows > 10)
