@@ -1,7 +1,8 @@
 """What the examination of recordings names: eleven measured robots as they are, clean simulated recordings,
 and everyday defects planted in every measured robot.
 
-    python benchmarks/examination.py [--robots ur10e,...] [--defects torque_sign,...] [--clean 20]
+    python benchmarks/examination.py [--robots ur10e,...] [--defects torque_sign,...]
+    python benchmarks/examination.py --clean 200 [--done FILE]
 
 A planted defect counts as named when its check is among those said and touches the planted signal; every
 other check that the robot as it is does not show is listed as extra.
@@ -10,6 +11,7 @@ other check that the robot as it is does not show is listed as extra.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import tempfile
 import time
@@ -27,6 +29,7 @@ from ident.errors import IdentError
 from ident.examination.check import Check
 from ident.examination.examine import examine_fit, examine_tables
 from ident.recordings.study import Study, load_study
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[2] / "shared" / "data")
 BUILT_IN = ("franka_panda", "kuka_kr300", "kuka_lwr4plus", "rokae_xmate3pro", "staubli_tx40", "ur10e")
@@ -289,34 +292,54 @@ def planted(study: Study, defect: Defect, folder: Path, q: str, tau: str) -> Stu
     return study.with_(folder=str(folder))
 
 
-def clean_simulated(count: int) -> None:
-    """Simulated recordings without a defect, at rates from 50 Hz to 1 kHz, as stored or coarsely rounded."""
-    from ident.twin import simulate, write_simulation
+CLEAN = (  # robot, model, rate in Hz, seconds of a run
+    ("kuka_lwr4p", "A", 1000.0, 30.0),
+    ("ur10e", "A", 125.0, 40.0),
+    ("franka_panda", "B", 1000.0, 20.0),
+    ("kuka_kr300", "A", 250.0, 30.0),
+    ("staubli_tx40", "A", 500.0, 15.0),
+    ("kuka_lwr4p", "C", 4000.0, 10.0),
+    ("rokae_xmate3pro", "B", 200.0, 25.0),
+    ("scara", "A", 2000.0, 10.0),
+    ("ur10e", "A", 50.0, 60.0),
+    ("franka_panda", "A", 100.0, 30.0),
+)
+SENSORS = (  # encoder step in rad, noise in percent, torque step in N m
+    (2 * np.pi / 2**19, 1.0, 1e-5),
+    (2 * np.pi / 2**16, 1.0, 1e-2),
+    (2 * np.pi / 2**13, 1.0, 1e-1),
+    (2 * np.pi / 2**19, 5.0, 1e-5),
+    (2 * np.pi / 2**14, 10.0, 1e-1),
+)
 
-    silent = total = 0
-    for seed in range(count):
-        robot, model = (("kuka_lwr4p", "A"), ("ur10e", "A"), ("franka_panda", "B"))[seed % 3]
+
+def clean_simulated(count: int, file: Path) -> None:
+    """Simulated recordings without a defect: robots and rates of CLEAN by sensors of SENSORS, another seed
+    each time. What is done stands in `file`, a line a study, and is not done again."""
+    done = [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
+    for number in range(len(done), count):
+        robot, model, rate, seconds = CLEAN[number % len(CLEAN)]
+        step, noise, torque = SENSORS[number // len(CLEAN) % len(SENSORS)]
+        runs = (PlannedRun("run1", "identify", seconds), PlannedRun("run2", "validate", seconds, 12))
+        sensors = Sensors(rate, step, noise, torque_step=torque)
         with tempfile.TemporaryDirectory() as folder:
-            write_simulation(simulate(robot, model, seed=seed), Path(folder))
-            study = load_study(next(Path(folder).glob("*.yaml")))
-            for every, step in ((1, 0.0), (1, 1e-3), (4, 1e-4), (20, 1e-4)):
-                with tempfile.TemporaryDirectory() as other_folder:
-                    for entry in study.recordings:
-                        table = pq.read_table(study.recording_path(entry))
-                        columns = {k: table[k].to_numpy()[::every] for k in table.column_names}
-                        for name, values in columns.items():
-                            size = step * (100 if name.startswith("tau") else 1)
-                            if size and name != "t":
-                                columns[name] = np.round(values / size) * size
-                        pq.write_table(pa.table(columns), Path(other_folder) / entry.file)
-                    checks, refusal = examined(study.with_(folder=other_folder))
-                total, silent = total + 1, silent + (not checks and not refusal)
-                for check in checks:
-                    print(
-                        f"   false alarm: {robot}, seed {seed}, {1000 // every} Hz, {step:g}: "
-                        f"{check.sentence}"
-                    )
-    print(f"clean simulated studies: nothing said of {silent} of {total}")
+            made = simulate(robot, model, seed=1000 + number, sensors=sensors, runs=runs)
+            checks, refusal = examined(load_study(write_simulation(made, Path(folder))))
+        said = [check.sentence for check in checks] + ([refusal] if refusal else [])
+        done.append({"case": [number, robot, model, rate, step, noise, torque], "said": said})
+        with file.open("a") as lines:
+            lines.write(json.dumps(done[-1]) + "\n")
+    table: dict[tuple[str, float], list[int]] = {}
+    for each in done:
+        row = table.setdefault((each["case"][1], each["case"][3]), [0, 0])
+        row[0] += 1
+        row[1] += bool(each["said"])
+        for sentence in each["said"]:
+            print(f"   false alarm: {each['case']}: {sentence[:200]}")
+    print(f"{'clean simulated':18s} {'Hz':>6s} {'studies':>8s} {'something said':>15s}")
+    for (robot, rate), (studies_, alarms) in table.items():
+        print(f"{robot:18s} {rate:6.0f} {studies_:8d} {alarms:15d}")
+    print(f"nothing said of {len(done) - sum(bool(e['said']) for e in done)} of {len(done)}")
 
 
 def main() -> None:
@@ -326,10 +349,12 @@ def main() -> None:
     parser.add_argument("--robots", default="")
     parser.add_argument("--defects", default="")
     parser.add_argument("--clean", type=int, default=0)
+    parser.add_argument("--done", type=Path, default=Path(tempfile.gettempdir()) / "examination_clean.jsonl")
     args = parser.parse_args()
     names, wanted = set(filter(None, args.robots.split(","))), [d for d in args.defects.split(",") if d]
     if args.clean:
-        clean_simulated(args.clean)
+        clean_simulated(args.clean, args.done)
+        return
     right = missed = 0
     extras: list[str] = []
     for robot, study in studies(names):

@@ -39,7 +39,7 @@ from ident.recordings.study import Study
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
-BAD = 0.5  # of one channel, or a quarter of it of the median one
+BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
 DEGREES = np.pi / 180
 UNDONE = ("torque_sign", "torque_scale", "swapped_signals", "position_sign", "base_orientation", "angle_unit")
 
@@ -113,7 +113,7 @@ def _best(
         if not prepared.study.without:  # a torque that misses a term of the model looks scaled
             found += scales(quick, fit, how, names, currents)
         found += _degrees(quick, fit, how, names)
-    bad = bool(error.max() > BAD or np.median(error) > 0.25 * BAD)
+    bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
     if bad:
         found += swapped_positions(quick, fit, how, names)
     if error.max() > TURNED:

@@ -292,10 +292,12 @@ def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Of the runs of a signal (N,) far outside the rest, those that are short and begin and end in a leap."""
     out = np.zeros(len(x), bool)
     edges = np.flatnonzero(np.diff(np.concatenate([[0], far.view(np.int8), [0]])))
-    middle = np.nanmedian(x) if far.any() else 0.0
+    finite = x[np.isfinite(x)]
+    middle = float(np.median(finite)) if far.any() and len(finite) else 0.0
     for start, stop in edges.reshape(-1, 2):
         before, after = max(start - 1, 0), min(stop, len(x) - 1)
-        leaps = np.abs([x[start] - x[before], x[stop - 1] - x[after]])
+        with np.errstate(all="ignore"):
+            leaps = np.abs([x[start] - x[before], x[stop - 1] - x[after]])
         if stop - start <= GROSS_RUN and (leaps > 0.5 * np.abs(x[[start, stop - 1]] - middle)).all():
             out[start:stop] = True
     return out
