@@ -287,6 +287,7 @@ def inspect(
         str | None,
         typer.Option("--topic", help="Topic to read of bags with several joint states.", show_default=False),
     ] = None,
+    exact: Exact = False,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
 ) -> None:
@@ -296,7 +297,7 @@ def inspect(
     """
     from ident.command_line import inspecting
 
-    inspecting.inspect(recordings, robot, output, topic, overwrite, verbose)
+    inspecting.inspect(recordings, robot, output, topic, exact, overwrite, verbose)
 
 
 @app.command(

@@ -12,6 +12,7 @@ def inspect(
     robot: str | None,
     output: Path | None,
     topic: str | None,
+    exact: bool,
     overwrite: bool,
     verbose: bool,
 ) -> None:
@@ -30,7 +31,7 @@ def inspect(
             raise OutputError(f"{target} is an input of this command; name another file with -o")
     folder = output.parent if output is not None else Path()
     with progress_bar(verbose) as progress:
-        inspection = inspect_recordings(recordings, robot, folder, progress, topic)
+        inspection = inspect_recordings(recordings, robot, folder, progress, topic, exact)
     for note in inspection.robot_notes:
         print(f"note: {note}", file=sys.stderr)
     for text, _ in shown.remarks(inspection):

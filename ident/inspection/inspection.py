@@ -84,9 +84,11 @@ def inspect_recordings(
     folder: Path,
     progress: Progress = silent,
     topic: str | None = None,
+    exact: bool = False,
 ) -> Inspection:
     """Look into logs, with a robot (built-in name, robot file, URDF) or without; `folder` is where the study
-    will stand, `topic` the one to read of bags that have several. Raises IdentError for what is no table."""
+    will stand, `topic` the one to read of bags that have several, `exact` as in a study. Raises IdentError
+    for what is no table."""
     names: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     joints: Names = {}
@@ -94,7 +96,7 @@ def inspect_recordings(
         from modelgen.geometry.robot_file import load_robot
 
         progress("reading the robot")
-        loaded = load_robot(robot)
+        loaded = load_robot(robot, exact)
         names, notes = tuple(loaded.joint_names), loaded.remarks
         joints = names_in(joints_of_robot(loaded))
     tables, sources = [], []
@@ -108,7 +110,7 @@ def inspect_recordings(
         sources += [Source(file, episode) for episode in several]
         tables += [profile(one_episode(table, episode)) for episode in several]
     proposal = propose(tables[0], names, len(names))
-    text = study_text(sources, [_span(table) for table in tables], proposal, robot, folder, topic)
+    text = study_text(sources, [_span(table) for table in tables], proposal, robot, folder, topic, exact)
     logs = tuple(
         Log(source.label, str(source.file), table, None, (), (), "", {})
         for source, table in zip(sources, tables)

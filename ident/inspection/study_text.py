@@ -40,6 +40,7 @@ def study_text(
     robot: str | None,
     folder: Path,
     topic: str | None = None,
+    exact: bool = False,
 ) -> str:
     """The whole file. `spans`: first and last second of each recording where its time is known."""
     lines = [OPENING]
@@ -47,6 +48,7 @@ def study_text(
         lines.append(f"robot: {FILL_IN}   # a built-in name, a robot file (YAML) or a URDF")
     else:
         lines.append(f"robot: {_quoted(_relative(Path(robot), folder) if Path(robot).is_file() else robot)}")
+    lines += ["exact: true   # the URDF's angles and lengths as they are written"] if exact else []
     effort = any(line.key == "effort" for line in proposal.lines)
     said = "B where effort is joint_torque" if effort else "torques: A motor, B joint sensor, C both"
     lines += [f"model: {proposal.model}   # {said}", "recordings:"]

@@ -253,3 +253,5 @@ def test_a_study_keeps_a_urdf_s_numbers_as_they_are_written(folder):
     assert any("multiple of pi/2" in note for note in fits[1].document()["notes"])
     kept = load_fit(fits[0].save(folder / "exact_fit"))
     assert kept.load_robot().notes == ()
+    looked = inspect_recordings([folder / "monday.mcap"], str(folder / "rounded.urdf"), folder, exact=True)
+    assert yaml.safe_load(looked.study)["exact"] is True and looked.excitation is not None
