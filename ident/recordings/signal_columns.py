@@ -12,6 +12,7 @@ import difflib
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -48,6 +49,7 @@ def signal_columns(study: Study, entry: RecordingEntry, need: Need, table: Table
     """Find the columns of a study's signals in one of its tables. Raises RecordingError, StudyError."""
     said = {**study.columns, **entry.columns}
     maps = {**_by_name(study, entry, need, table), **_by_study(study, entry, need, said)}
+    _joints_are_there(study, table)
     names: list[str] = []
     factors: list[float] = []
     offsets: list[float] = []
@@ -114,6 +116,17 @@ def joint_names(study: Study, need: Need) -> tuple[str, ...]:
             "give one per joint, in the robot file's order",
         )
     return study.joints or need.joint_names
+
+
+def _joints_are_there(study: Study, table: Table) -> None:
+    """Raises StudyError where `joints:` names one that a bag does not have."""
+    present = [name.removeprefix("position.") for name in table.columns if name.startswith("position.")]
+    absent = next((name for name in study.joints or () if present and name not in present), None)
+    if absent is not None:
+        close = difflib.get_close_matches(absent, present, n=1, cutoff=0.5)
+        hint = f"did you mean {close[0]}?" if close else f"its joints are {', '.join(present[:12])}"
+        where = Path(table.file).name
+        raise StudyError(str(study.file), "joints", f"{absent} is no joint of {where}; {hint}")
 
 
 def _by_name(study: Study, entry: RecordingEntry, need: Need, table: Table) -> dict[str, ColumnMap]:

@@ -106,6 +106,8 @@ def test_names_that_the_robot_does_not_know_are_given_in_the_study(tmp_path):
     assert found.names == ("t", "position.a", "position.b", "effort.a", "effort.b")
     with pytest.raises(IdentError, match="names 3 joints"):
         find(tmp_path, table, joints=["a", "b", "c"])
+    with pytest.raises(IdentError, match=r"joints: elbow is no joint of .*; its joints are b, a"):
+        find(tmp_path, table, joints=["a", "elbow"])
 
 
 def test_a_list_stands_for_all_joints(tmp_path):
