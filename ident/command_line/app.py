@@ -357,6 +357,7 @@ def excite(
     rate: Annotated[float, typer.Option("--rate", help="Samples a second of the files.")] = 1000.0,
     starts: Annotated[int, typer.Option("--starts", help="Motions to begin the search from.")] = 2,
     seed: Annotated[int, typer.Option("--seed", help="Other seeds, other motions.")] = 0,
+    exact: Exact = False,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
 ) -> None:
@@ -387,6 +388,7 @@ def excite(
         noise=noise,
         starts=starts,
         seed=seed,
+        exact=exact,
     )
 
 

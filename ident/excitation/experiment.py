@@ -52,6 +52,7 @@ class Request:
     diagnosis: Path | None = None
     evaluate: Path | None = None
     sensitivity: bool = True
+    exact: bool = False  # a URDF's numbers as they are written
 
 
 @dataclass(frozen=True)
@@ -104,12 +105,12 @@ def excite(
     """Design (or evaluate) the experiment. Raises IdentError, ModelgenError, GeneratedError."""
     check(request)
     progress("loading the model")
-    robot = load_robot(request.robot)
+    robot = load_robot(request.robot, request.exact)
     bounds = bounds_of(robot, request.limits)
     if request.start is not None and len(request.start) != robot.n:
         raise ExcitationError(f"--start has {len(request.start)} values for {robot.n} joints; give one each.")
     found = Diagnosed.read(request.diagnosis) if request.diagnosis else None
-    known = known_robot(robot, request.robot, request.model, request.parameters)
+    known = known_robot(robot, request.robot, request.model, request.parameters, request.exact)
     noise: Any = found.noise_percent if found and found.noise_percent else request.noise
     texts = split_requests(request.separate) if request.separate else None
     if texts is None and found is not None and request.evaluate is None:
@@ -118,7 +119,7 @@ def excite(
     start = None if request.start is None else np.array(request.start)
     remarks = _remarks(bounds, known)
     if request.evaluate is not None:
-        motion: Any = recorded_motion(request.robot, request.model, request.evaluate, progress)
+        motion: Any = recorded_motion(request.robot, request.model, request.evaluate, progress, request.exact)
         sigma, optimum, separation = known.sigma(motion.planned, noise), None, None
     else:
         basis = basis_for(request.duration, request.harmonics)

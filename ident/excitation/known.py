@@ -46,6 +46,7 @@ class Known:
     model: generated.Model
     standard: Mapping[str, float]
     assumed: str = ""  # what had to be assumed, in a clause
+    exact: bool = False  # a URDF's numbers as they are written
 
     @cached_property
     def chi(self) -> Array:
@@ -70,7 +71,7 @@ class Known:
         return self.torque(motion)
 
     def link_torque(self, motion: Motion) -> Array:
-        link = generated.load(self.source, "B")
+        link = generated.load(self.source, "B", exact=self.exact)
         return link.torque(motion.q, motion.dq, motion.ddq, self._chi(link), sign=motion.sign_dq)
 
     def regressor(self, motion: Motion) -> Array:
@@ -103,7 +104,7 @@ class Known:
 
     def holding(self, bounds: Bounds) -> Holding:
         """Limits with the motor torques of these parameters."""
-        motor = generated.load(self.source, "A")
+        motor = generated.load(self.source, "A", exact=self.exact)
         joints = range(self.robot.n)
         dry = np.array([sum(abs(self.number(k, j) or 0.0) for k in ("Fcm", "Fcl")) for j in joints])
         return Holding(bounds, motor, self._chi(motor), dry)
@@ -116,21 +117,23 @@ class Known:
         return np.maximum(share * rms, FLOOR)
 
 
-def known_robot(robot: Robot, source: str, model: str = "A", parameters: Path | None = None) -> Known:
+def known_robot(
+    robot: Robot, source: str, model: str = "A", parameters: Path | None = None, exact: bool = False
+) -> Known:
     """Raises IdentError where the file of parameters cannot be used."""
-    found = generated.load(source, model)
+    found = generated.load(source, model, exact=exact)
     if parameters is not None:
-        return Known(robot, source, found, _from_file(parameters, robot))
+        return Known(robot, source, found, _from_file(parameters, robot), exact=exact)
     usual = twin_parameters(robot, None, 0)
     if usual.source != "random":
-        return Known(robot, source, found, usual.standard)
+        return Known(robot, source, found, usual.standard, exact=exact)
     if found.standard_values:
         rest = random_parameters(robot, np.random.default_rng([0, 77])).standard
         drive = {k: v for k, v in rest.items() if k.startswith(("Ia", "Fv", "Fc", "Off"))}
         told = "friction and rotors are those of a plausible robot of this size"
-        return Known(robot, source, found, {**drive, **found.standard_values}, told)
+        return Known(robot, source, found, {**drive, **found.standard_values}, told, exact)
     told = "masses, friction and rotors are those of a plausible robot of this size"
-    return Known(robot, source, found, usual.standard, told)
+    return Known(robot, source, found, usual.standard, told, exact)
 
 
 def _from_file(file: Path, robot: Robot) -> Mapping[str, float]:

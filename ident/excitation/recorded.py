@@ -26,11 +26,14 @@ class Recorded:
     duration: float
 
 
-def recorded_motion(robot: str, model: str, file: Path, progress: Progress = silent) -> Recorded:
+def recorded_motion(
+    robot: str, model: str, file: Path, progress: Progress = silent, exact: bool = False
+) -> Recorded:
     """Raises IdentError for a file that cannot be read as a recording of this robot."""
     entry = {"file": str(file.resolve()), "use": "identify"}
     where = str(Path(robot).resolve()) if Path(robot).is_file() else robot
-    study = study_from({"robot": where, "model": model, "recordings": [entry]}, Path("the study"))
+    keys = {"robot": where, "exact": exact, "model": model, "recordings": [entry]}
+    study = study_from(keys, Path("the study"))
     prepared = prepare_study(study, progress)
     stream, bank = prepared.streams[0], prepared.banks[0]
     parts, total, kept = [], 0, 0

@@ -12,9 +12,11 @@ from small_arm import ARM
 import generated
 import ident as door
 from ident.command_line.cli import run
+from ident.excitation.known import known_robot
 from ident.export.saved import load_fit
 from ident.inspection.excitation import of_matrix
 from ident.inspection.inspection import inspect_recordings
+from modelgen.geometry.robot_file import load_robot
 from modelgen.geometry.urdf import convert
 
 URDF = """<robot name="lamp"><link name="base"/>
@@ -255,3 +257,5 @@ def test_a_study_keeps_a_urdf_s_numbers_as_they_are_written(folder):
     assert kept.load_robot().notes == ()
     looked = inspect_recordings([folder / "monday.mcap"], str(folder / "rounded.urdf"), folder, exact=True)
     assert yaml.safe_load(looked.study)["exact"] is True and looked.excitation is not None
+    source = str(folder / "rounded.urdf")
+    assert known_robot(load_robot(source, True), source, exact=True).model.notes == ()  # of ident excite
