@@ -29,6 +29,7 @@ from generated import cache, compiling
 from generated.blocks import BLOCK, zero_rows
 from generated.kernel import Kernel, Placement, Samples
 
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # Pinocchio's idle thread would spin in its rivals' turns
 HERE = Path(__file__).parent
 PEER_FLAGS = (
     *("-std=c++17", "-O3", "-march=native", "-DNDEBUG", "-w", "-shared", "-fPIC", "-fopenmp"),
