@@ -106,6 +106,12 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
         else:
             text = write_urdf(robot, found, said)
         write_file(path, text, overwrite=overwrite)
+        for joint, delay in delays(saved).items() if form == "mjcf" else ():
+            when, what = ("before", "motor acts") if delay < 0 else ("after", "torque sensor answers")
+            print(
+                f"note: the torque of {robot.joint_names[joint]} was recorded {1e3 * abs(delay):.3g} ms {when} "
+                f"the position: its {what} that much later in {path}"
+            )
         if form == "mjcf" and not is_checked():
             print(f"note: {path} was not read by MuJoCo; pip install 'dynident[mujoco]' has it checked")
         if lost:
