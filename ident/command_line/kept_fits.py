@@ -108,8 +108,8 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
         write_file(path, text, overwrite=overwrite)
         for joint, delay in delays(saved).items() if form == "mjcf" else ():
             when, what = ("before", "motor acts") if delay < 0 else ("after", "torque sensor answers")
-            said = f"the torque of {robot.joint_names[joint]} was recorded {1e3 * abs(delay):.3g} ms {when}"
-            print(f"note: {said} the position: its {what} that much later in {path}")
+            late = f"the torque of {robot.joint_names[joint]} was recorded {1e3 * abs(delay):.3g} ms {when}"
+            print(f"note: {late} the position: its {what} that much later in {path}")
         if form == "urdf" and own.suffix == ".urdf" and (gravity := saved.study.gravity) is not None:
             print(
                 f"note: {path} holds no gravity; set {list(gravity)} m/s^2 in its root link where it is used"
