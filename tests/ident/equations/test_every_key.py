@@ -249,7 +249,7 @@ ENTRY = {
     "columns": {"q1": {"sign": -1}},
 }
 ELSEWHERE = {
-    "robot", "file", "recordings", "filter", "exact",  # what a study is; of URDFs
+    "robot", "file", "recordings", "filter", "exact", "episode",  # what a study is; of URDFs, of data sets
     "stiffness", "effects_folder", "alpha",  # with positions: joint; the user's own effect below; diagnosis
     "effort", "topic", "decimal",  # of JointStates, of bags, of text
 }  # fmt: skip
