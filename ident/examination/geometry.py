@@ -34,11 +34,20 @@ RIDGE = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """Per channel: G (C, 4, 4, p, p), v (C, 4, p), yy (C,); of W_0 and own columns, W_x, W_y, W_z."""
+    """Per channel, of W_0 and own columns, W_x, W_y, W_z: the columns (k,) of p that are not zero in it,
+    G (4, 4, k, k), v (4, k), yy."""
 
-    G: np.ndarray
-    v: np.ndarray
-    yy: np.ndarray
+    p: int
+    columns: tuple[np.ndarray, ...]
+    G: tuple[np.ndarray, ...]
+    v: tuple[np.ndarray, ...]
+    yy: np.ndarray  # (C,)
+
+    def at(self, g: np.ndarray) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """G (k, k) and v (k,) of every channel with gravity g (3,)."""
+        factor = np.concatenate([[1.0], g]) if self.G[0].shape[0] == 4 else np.ones(1)
+        pairs = np.outer(factor, factor)
+        return [np.tensordot(pairs, G, 2) for G in self.G], [factor @ v for v in self.v]
 
 
 def parts_of(
@@ -58,25 +67,26 @@ def parts_of(
     if not total:
         return None
     stride, K = max(1, total // most), 4 if free else 1
-    p = 10 * len(table.rows) + len(own)
-    C = len(columns.channels)
-    G, v, yy = np.zeros((C, K, K, p, p)), np.zeros((C, K, p)), np.zeros(C)
-    for s in samples:
-        thin = slice(None, None, stride)
-        W = standard(table, s.q[thin], s.dq[thin], s.ddq[thin], free)
-        for c in range(C):
-            weight = s.weight[thin, c]
-            y = how.factor[c] * s.Y[thin, how.order[c]]
-            wide = np.zeros((K, len(y), p))
-            if columns.need.model != "D":
-                wide[:, :, : 10 * len(table.rows)] = W[:, columns.joint_of[c]]
-            wide[0, :, 10 * len(table.rows) :] = s.W[c][thin][:, own]
-            flat = wide.transpose(1, 0, 2).reshape(len(y), K * p)
-            gram = (flat * weight[:, None]).T @ flat
-            G[c] += gram.reshape(K, p, K, p).transpose(0, 2, 1, 3)
-            v[c] += ((flat * weight[:, None]).T @ y).reshape(K, p)
-            yy[c] += weight @ y**2
-    return Parts(G, v, yy)
+    bodies = 10 * len(table.rows)
+    p, C = bodies + len(own), len(columns.channels)
+    thin = slice(None, None, stride)
+    made = [standard(table, s.q[thin], s.dq[thin], s.ddq[thin], free) for s in samples]
+    seen, G, v, yy = [], [], [], np.zeros(C)
+    for c in range(C):
+        weight = np.concatenate([s.weight[thin, c] for s in samples])
+        y = how.factor[c] * np.concatenate([s.Y[thin, how.order[c]] for s in samples])
+        wide = np.zeros((K, len(y), p))
+        if columns.need.model != "D":
+            wide[:, :, :bodies] = np.concatenate([W[:, columns.joint_of[c]] for W in made], axis=1)
+        wide[0, :, bodies:] = np.concatenate([s.W[c][thin][:, own] for s in samples])
+        live = np.flatnonzero(wide.any(axis=(0, 1)))
+        flat = wide[:, :, live].transpose(1, 0, 2).reshape(len(y), K * len(live))
+        gram = (flat * weight[:, None]).T @ flat
+        seen.append(live)
+        G.append(np.ascontiguousarray(gram.reshape(K, len(live), K, len(live)).transpose(0, 2, 1, 3)))
+        v.append(((flat * weight[:, None]).T @ y).reshape(K, len(live)))
+        yy[c] = weight @ y**2
+    return Parts(p, tuple(seen), tuple(G), tuple(v), yy)
 
 
 def _own_columns(columns: Columns) -> np.ndarray:
@@ -115,30 +125,29 @@ def errors(
     identify: Parts, validate: Parts | None, g: np.ndarray, turns: int = 2
 ) -> tuple[np.ndarray, np.ndarray | None]:
     """Relative errors (C,) of the channels on identify and on validate, with gravity g (3,)."""
-    factor = np.concatenate([[1.0], g]) if identify.G.shape[1] == 4 else np.ones(1)
-    G = np.einsum("a,b,cabij->cij", factor, factor, identify.G)
-    v = np.einsum("a,cai->ci", factor, identify.v)
+    G, v = identify.at(g)
     seen = identify.yy > 0
     scale = np.where(seen, 1.0 / np.maximum(identify.yy, 1e-300), 0.0)
     error = np.ones(len(scale))
-    chi = np.zeros(G.shape[1])
+    chi = np.zeros(identify.p)
     for _ in range(turns):
-        normal, right = np.einsum("c,cij->ij", scale, G), scale @ v
+        normal, right = np.zeros((identify.p, identify.p)), np.zeros(identify.p)
+        for c, live in enumerate(identify.columns):
+            normal[np.ix_(live, live)] += scale[c] * G[c]
+            right[live] += scale[c] * v[c]
         length = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         normal = normal / np.outer(length, length)
         normal[np.diag_indices_from(normal)] += RIDGE + (length <= 1e-140)
         chi = np.linalg.solve(normal, right / length) / length
-        error = _relative(identify.yy, v, G, chi)
+        error = _relative(identify, G, v, chi)
         scale = np.where(seen, 1.0 / np.maximum(identify.yy, 1e-300) / np.fmax(error, 0.02) ** 2, 0)
-    if validate is None:
-        return error, None
-    held_G = np.einsum("a,b,cabij->cij", factor, factor, validate.G)
-    return error, _relative(validate.yy, np.einsum("a,cai->ci", factor, validate.v), held_G, chi)
+    return error, None if validate is None else _relative(validate, *validate.at(g), chi)
 
 
-def _relative(yy: np.ndarray, v: np.ndarray, G: np.ndarray, chi: np.ndarray) -> np.ndarray:
-    left = yy - 2 * v @ chi + np.einsum("i,cij,j->c", chi, G, chi)
-    return np.where(yy > 0, np.sqrt(np.maximum(left, 0.0) / np.maximum(yy, 1e-300)), np.nan)
+def _relative(parts: Parts, G: Sequence[np.ndarray], v: Sequence[np.ndarray], chi: np.ndarray) -> np.ndarray:
+    own = [chi[live] for live in parts.columns]
+    left = np.array([y - 2 * b @ x + x @ A @ x for y, b, A, x in zip(parts.yy, v, G, own)])
+    return np.where(parts.yy > 0, np.sqrt(np.maximum(left, 0.0) / np.maximum(parts.yy, 1e-300)), np.nan)
 
 
 def gain(before: np.ndarray | None, after: np.ndarray | None) -> float:
@@ -238,7 +247,11 @@ def _by_validate(
 def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:
     """Sum of squares over all channels, each by what the plain fit leaves of it, as a function of gravity."""
     scale = np.where(parts.yy > 0, 1 / np.maximum(parts.yy * np.fmax(error, 0.05), 1e-300), 0.0)
-    G, v = np.einsum("c,cabij->abij", scale, parts.G), np.einsum("c,cai->ai", scale, parts.v)
+    K = parts.G[0].shape[0]
+    G, v = np.zeros((K, K, parts.p, parts.p)), np.zeros((K, parts.p))
+    for c, live in enumerate(parts.columns):
+        G[:, :, live[:, None], live] += scale[c] * parts.G[c]
+        v[:, live] += scale[c] * parts.v[c]
     total = float(scale @ parts.yy)
 
     def left(g: np.ndarray) -> float:
