@@ -31,6 +31,7 @@ FOLD_S, SHORTEST_FOLD_S = 1.0, 0.25  # s: blocks that predict each other
 FOLDS = 12  # of a window, where it is short
 SHORTEST_S = 1.5
 RATIO = 1.5  # of window lengths
+TRIED = 4  # loads whose edges are moved
 MARGIN_S = 1.0  # s from the ends, where a window would take up static friction
 
 
@@ -150,11 +151,12 @@ def best_event(
             if gains[k] > tau:
                 start, stop = windows[k]
                 found.append((float(gains[k]), _window(term, start, stop), columns, len(windows)))
+                found = sorted(found, key=lambda item: -item[0])[:TRIED]  # their columns are large
     if not found:
         return None
     limit = tau + float(np.log(max(tried, 1)))
     best: Event | None = None
-    for gain, term, columns, _ in sorted(found, key=lambda item: -item[0])[:4]:
+    for gain, term, columns, _ in found:
         if gain < limit:
             continue
         term, cut = _moved(m, term, columns, state)

@@ -190,7 +190,7 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
 
 
 def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """A signal of two values is a switch."""
+    """A signal of two values is a switch, or too small for its resolution."""
     for k, name in enumerate(columns.signals):
         values = excerpt.column(k)
         distinct = np.unique(values[:: max(1, len(values) // 2000)])
@@ -202,8 +202,8 @@ def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
                 (name,),
                 None,
                 "refused",
-                f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: a switch, not a "
-                "measurement",
+                f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: a switch, or a signal "
+                "below its own resolution",
                 f"map the right column with columns: {{{name}: {{column: ...}}}}{out}",
             )
 
