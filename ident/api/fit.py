@@ -63,9 +63,7 @@ class Fit:
     @property
     def checks(self) -> tuple[Any, ...]:
         """What was found in the data before anything was fitted, worst first."""
-        from ident.report.files import checks_of
-
-        return checks_of(self.result)
+        return self.result.checks
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ def of_motion(result: FitResult, q: Any, dq: Any, ddq: Any, payload: str | None)
     """(N, n) each, rad|m and s -> (N, channels). Raises IdentError."""
     columns = result.columns
     _check_payload(result, payload)
-    if terms_of(result):
+    if result.terms:
         raise IdentError("the fit has effects, which need a history; predict a recording with its torques")
     n = len(columns.need.joints)
     given = []
@@ -52,7 +52,7 @@ def of_recording(result: FitResult, data: Any, payload: str | None) -> Any:
     _check_payload(result, payload)
     study = result.study.with_(trim_rest=False)
     entry = data if isinstance(data, Recording) else Recording(data, payload=payload)
-    if terms_of(result):
+    if result.terms:
         stream = open_log(study, entry, need)
     else:
         bare = replace(need, motor=(), sensor=need.sensor if study.positions == "joint" else ())
@@ -66,23 +66,12 @@ def of_recording(result: FitResult, data: Any, payload: str | None) -> Any:
     return frame(arrays(t, values, result.columns.channels))
 
 
-def terms_of(result: FitResult) -> tuple[Any, ...]:
-    """Effects that are part of the fitted model."""
-    return tuple(getattr(result, "terms", ()))
-
-
 def _modelled(
     result: FitResult, stream: RecordingStream, blocks: Iterable[FilteredBlock], t: list[np.ndarray]
 ) -> Iterator[np.ndarray]:
     """Torque (N, channels) of the blocks of one stretch; their times go into `t`."""
-    columns, chi = result.columns, result.estimate.chi
-    if not terms_of(result):
-        for block in blocks:
-            t.append(block.t)
-            yield comparison.modelled_torque(columns, chi, stream.payload, block)
-        return
-    fitted = comparison.Fitted(result.model, chi, terms_of(result))
-    for block, _, (torque,) in comparison.fitted_torques(columns, stream, blocks, (fitted,)):
+    fitted = comparison.Fitted(result.model, result.estimate.chi, result.terms)
+    for block, _, (torque,) in comparison.fitted_torques(result.columns, stream, blocks, (fitted,)):
         t.append(block.t)
         yield torque
 

@@ -192,7 +192,7 @@ def _portable(result: FitResult) -> dict[str, Any]:
         if isinstance(given.file, str):
             entry["file"] = str(study.recording_path(given).resolve())
     data.pop("effects", None)
-    if terms := getattr(result, "terms", ()):
+    if terms := result.terms:
         from ident.equations.placing import entry_of
 
         data["effects"] = [entry_of(term, result.columns.need.joints) for term in terms]

@@ -19,7 +19,6 @@ import numpy as np
 
 from ident.estimation.fit import FitResult, interval_factor
 from ident.estimation.found_effects import found_effects
-from ident.examination.check import Check, worst_first
 from ident.export.saved import keep
 from ident.report.joints import joints_of
 
@@ -32,7 +31,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
     free = max(result.effective_rows - full.b, 1.0)
     channels = columns.channels
     return {
-        "checks": [check.document() for check in checks_of(result)],
+        "checks": [check.document() for check in result.checks],
         "robot": columns.model.robot_name,
         "model": result.study.model,
         "joints": joints_of(columns.model),
@@ -112,7 +111,7 @@ def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
             else None,
             "full_value": float(full.chi[k]) if full.active[k] else None,
             "std_selected": float(selected[k]) if essential else None,
-            "impossible": impossible(result).get(name),
+            "impossible": result.impossible.get(name),
         }
         rows.append(row)
     for name, value in columns.known.items():
@@ -165,20 +164,9 @@ def _recordings(result: FitResult) -> list[dict[str, Any]]:
     return out
 
 
-def checks_of(result: FitResult) -> tuple[Check, ...]:
-    """What was found in the data before anything was fitted, worst first."""
-    own = tuple(getattr(result, "checks", ()))
-    return own or worst_first(check for stream in result.recordings for check in stream.checks)
-
-
-def impossible(result: FitResult) -> Mapping[str, str]:
-    """Parameters whose value physics forbids beyond their standard deviation, with the usual reasons."""
-    return dict(getattr(result, "impossible", {}))
-
-
 def parameter_table(result: FitResult) -> tuple[Row, list[Row]]:
     """Header and rows of the essential parameters: name, value, std, % std, unit; what physics forbids."""
-    std, forbidden = result.std, impossible(result)
+    std, forbidden = result.std, result.impossible
     rows: list[Row] = []
     for k in np.flatnonzero(result.estimate.active):
         value = result.estimate.chi[k]
