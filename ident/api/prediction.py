@@ -70,8 +70,14 @@ def _modelled(
     result: FitResult, stream: RecordingStream, blocks: Iterable[FilteredBlock], t: list[np.ndarray]
 ) -> Iterator[np.ndarray]:
     """Torque (N, channels) of the blocks of one stretch; their times go into `t`."""
-    fitted = comparison.Fitted(result.model, result.estimate.chi, result.terms)
-    for block, _, (torque,) in comparison.fitted_torques(result.columns, stream, blocks, (fitted,)):
+    columns, chi = result.columns, result.estimate.chi
+    if not result.terms:  # blocks without torques
+        for block in blocks:
+            t.append(block.t)
+            yield comparison.modelled_torque(columns, chi, stream.payload, block)
+        return
+    fitted = comparison.Fitted(result.model, chi, result.terms)
+    for block, _, (torque,) in comparison.fitted_torques(columns, stream, blocks, (fitted,)):
         t.append(block.t)
         yield torque
 
