@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.errors import RecordingError
-from ident.recordings.tables.table import Blocks, Table
+from ident.recordings.tables.table import Blocks, Held, Table
 
 NAMES = ("episode_index", "episode_id", "episode")
 MOST = 10_000
@@ -55,4 +55,4 @@ def one_episode(table: Table, wanted: int | None) -> Table:
             if rows.any():
                 yield block[rows, 1:]
 
-    return replace(table, read=read, held={})
+    return replace(table, read=read, held=Held())

@@ -8,6 +8,7 @@ are refused here. Times given as dates become seconds since the table's first ro
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,8 +20,26 @@ from modelgen.errors import shortened
 
 ROWS = 16384  # of one block: a few MB with 30 columns
 HELD = 3_000_000  # numbers of a table kept after the first reading; longer tables are read again each time
+HELD_TOGETHER = 12_000_000  # of all tables: a hundred runs of a minute are read again as one of an hour is
 MENDED_BY = {"MCAP": "mcap recover", "BAG": "rosbag reindex", "DB3": "ros2 bag reindex"}  # not closed by ROS
 Blocks = Iterator[np.ndarray]
+
+
+class Held(dict[tuple[str, ...], list[np.ndarray]]):
+    """Blocks of a table by the columns read; all that live are counted together."""
+
+    __slots__ = ("__weakref__",)
+    __hash__ = object.__hash__  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+
+_LIVE: weakref.WeakSet[Held] = weakref.WeakSet()
+
+
+def _numbers_held() -> int:
+    return sum(block.size for held in list(_LIVE) for blocks in list(held.values()) for block in blocks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +55,7 @@ class Table:
     read: Callable[[Sequence[str]], Blocks]
     units: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
-    held: dict[tuple[str, ...], list[np.ndarray]] = field(default_factory=dict, repr=False, compare=False)
+    held: Held = field(default_factory=Held, repr=False, compare=False)
 
     def blocks(self, names: Sequence[str]) -> Blocks:
         """Blocks in order. A consumer must not write into them."""
@@ -58,8 +77,9 @@ class Table:
             raise
         except Exception as error:  # the libraries raise many kinds; all mean that the file is damaged
             raise damaged(self.file, error) from None
-        if size <= HELD:
+        if size <= HELD and size + _numbers_held() <= HELD_TOGETHER:
             self.held[key] = kept
+            _LIVE.add(self.held)
 
 
 def damaged(file: str, error: Exception) -> RecordingError:

@@ -230,3 +230,21 @@ def test_a_damaged_mat_file_is_one_sentence(tmp_path, version, first):
             list(open_table(path).blocks(["q1"]))
     path.write_bytes(whole[:-30])
     assert "truncated" in refusal(path)
+
+
+def test_blocks_of_many_tables_are_not_all_kept(monkeypatch):
+    from ident.recordings.tables import table as of
+
+    monkeypatch.setattr(of, "HELD_TOGETHER", of._numbers_held() + 250)
+    read = []
+
+    def rows(names):
+        read.append(1)
+        yield np.zeros((100, len(names)))
+
+    tables = [of.Table(str(k), ("a",), True, rows) for k in range(4)]
+    for _ in range(3):
+        for table in tables:
+            assert sum(map(len, table.blocks(("a",)))) == 100
+    assert [bool(table.held) for table in tables] == [True, True, False, False]
+    assert len(read) == 2 + 3 * 2
