@@ -14,6 +14,10 @@ class IdentError(Exception):
 
     exit_status = 2
 
+    def __str__(self) -> str:
+        """Names and cells of somebody's file may hold what no terminal should be sent."""
+        return "".join(c if c.isprintable() or c == "\n" else "?" for c in super().__str__())
+
 
 class StudyError(IdentError):
     """A study file that cannot be used: the key, the file and what to write instead."""

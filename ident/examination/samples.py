@@ -192,7 +192,7 @@ class Mender:
             column = values[:, k]
             step = np.diff(column)
             turns = -np.rint(step / (2 * np.pi))
-            turns[(np.abs(turns) > 1) | (np.abs(step + 2 * np.pi * turns) > 1.0)] = 0.0
+            turns[~(np.abs(turns) <= 1) | ~(np.abs(step + 2 * np.pi * turns) <= 1.0)] = 0.0  # NaN: no turn
             jumps = np.flatnonzero(turns)
             if len(jumps) and np.quantile(np.abs(step), 0.95) > 1.0:  # no positions in rad at all
                 turns[:] = 0.0
@@ -273,7 +273,8 @@ def no_measurement(
         for value in SENTINELS:
             sentinel |= np.abs(raw - value) < 1e-6 * value
         changes = np.abs(np.diff(clean, axis=0))
-        changes = np.nan_to_num(np.where(changes > 0, changes, np.inf).min(axis=0), posinf=0.0)
+        smallest = np.where(changes > 0, changes, np.inf).min(axis=0, initial=np.inf)
+        changes = np.nan_to_num(smallest, posinf=0.0)
         gross = away > np.maximum(GROSS * np.maximum(reach, np.maximum(known, 1e-3)), 12 * changes)
     out = out | (far & sentinel) | _marks(raw, clean, away > MARK * reach)
     return out, np.column_stack([_short(g, c) for g, c in zip((gross & ~out).T, clean.T)])

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.reliability import robot_files
+from tests.reliability import recordings, robot_files
 from tests.reliability.judge import Case, judged
 from tests.reliability.mutations import text_of
 
@@ -27,3 +27,26 @@ KEPT = {
 def test_robot_files_that_were_tracebacks(name):
     outcome = judged(robot_files.trial, Case(text_of(KEPT[name])))
     assert outcome.kind in ("accepted", "refused"), (outcome, json.dumps(KEPT[name]))
+
+
+def _plain(**changes):
+    """A recording as text, some samples of some columns replaced: {column: (row, value)}."""
+    table = {name: values.copy() for name, values in recordings.columns().items()}
+    for name, (row, value) in changes.items():
+        table[name][row] = value
+    return recordings.written(table, "csv")
+
+
+RECORDINGS = {
+    "one row with a number that is none": b"\n\nt,q1,q2,tau_m1,tau_m2\n0.0,inf,0.72,4.92,4.86\n",
+    "a mark for no value at a time that is none": _plain(t=(399, 1e19), q2=(200, 1e19)),
+    "a cell that no terminal should be sent": _plain().replace(b"\n0.0,0.67", b"\n0.0,0.67\x02", 1),
+    "such a name of a column": _plain().replace(b",q1", b",\x03q1", 1),
+}
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", RECORDINGS)
+def test_recordings_that_were_tracebacks_or_unprintable(name):
+    outcome = judged(recordings.trial, Case(recordings.File("csv", RECORDINGS[name])))
+    assert outcome.kind in ("accepted", "refused"), outcome
