@@ -86,7 +86,7 @@ def test_catalogue_columns_explain_what_the_exam_puts_in(name: str) -> None:
     for p in effect.nonlinear:
         expression = effect.inverse.get(p.name)
         nonlinear[p.name] = (
-            put_in.params[p.name]
+            put_in.params.get(p.name, effect.complete({})[p.name])
             if expression is None
             else float(expression.subs({**_symbols(told), **_symbols(context)}))
         )

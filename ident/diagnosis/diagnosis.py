@@ -47,6 +47,7 @@ class Alternative:
     log_e: float
     error_drop_percent: float
     source_joint: int | None = None  # of a pair of joints, the other one
+    link: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,6 +298,7 @@ def _findings(outcome: Outcome, last: FitResult, begun: Opened, alpha: float) ->
         term = next((t for t in state.terms if t.key == step.term.key), None)
         fitted = next((f for f in told if term is not None and _same(f.term, term)), None)
         if term is not None and fitted is not None:
+            told.remove(fitted)  # one that grew by more of its parameters is one finding
             out.append(_finding(step, term, fitted, outcome))
     return tuple(out)
 
@@ -345,6 +347,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
                 float(eq.log_e),
                 float(100 * (1 - np.exp(-eq.log_e / max(state.metric.judged.free[c], 1.0)))),
                 None if eq.term.place.source is None else int(labels[eq.term.place.source]),
+                eq.term.place.link,
             )
             for eq in step.equivalent
         ),

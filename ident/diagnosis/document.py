@@ -94,7 +94,11 @@ def _alternative(a: Alternative) -> dict[str, Any]:
     return {
         "effect": a.effect,
         "joints": list(a.joints),
-        **({} if a.source_joint is None else {"source_joint": a.source_joint}),
+        **{
+            name: value
+            for name, value in (("source_joint", a.source_joint), ("link", a.link))
+            if value is not None
+        },
         "log_e": a.log_e,
         "error_drop_percent": a.error_drop_percent,
     }

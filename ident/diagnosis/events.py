@@ -31,7 +31,11 @@ FOLD_S, SHORTEST_FOLD_S = 1.0, 0.25  # s: blocks that predict each other
 FOLDS = 12  # of a window, where it is short
 SHORTEST_S = 1.5
 RATIO = 1.5  # of window lengths
+<<<<<<< ident/diagnosis/events.py
 TRIED = 4  # loads whose edges are moved
+=======
+MOST = 8  # loads that are judged
+>>>>>>> /tmp/lead/ident/diagnosis/events.py
 MARGIN_S = 1.0  # s from the ends, where a window would take up static friction
 
 
@@ -42,6 +46,7 @@ class Event:
     refined: Refined
     evidence: Evidence
     tried: int
+    rivals: tuple[Event, ...] = ()  # on other links, or of another kind: not to be told apart
 
 
 def crossed(m: Metric, usable: np.ndarray, fold_s: float) -> tuple[Metric, Metric]:
@@ -155,9 +160,15 @@ def best_event(
     if not found:
         return None
     limit = tau + float(np.log(max(tried, 1)))
+<<<<<<< ident/diagnosis/events.py
     best: Event | None = None
     for gain, term, columns, _ in found:
         if gain < limit:
+=======
+    held: list[Event] = []
+    for gain, term, columns, _ in sorted(found, key=lambda item: -item[0])[:MOST]:
+        if gain < limit or (held and term.place.recording != held[0].refined.term.place.recording):
+>>>>>>> /tmp/lead/ident/diagnosis/events.py
             continue
         term, cut = _moved(m, term, columns, state)
         sizes, _ = fit_sizes(m, cut)
@@ -168,12 +179,19 @@ def best_event(
         names = term.effect.parameters_of(term.place)
         if term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model) is not None:
             continue
-        if best is not None and gain <= best.refined.gain:
-            continue
         told = evidence.log_e > limit and evidence.supported(alpha)
         if told and is_load(state, halves, cut, limit, alpha):
-            best = Event(Refined(term, cut, sizes, gain), evidence, tried)
-    return best
+            held.append(Event(Refined(term, cut, sizes, gain), evidence, tried))
+    return _simplest(held, tau) if held else None
+
+
+def _simplest(held: Sequence[Event], tau: float) -> Event:
+    """Of the loads of one recording that these data cannot tell apart, the one with fewest parameters; the
+    others stand beside it."""
+    most = max(event.evidence.log_e for event in held)
+    equal = [event for event in held if event.evidence.log_e > most - tau]
+    best = min(equal, key=lambda event: (event.refined.term.free, -event.evidence.log_e))
+    return replace(best, rivals=tuple(event for event in equal if event is not best))
 
 
 def _role(state: State, place: Place) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 from ident.diagnosis.evidence import Metric, metric, stacked
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import Found, State, solved
-from ident.diagnosis.whitened import whitener
+from ident.diagnosis.whitened import Whitener, whitener
 
 ENOUGH = 0.25  # of the rows, to know their noise by
 
@@ -20,15 +20,24 @@ def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
     beside a hypothesis that is right, noise that has swallowed its effect would count against it."""
     usable = state.rows.fitted | state.rows.judged
     least = list(state.whiteners)
+    sizes = [_innovations(w, state.noise[c], state.rows.use[c] & usable) for c, w in enumerate(least)]
     for r in refined:
         trial = solved(replace(state, found=(*state.found, Found(r.term, r.columns, r.sizes))))
         own = r.term.place.rows(state.model.channels)
         for c in own if r.term.place.joint is not None else r.columns:
-            w = whitener(state.rows, trial.noise[c], state.rows.use[c] & usable, state.rows.use[c])
-            if w.sigma < least[c].sigma:
-                least[c] = w
+            counted = state.rows.use[c] & usable
+            w = whitener(state.rows, trial.noise[c], counted, state.rows.use[c])
+            size = _innovations(w, trial.noise[c], counted)
+            if size < sizes[c]:
+                least[c], sizes[c] = w, size
     design, B = stacked(state.rows, [f.columns for f in state.found])
     return metric(state.rows, design, B, least)
+
+
+def _innovations(w: Whitener, noise: np.ndarray, counted: np.ndarray) -> float:
+    """Rms of what cannot be foretold of a hypothesis' own noise, over all rows: a noise model is made of calm
+    blocks, and the calm ones of a wrong model are those in which what it lacks is quiet."""
+    return w.sigma * float(np.sqrt(np.mean((w @ noise)[counted] ** 2))) if counted.any() else np.inf
 
 
 def outside_metric(state: State, r: Refined, inside: np.ndarray) -> Metric:

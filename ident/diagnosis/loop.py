@@ -27,6 +27,7 @@ BUDGET = 40  # hypotheses that are held against the judged rows; the rate is sha
 STEPS = 14  # effects at most
 LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
+LAW = 2  # free numbers, a size and a shape
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
 TOP_WAVE = 400.0  # 1/rad
 
@@ -91,7 +92,8 @@ def trace(
         event = best_event(state, library.events, library.layout, tau, alpha)
         if event is not None and _first(event, weighed):
             r = event.refined
-            steps.append(Step(r.term, event.evidence, ()))
+            rivals = tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
+            steps.append(Step(r.term, event.evidence, rivals))
             state = with_found(state, Found(r.term, r.columns, r.sizes))
             continue
         if not weighed.passed:
@@ -99,7 +101,7 @@ def trace(
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
-        if flex is not None and flex.evidence.log_e > evidence.log_e + tau:
+        if not sufficient(best.term, evidence, flex, tau):
             settled_in = _settled_in(state, best, c, tau)
             if settled_in is not None:
                 steps.append(Step(best.term, evidence, (), flex))
@@ -235,6 +237,14 @@ def signals_read(term: Term) -> frozenset[str] | None:
     return frozenset(read)
 
 
+def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> bool:
+    """A law of one or two numbers that says as much as any function of its signals is a law; one with more
+    numbers takes up smooth functions as they come, and has to say more than they do."""
+    if flex is None:
+        return True
+    return own.log_e > flex.evidence.log_e + (tau if term.free > LAW else -tau)
+
+
 def sufficiency(state: State, m: Metric, term: Term, c: int, tau: float) -> Flexible | None:
     """The best function without a name of the signals that the effect reads."""
     read = signals_read(term)
@@ -262,7 +272,7 @@ def _settled_in(state: State, best: Refined, c: int, tau: float) -> State | None
     others = replace(trial, found=trial.found[:-1])
     m = leading_metric(others, [Refined(f.term, f.columns, f.sizes, 0.0)])
     own, flex = weigh(m, f.columns), sufficiency(others, m, f.term, c, tau)
-    return trial if flex is None or flex.evidence.log_e <= own.log_e + tau else None
+    return trial if sufficient(f.term, own, flex, tau) else None
 
 
 def _pair(

@@ -176,24 +176,33 @@ class _Search:
 
     def run(self, progress: Progress) -> tuple[str, ...]:
         """Search; -> notes for the user."""
+        point, notes = self._searched(progress)
+        chi = point.estimate.chi
+        outside = (chi < self.low) | (chi > self.high)
+        if outside.any():  # at rest beside a bound, with an estimate beyond it: it stands at the bound
+            at = np.where(outside, np.clip(chi, self.low, self.high), point.x)
+            self._evaluate(_moved(self.columns, self.terms, at), self.model)
+        return notes
+
+    def _searched(self, progress: Progress) -> tuple[_Point, tuple[str, ...]]:
         point, idle = self._evaluate(self.terms, self.model), 0
         for turn in range(TURNS):
             progress(f"fitting the effects of the study, step {turn + 1}")
             reads = self.model.asked.estimate
             if not self.curved.any() and not reads:
                 self.terms = _moved(self.columns, self.terms, point.estimate.chi)
-                return ()
+                return point, ()
             aim = np.clip(point.estimate.chi, self.low, self.high)
             far = np.abs(aim - point.x) > STILL * np.maximum(point.estimate.std, 1e-300)
             b = len(self.model.chi)
             if not far[b:].any() and not (reads and far[:b].any()):
-                return ()
+                return point, ()
             new = self._stepped(point, aim, reads)
             idle = idle + 1 if new and abs(new.loss - point.loss) < WORTH else 0
             if new is None or idle > (IDLE if reads else 0):
-                return ()
+                return point, ()
             point = new
-        return ("the parameters inside the effects did not come to rest: their values are rough",)
+        return point, ("the parameters inside the effects did not come to rest: their values are rough",)
 
     def _stepped(self, point: _Point, aim: np.ndarray, reads: bool) -> _Point | None:
         """The next point, halved until the loss falls. Where only sizes are left to find in effects that read

@@ -136,9 +136,7 @@ def _placed(name: str, its: Mapping[str, Any]) -> bool:
 
 def rivals_in_words(finding: Mapping[str, Any]) -> str:
     """The explanations that these data cannot reject beside the finding's own."""
-    return joined(
-        [f"{effect_name(r['effect'])} on {place(r['joints'])}" for r in finding.get("equivalent") or ()]
-    )
+    return joined([f"{effect_name(r['effect'])} on {_where(r)}" for r in finding.get("equivalent") or ()])
 
 
 def evidence_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
@@ -229,6 +227,11 @@ def held_out(document: Mapping[str, Any]) -> str:
 def _by_examination(finding: Mapping[str, Any]) -> bool:
     """Told by a check of the data: no fit weighed it."""
     return "log_e" in finding["evidence"] and finding["evidence"]["log_e"] is None
+
+
+def _where(rival: Mapping[str, Any]) -> str:
+    """ "joint 2", or "link 3" of a load."""
+    return f"link {rival['link']}" if rival.get("link") and not rival["joints"] else place(rival["joints"])
 
 
 def _named(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:

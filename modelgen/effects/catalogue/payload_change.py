@@ -85,8 +85,10 @@ class PayloadChange(LoadEffect):
                 rows.append(row)
         for row in rows:
             shown, full = visible(robot, row)
-            variants = [WEIGHT, full] if set(WEIGHT) <= set(shown) else [full]
-            for parts in variants:
+            light = WEIGHT if set(WEIGHT) <= set(shown) else tuple(k for k in WEIGHT if k in full)
+            for parts in (
+                dict.fromkeys((light, full)) if light else (full,)
+            ):  # what it weighs with, and all of it
                 for recording in layout.recordings if full else ():
                     yield layout.place(side="link", recording=recording, link=row, parts=parts)
 
