@@ -31,11 +31,7 @@ FOLD_S, SHORTEST_FOLD_S = 1.0, 0.25  # s: blocks that predict each other
 FOLDS = 12  # of a window, where it is short
 SHORTEST_S = 1.5
 RATIO = 1.5  # of window lengths
-<<<<<<< ident/diagnosis/events.py
-TRIED = 4  # loads whose edges are moved
-=======
-MOST = 8  # loads that are judged
->>>>>>> /tmp/lead/ident/diagnosis/events.py
+TRIED = 8  # loads that are judged
 MARGIN_S = 1.0  # s from the ends, where a window would take up static friction
 
 
@@ -160,15 +156,9 @@ def best_event(
     if not found:
         return None
     limit = tau + float(np.log(max(tried, 1)))
-<<<<<<< ident/diagnosis/events.py
-    best: Event | None = None
-    for gain, term, columns, _ in found:
-        if gain < limit:
-=======
     held: list[Event] = []
-    for gain, term, columns, _ in sorted(found, key=lambda item: -item[0])[:MOST]:
+    for gain, term, columns, _ in found:
         if gain < limit or (held and term.place.recording != held[0].refined.term.place.recording):
->>>>>>> /tmp/lead/ident/diagnosis/events.py
             continue
         term, cut = _moved(m, term, columns, state)
         sizes, _ = fit_sizes(m, cut)
