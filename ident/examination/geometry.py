@@ -236,7 +236,8 @@ def _by_validate(
         for sign in (-1.0, 1.0):
             axis = sign * size * np.eye(3)[k]
             now, after = errors(identify, validate, axis)
-            if gain(plain, now) > -KEPT and _angle(assumed, axis) > LEAST_ANGLE:
+            predicted = after is not None and np.nanmax(after) < 1.0  # better than nothing, on every joint
+            if predicted and gain(plain, now) > -KEPT and _angle(assumed, axis) > LEAST_ANGLE:
                 told.append((gain(held, after), tuple(axis)))
     told.sort(reverse=True)
     if not told or told[0][0] < CARRIED or (len(told) > 1 and told[0][0] - told[1][0] < 0.25 * CARRIED):
