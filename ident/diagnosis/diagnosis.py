@@ -35,6 +35,7 @@ from ident.recordings.study import Study
 from ident.signals.filtering import STEEPNESS, prepare
 from modelgen.effects import catalogue
 
+FAR_OFF = 3.0  # times the fitted error, from which on what is left on the judged runs is not called noise
 ESTABLISHED, PARTLY = "established", "partly"
 
 
@@ -149,7 +150,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     last = _extended(working, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
-    unexplained = unexplained or _not_predicted(first, findings)
+    unexplained = unexplained or _not_predicted(last, findings)
     progress("done", 1.0)
     return Diagnosis(
         study,
@@ -377,19 +378,22 @@ def _unexplained(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
     )
 
 
-def _not_predicted(first: FitResult, findings: Sequence[Finding]) -> tuple[Unexplained, ...]:
-    """Channels that the model predicts worse than nothing would, somewhere: what is left there is no noise,
-    whatever its rows look like."""
+def _not_predicted(last: FitResult, findings: Sequence[Finding]) -> tuple[Unexplained, ...]:
+    """Channels that the model predicts worse than nothing would, somewhere, or on the runs that judge far
+    worse than on those it was fitted to: what is left there is no noise, whatever its rows look like."""
     if findings:
         return ()
-    errors = first.full_rate_error.values()
+    errors, judged = last.full_rate_error, _judged(last)
     out = []
-    for c, name in enumerate(first.columns.channels):
-        if max(percent.get(name, 0.0) for percent in errors) > 100.0:
-            channel = first.columns.need.channels[c]
-            joint = first.columns.need.joints[channel.joint]
+    for c, name in enumerate(last.columns.channels):
+        fitted = errors["identify"].get(name, 0.0)
+        beyond = judged.get(name, 0.0) > FAR_OFF * fitted
+        if beyond or max(percent.get(name, 0.0) for percent in errors.values()) > 100.0:
+            channel = last.columns.need.channels[c]
+            joint = last.columns.need.joints[channel.joint]
             kind = name[: len(name.rstrip("0123456789"))]
-            out.append(Unexplained((joint,), kind, (), 100.0, 0.0, None, False))
+            share = 100.0 * (1.0 - (fitted / judged[name]) ** 2) if beyond else 100.0
+            out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
     return tuple(out)
 
 

@@ -182,6 +182,12 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     """Signals, share, nearest effect and what speaks against it; that it does not carry over."""
     text = f"{place(item['joints']).capitalize()}, {item['channel']}: "
     if not item["depends_on"]:
+        share = item["share_of_residual_percent"]
+        if share < 100:
+            return (
+                f"{text}{percent(share)} of what is left on the judged runs is not in the fitted ones, and "
+                "nothing known explains it; fit longer, faster or more varied motion."
+            )
         return f"{text}on some run the model predicts it worse than none would; nothing known explains it."
     text += (
         f"{percent(item['share_of_residual_percent'])} of what the model leaves there depends on "
