@@ -27,7 +27,7 @@ BUDGET = 40  # hypotheses that are held against the judged rows; the rate is sha
 STEPS = 14  # effects at most
 LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
-LAW = 3  # free numbers: a size, a shape and a phase
+LAW = 4  # free numbers; a size, a shape and a phase are fewer
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
 TOP_WAVE = 400.0  # 1/rad
 
@@ -238,7 +238,7 @@ def signals_read(term: Term) -> frozenset[str] | None:
 
 
 def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> bool:
-    """A law of one or two numbers that says as much as any function of its signals, within the limit, is a
+    """A law of up to three numbers that says as much as any function of its signals, within the limit, is a
     law; one with more numbers takes up smooth functions as they come, and has to say as much, or more."""
     return flex is None or own.log_e > flex.evidence.log_e + _margin(term.free, tau)
 
