@@ -37,11 +37,10 @@ MARGIN_S = 1.0  # s from the ends, where a window would take up static friction
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """A placed load with its window, judged by alternating blocks; `tried` windows were looked at."""
+    """A placed load with its window, judged by alternating blocks."""
 
     refined: Refined
     evidence: Evidence
-    tried: int
     rivals: tuple[Event, ...] = ()  # on other links, or of another kind: not to be told apart
 
 
@@ -80,7 +79,7 @@ def own_columns(state: State, inside: np.ndarray, bodies: bool) -> dict[int, np.
 def halves_of(state: State, m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[Metric, Metric]:
     """Alternating blocks of the usable rows, short enough that a dozen of them lie in the window."""
     fold = float(np.clip(acting(columns).sum() * state.rows.hop / FOLDS, SHORTEST_FOLD_S, FOLD_S))
-    return crossed(m, state.rows.fitted | state.rows.judged, fold)
+    return crossed(m, state.rows.usable, fold)
 
 
 def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
@@ -127,10 +126,10 @@ def best_event(
     loads = [effect for effect in effects if effect.windowed]
     if not loads:
         return None
-    usable = state.rows.fitted | state.rows.judged
+    usable = state.rows.usable
     m = whole(state.metric, usable)
     done = {term.key for term in state.terms}
-    found: list[tuple[float, Term, dict[int, np.ndarray], int]] = []
+    found: list[tuple[float, Term, dict[int, np.ndarray]]] = []
     tried = 0
     for effect in loads:
         for place in effect.places(layout):
@@ -151,13 +150,13 @@ def best_event(
             k = int(np.argmax(gains))
             if gains[k] > tau:
                 start, stop = windows[k]
-                found.append((float(gains[k]), _window(term, start, stop), columns, len(windows)))
+                found.append((float(gains[k]), _window(term, start, stop), columns))
                 found = sorted(found, key=lambda item: -item[0])[:TRIED]  # their columns are large
     if not found:
         return None
     limit = tau + float(np.log(max(tried, 1)))
     held: list[Event] = []
-    for gain, term, columns, _ in found:
+    for gain, term, columns in found:
         if gain < limit or (held and term.place.recording != held[0].refined.term.place.recording):
             continue
         term, cut = _moved(m, term, columns, state)
@@ -171,7 +170,7 @@ def best_event(
             continue
         told = evidence.log_e > limit and evidence.supported(alpha)
         if told and is_load(state, halves, cut, limit, alpha):
-            held.append(Event(Refined(term, cut, sizes, gain), evidence, tried))
+            held.append(Event(Refined(term, cut, sizes, gain), evidence))
     return _simplest(held, tau) if held else None
 
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Metric, metric, stacked
+from ident.diagnosis.evidence import Metric, metric
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import Found, State, solved
 from ident.diagnosis.whitened import Whitener, whitener
@@ -18,11 +17,11 @@ ENOUGH = 0.25  # of the rows, to know their noise by
 def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
     """The model's own columns, each channel in the least noise that any of the hypotheses leaves there:
     beside a hypothesis that is right, noise that has swallowed its effect would count against it."""
-    usable = state.rows.fitted | state.rows.judged
+    usable = state.rows.usable
     least = list(state.whiteners)
     sizes = [_innovations(w, state.noise[c], state.rows.use[c] & usable) for c, w in enumerate(least)]
     for r in refined:
-        trial = solved(replace(state, found=(*state.found, Found(r.term, r.columns, r.sizes))))
+        trial = _with(state, r)
         own = r.term.place.rows(state.model.channels)
         for c in own if r.term.place.joint is not None else r.columns:
             counted = state.rows.use[c] & usable
@@ -30,8 +29,13 @@ def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
             size = _innovations(w, trial.noise[c], counted)
             if size < sizes[c]:
                 least[c], sizes[c] = w, size
-    design, B = stacked(state.rows, [f.columns for f in state.found])
+    design, B = state.design
     return metric(state.rows, design, B, least)
+
+
+def _with(state: State, r: Refined) -> State:
+    """The state with a hypothesis in it, as the fitted rows have both."""
+    return solved(state.plus(Found(r.term, r.columns, r.sizes)))
 
 
 def _innovations(w: Whitener, noise: np.ndarray, counted: np.ndarray) -> float:
@@ -44,12 +48,12 @@ def outside_metric(state: State, r: Refined, inside: np.ndarray) -> Metric:
     """The noise of all rows but those `inside` (M,), of the model with the hypothesis in it as the fitted
     rows have it: on the rows that judge it is what that model predicts wrongly. A load that says more than
     this is no weakness of a model that has seen too little."""
-    usable = state.rows.fitted | state.rows.judged
-    trial = solved(replace(state, found=(*state.found, Found(r.term, r.columns, r.sizes))))
+    usable = state.rows.usable
+    trial = _with(state, r)
     whiteners = []
     for c, use in enumerate(state.rows.use):
         rest = use & usable & ~inside
         here = rest if rest.sum() > ENOUGH * (use & usable).sum() else use & usable
         whiteners.append(whitener(state.rows, trial.residual[c], here, use))
-    design, B = stacked(state.rows, [f.columns for f in state.found])
+    design, B = state.design
     return metric(state.rows, design, B, whiteners)

@@ -250,9 +250,7 @@ def _margin(numbers: int, tau: float) -> float:
 def sufficiency(state: State, m: Metric, term: Term, c: int, tau: float) -> Flexible | None:
     """The best function without a name of the signals that the effect reads."""
     read = signals_read(term)
-    if (
-        read is None or term.effect.replaces
-    ):  # a term that the study itself left out is there, whatever else is
+    if read is None or term.effect.replaces:  # what the study itself left out is there, whatever else is
         return None
     return ask(state, m, c, tau, read)
 
@@ -271,7 +269,7 @@ def _settled_in(state: State, best: Refined, c: int, tau: float) -> State | None
     trial = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     f = trial.found[-1]
     assert f.term is not None
-    others = replace(trial, found=trial.found[:-1])
+    others = trial.but(len(trial.found) - 1)
     m = leading_metric(others, [Refined(f.term, f.columns, f.sizes, 0.0)])
     own, flex = weigh(m, f.columns), sufficiency(others, m, f.term, c, tau)
     return trial if sufficient(f.term, own, flex, tau) else None
@@ -320,7 +318,7 @@ def refined_together(state: State) -> State:
     for number, f in enumerate(state.found):
         if f.term is None or not (f.term.effect.nonlinear or f.term.size is not None):
             continue
-        others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
+        others = state.but(number)
         best = refine(others.metric, others.scene, f.term, turns=3)
         term = best.term if best.term.size is None else with_size(best.term, best.sizes)
         found = list(state.found)
@@ -336,7 +334,7 @@ def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[S
         for number, f in enumerate(state.found):
             if f.term is None:
                 continue
-            others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
+            others = state.but(number)
             if f.term.place.recording is not None:
                 if not still_holds(others, f, tau, alpha):
                     weak = (-np.inf, number)
@@ -374,13 +372,11 @@ def leftovers(
         for number, f in reversed(list(enumerate(state.found))):
             if f.term is None or f.term.place.joint is None or c not in f.columns:
                 continue
-            others = replace(state, found=tuple(g for k, g in enumerate(state.found) if k != number))
+            others = state.but(number)
             learned = ask(others, others.metric, c, tau)
             if learned is None:
                 continue
-            beside = solved(
-                replace(others, found=(*others.found, replace(column, columns={c: learned.column[:, None]})))
-            )
+            beside = solved(others.plus(replace(column, columns={c: learned.column[:, None]})))
             if weigh(beside.metric, f.columns).log_e < tau:
                 steps = [s for s in steps if s.term.key != f.term.key]
                 state = without(state, number)

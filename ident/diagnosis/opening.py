@@ -89,7 +89,7 @@ def opened(prepared: Prepared, progress: Progress = silent, memory: float | None
         made = state.scene.columns(term)
         if made:
             p = next(iter(made.values())).shape[1]
-            state = replace(state, found=(*state.found, Found(term, made, np.zeros(p))))
+            state = state.plus(Found(term, made, np.zeros(p)))
     return Opened(layout, settled(state, 2) if declared else state, cutoff, thinned, room)
 
 

@@ -47,6 +47,11 @@ class Rows:
     def channels(self) -> int:
         return len(self.base)
 
+    @property
+    def usable(self) -> np.ndarray:
+        """(M,) bool: fitted or judged."""
+        return self.fitted | self.judged
+
 
 def rows_of(systems: Sequence[RecordingSystem], b: int) -> Rows:
     """Stack the decimated rows of all recordings; decide which of them judge."""

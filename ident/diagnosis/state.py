@@ -94,6 +94,14 @@ class State:
     def scene(self) -> Scene:
         return Scene(self.rows, self.segments, self.motions, self.model)
 
+    def plus(self, *found: Found) -> State:
+        """With more in it, not settled yet."""
+        return replace(self, found=(*self.found, *found))
+
+    def but(self, number: int) -> State:
+        """Without one thing found, not settled yet."""
+        return replace(self, found=tuple(f for k, f in enumerate(self.found) if k != number))
+
     @property
     def terms(self) -> tuple[Term, ...]:
         return tuple(f.term for f in self.found if f.term is not None)
@@ -137,7 +145,7 @@ def solved(state: State) -> State:
         p = next(iter(f.columns.values())).shape[1]
         if not any(np.any(z[state.rows.fitted]) for z in f.columns.values()):  # a load on a run that judges
             if every is None:
-                every = weighted_fit(state.rows, design, B, state.rows.fitted | state.rows.judged)
+                every = weighted_fit(state.rows, design, B, state.rows.usable)
             beta[at : at + p] = every[at : at + p]
         found.append(replace(f, sizes=beta[at : at + p]))
         at += p
@@ -176,8 +184,7 @@ def settled(state: State, rounds: int = 2) -> State:
     """Estimate, noise and turn-over in turn."""
     for _ in range(rounds):
         state = solved(state)
-        usable = state.rows.fitted | state.rows.judged
-        state = replace(state, whiteners=whiteners(state.rows, state.noise, usable))
+        state = replace(state, whiteners=whiteners(state.rows, state.noise, state.rows.usable))
         state = turned(state)
     return solved(state)
 
@@ -234,10 +241,9 @@ def converged(state: State) -> State:
 
 def with_found(state: State, *found: Found) -> State:
     """The state with more in it, settled again."""
-    return settled(replace(state, found=(*state.found, *found)), 1)
+    return settled(state.plus(*found), 1)
 
 
 def without(state: State, number: int) -> State:
     """The state with one thing less, settled again."""
-    left = tuple(f for k, f in enumerate(state.found) if k != number)
-    return settled(replace(state, found=left), 1)
+    return settled(state.but(number), 1)

@@ -95,3 +95,9 @@ def listed(items: Iterable[object], most: int = 8) -> str:
     """1, 2, 3; cut after `most`."""
     texts = [str(item) for item in items]
     return ", ".join(texts[:most]) + (" ..." if len(texts) > most else "")
+
+
+def turned_sign(names: tuple[str, ...], message: str, maps: Mapping[str, Any]) -> Check:
+    """Torques with the other sign, and the line that turns them."""
+    line = column_line(maps, {name: {"sign": -1} for name in names})
+    return Check("torque_sign", "", names, None, "warned", message, line)

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ident.examination.check import Check, column_line
+from ident.examination.check import Check, turned_sign
 from ident.examination.quick import CLUSTERS, Fit, Quick, Sample
 from ident.examination.torques import SURE
 
@@ -33,16 +33,8 @@ def motor_signs(quick: Quick, fit: Fit, maps: Mapping[str, Any], kind: str) -> I
             continue
         joint = columns.need.joints[int(columns.joint_of[c])]
         name = f"{kind}{joint}"
-        yield Check(
-            "torque_sign",
-            "",
-            (name,),
-            None,
-            "warned",
-            f"{name} has the other sign: it falls where the torque that the sensors show at joint {joint} "
-            "rises",
-            column_line(maps, {name: {"sign": -1}}),
-        )
+        why = f"it falls where the torque that the sensors show at joint {joint} rises"
+        yield turned_sign((name,), f"{name} has the other sign: {why}", maps)
 
 
 def _slope(samples: Sequence[Sample], fit: Fit, c: int, gain: int, known: np.ndarray) -> float | None:

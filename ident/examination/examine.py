@@ -18,7 +18,7 @@ import yaml
 
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
-from ident.examination.check import Check, column_line, refuse, worst_first
+from ident.examination.check import Check, column_line, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.geometry import base_orientation, joint_axes, parts_of
 from ident.examination.limits import beyond_limits
@@ -189,16 +189,7 @@ def _joined(found: list[Check], maps: Mapping[str, Any]) -> list[Check]:
     message = f"{', '.join(names)} have the other sign: " + "; ".join(
         c.message.split(": ", 1)[1] for c in signs
     )
-    one = Check(
-        "torque_sign",
-        "",
-        names,
-        None,
-        "warned",
-        message,
-        column_line(maps, {name: {"sign": -1} for name in names}),
-    )
-    return [one, *(c for c in found if c not in signs)]
+    return [turned_sign(names, message, maps), *(c for c in found if c not in signs)]
 
 
 def mended_study(study: Study, checks: Iterable[Check]) -> Study | None:

@@ -13,7 +13,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from ident.examination.check import Check, column_line, listed
+from ident.examination.check import Check, column_line, listed, turned_sign
 from ident.examination.quick import Assignment, Fit, Quick, functional, model_columns, regressor
 from modelgen.geometry.names import ParameterName
 
@@ -110,15 +110,11 @@ def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: boo
     which = [c for c in range(len(how.order)) if c not in quick.columns.gain_columns]
     flipped = how.times(which, -1.0)
     names = tuple(signal_of(quick, c, currents) for c in which)
-    check = Check(
-        "torque_sign",
-        "",
+    check = turned_sign(
         names,
-        None,
-        "warned",
         f"all torques have the other sign: friction or inertia of joints "
         f"{listed(quick.columns.channels[c][5:] for c in against)} come out negative",
-        column_line(maps, {name: {"sign": -1} for name in names}),
+        maps,
     )
     return Hypothesis(np.inf, flipped, check)
 
@@ -148,15 +144,7 @@ def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
         yield Hypothesis(
             gain + (1.0 if alone else 0.0),
             flipped,
-            Check(
-                "torque_sign",
-                "",
-                (name,),
-                None,
-                "warned",
-                f"{name} has the other sign: {why}",
-                column_line(maps, {name: {"sign": -1}}),
-            ),
+            turned_sign((name,), f"{name} has the other sign: {why}", maps),
         )
 
 
@@ -189,15 +177,8 @@ def several_signs(
         which = opposite
     names = tuple(signal_of(quick, c, currents) for c in which)
     beside = listed(signal_of(quick, c, currents) for c in seen if c not in which)
-    check = Check(
-        "torque_sign",
-        "",
-        names,
-        None,
-        "warned",
-        f"{listed(names)} have the other sign than {beside}: turned, {_falls(fit, other)}",
-        column_line(maps, {name: {"sign": -1} for name in names}),
-    )
+    message = f"{listed(names)} have the other sign than {beside}: turned, {_falls(fit, other)}"
+    check = turned_sign(names, message, maps)
     yield Hypothesis(float(gains[best]), how.times(which, -1.0), check)
 
 

@@ -1,6 +1,6 @@
 """What repeats with a joint's position: wavenumbers that a residual shows, and the range worth searching."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -18,6 +18,15 @@ def wavenumber_range(travel: float, prismatic: bool) -> tuple[float, float]:
     low = 2 * np.pi * FEWEST_WAVES / max(travel, 1e-6)
     high = 2 * np.pi / SHORTEST if prismatic else FASTEST
     return min(low, 0.5 * high), high
+
+
+def beyond_an_error(values: Mapping[str, float], largest: float) -> str | None:
+    """Why a position error es sin + ec cos [rad | m] cannot be: gears and encoders err by arc minutes, and
+    what bends a joint further than a degree is its load. None where it can."""
+    size = float(np.hypot(values.get("es", 0.0), values.get("ec", 0.0)))
+    if size <= largest:
+        return None
+    return f"an error of {size:.2g} is more than a gear or encoder has ({largest:g})"
 
 
 def travel_of(motions: Sequence[Motion], joint: int) -> float:

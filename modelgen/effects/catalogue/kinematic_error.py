@@ -10,7 +10,7 @@ from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, No
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
 from modelgen.effects.motions import displaced_torque
-from modelgen.effects.periodic import peaks, travel_of, wavenumber_range
+from modelgen.effects.periodic import beyond_an_error, peaks, travel_of, wavenumber_range
 from modelgen.effects.place import Layout, Model, Motion, Place
 from modelgen.effects.truth import Stage, Truth
 
@@ -90,11 +90,8 @@ class KinematicError(MotionEffect):
         return {c: np.stack([part[:, c] for part in parts], axis=1) for c in range(len(model.channels))}
 
     def physical(self, values: Mapping[str, float], model: Model | None = None) -> str | None:
-        """Gears and encoders err by arc minutes; what bends a joint further than a degree is its load."""
-        size = float(np.hypot(values.get("es", 0.0), values.get("ec", 0.0)))
-        if size > self.linear[0].high:
-            return f"an error of {size:.2g} is more than a gear or encoder has (0.02)"
-        return super().physical(values, model)
+        """No larger than gears and encoders err."""
+        return beyond_an_error(values, self.linear[0].high) or super().physical(values, model)
 
     def stages(self, place: Place) -> tuple[Stage, ...]:
         return ("link_motion",)
