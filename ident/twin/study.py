@@ -26,13 +26,14 @@ GOOD = Sensors()
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """One recording to make. `points` of a point-to-point motion; 0 is a Fourier series."""
+    """One recording to make: a given motion, or `points` of one point to point, or (0) a Fourier series."""
 
     label: str
     use: str  # identify | validate | test
     duration: float  # s
     points: int = 0
     loaded: bool = False
+    motion: Motion | None = None
 
 
 # The paper's run of 44 points in 90 s, a second motion to identify from, and two the fit never sees.
@@ -134,6 +135,8 @@ def simulate(
 
 
 def _motion(run: PlannedRun, space: Reach, seed: int) -> Motion:
+    if run.motion is not None:
+        return run.motion
     rng = np.random.default_rng([seed, 1, *run.label.encode()])
     if run.points:
         return point_to_point(space, run.points, run.duration, rng)
