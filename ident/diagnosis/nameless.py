@@ -230,15 +230,14 @@ def _spread(m: Metric, channel: int, joint: int, segments: Sequence[FineSegment]
 
 def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray]:
     """Evidence of a group on the fitted rows and its posterior mean (M,)."""
-    white = m.whiteners[channel] @ Z
     on = m.fitted.mask & m.rows.use[channel]
+    here = np.where(on[:, None], m.whiteners[channel] @ Z, 0.0)
     places, values = m.X[channel]
-    here = white[on]
-    cross = m.fitted.basis[places].T @ (values[on].T @ here)
+    cross = m.fitted.basis[places].T @ (values.T @ here)
     own = here.T @ here
     scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
     G = (own - cross.T @ cross) / np.outer(scale, scale)
-    g = (here.T @ m.fitted.residual[channel, on]) / scale
+    g = (here.T @ m.fitted.residual[channel]) / scale
     s, U = np.linalg.eigh(G)
     keep = s > 1e-9
     s, U = s[keep], U[:, keep]

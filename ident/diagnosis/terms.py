@@ -107,9 +107,7 @@ def columns_of(
     made = dict(term.effect.columns(term.place, term.theta, size, motion, model, memory))
     if not term.effect.changes_model:
         return made
-    total = np.zeros((len(motion.t), len(model.channels)))
-    for number, change in term.effect.regressor_change(term.place, term.theta, motion, model).items():
-        total += model.chi[number] * change
+    total = term.effect.torque_change(term.place, term.theta, motion, model, model.chi)
     p = next((z.shape[1] for z in made.values()), 0)
     none = np.zeros((len(motion.t), p))
     return {c: np.column_stack([made.get(c, none), total[:, c]]) for c in range(total.shape[1])}

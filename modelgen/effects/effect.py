@@ -156,6 +156,15 @@ class Effect(Expressions, Telling):
         """
         return {}
 
+    def torque_change(
+        self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model, chi: Array
+    ) -> Array:
+        """(N, C) what that change makes of the model's parameters chi (b,)."""
+        total = np.zeros((len(motion.t), len(model.channels)))
+        for number, change in self.regressor_change(place, theta, motion, model).items():
+            total += chi[number] * change
+        return total
+
     # ---- what it does to a simulated truth
 
     def stages(self, place: Place) -> tuple[Stage, ...]:

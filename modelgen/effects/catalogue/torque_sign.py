@@ -49,6 +49,15 @@ class TorqueSign(RecordingEffect):
         W = model.regressor(motion)
         return {number: W[:, :, number] * own for number in range(W.shape[2])}
 
+    def torque_change(
+        self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model, chi: Array
+    ) -> Array:
+        """-2 times the model's torque, without its columns."""
+        turned = np.zeros((len(motion.t), len(model.channels)))
+        c = list(place.rows(model.channels))
+        turned[:, c] = -2.0 * model.torque(motion)[:, c]
+        return turned
+
     def recorded(self, tau: Array, truth: Truth, place: Place, values: Mapping[str, float]) -> Array:
         return -tau
 
