@@ -1,4 +1,4 @@
-"""What a diagnosis asks of the next experiment: its pair of suspects, its noise, and the command in words.
+"""What a diagnosis asks of the next experiment: its suspects, its noise, and the command in words.
 
 Pure functions over the documents of contract 6, so that a diagnosis can offer the command and `ident excite
 --from` can read it back.
@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ident.diagnosis.requests import request_of
+from ident.diagnosis.requests import request_of, separable
 from ident.excitation.limits import ExcitationError
-from modelgen.geometry.robot import Robot
+
+RIVALS = 3
 
 
-def split_requests(text: str) -> tuple[str, str]:
-    """The two requests of --separate; a piece without a colon, as vs=0.1, goes on with the one before it."""
+def split_requests(text: str) -> tuple[str, ...]:
+    """The requests of --separate; a piece without a colon, as vs=0.1, goes on with the one before it."""
     parts: list[str] = []
     for piece in filter(None, (piece.strip() for piece in text.split(","))):
         head = piece.split(":")[0]
@@ -26,20 +27,25 @@ def split_requests(text: str) -> tuple[str, str]:
             parts[-1] += f",{piece}"
         else:
             parts.append(piece)
-    if len(parts) != 2:
+    if len(parts) < 2:
         raise ExcitationError(
             f"--separate {text}: name two effects, for example stribeck_friction:2,power_law_friction:2."
         )
-    return parts[0], parts[1]
+    return tuple(parts)
 
 
 @dataclass(frozen=True)
 class Diagnosed:
-    """A diagnosis.json: its findings, and its noise per channel in per cent of the torque."""
+    """A diagnosis.json: its findings, and its noise per channel in per cent of the torque.
+
+    Where no noise floor could be read, all that is left is taken for noise. `fit`: the numbers of the robot
+    beside it, where they are there."""
 
     file: str
     findings: tuple[Mapping[str, Any], ...]
     noise_percent: Mapping[str, float]
+    model: str = "A"
+    fit: Path | None = None
 
     @classmethod
     def read(cls, path: Path) -> Diagnosed:
@@ -47,17 +53,27 @@ class Diagnosed:
         file = path / "diagnosis.json" if path.is_dir() else path
         try:
             data = json.loads(file.read_text(encoding="utf-8"))
-            noise = {k: float(v) for k, v in data["noise_floor_percent"].items() if v}
-            return cls(str(file), tuple(data["findings"]), noise)
+            left = data["error_percent"]["after"]["identify"]
+            noise = {**left, **data["noise_floor_percent"]}
+            noise = {name: float(value) for name, value in noise.items() if value}
+            fit = file.parent / "fit.json"
+            model = str(data.get("model", "A"))
+            return cls(str(file), tuple(data["findings"]), noise, model, fit if fit.is_file() else None)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise ExcitationError(
                 f"{file}: is no diagnosis.json; name the folder of ident diagnose."
             ) from None
 
-    def pair(self, robot: Robot) -> tuple[str, str]:
-        """The strongest finding that has an explanation beside it, and that one. Raises ExcitationError."""
+    def suspects(self) -> tuple[str, ...]:
+        """The strongest finding with explanations beside it that a motion could tell from it, and the
+        nearest RIVALS of these. Raises ExcitationError."""
         for finding in self.findings:
-            for key in ("equivalent", "alternatives"):
-                for other in finding.get(key) or ():
-                    return request_of(finding), request_of(other)
+            rivals = [
+                other for key in ("equivalent", "alternatives") for other in finding.get(key) or ()
+                if separable(finding, other)
+            ]  # fmt: skip
+            nearest = sorted(rivals, key=lambda other: -float(other.get("log_e") or 0.0))
+            requests = dict.fromkeys([request_of(finding), *map(request_of, nearest)])
+            if len(requests) > 1:
+                return tuple(requests)[: RIVALS + 1]
         raise ExcitationError(f"{self.file}: no finding has an alternative; use --separate.")

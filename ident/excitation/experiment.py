@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,14 +12,15 @@ import numpy as np
 from ident.equations.terms import plain
 from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.information import Rows, condition, d_optimal, scaled_condition, worst
-from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot, term_of
+from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot
 from ident.excitation.limits import Bounds, ExcitationError, bounds_of
 from ident.excitation.motion import Planned, basis_for
 from ident.excitation.optimal import Optimum, optimise, random_motion
 from ident.excitation.point_to_point import PointMotion, best_of_random
 from ident.excitation.recorded import Recorded, recorded_motion
 from ident.excitation.sensitivity import FINE_HZ, Visible, projector, table
-from ident.excitation.separate import Imitation, Projector, Separation, imitation, proof, seconds_needed
+from ident.excitation.separate import RATE_HZ, Projector, Separation
+from ident.excitation.suspects import Separated, suspects, told
 from ident.progress import Progress, silent
 from modelgen.geometry.robot import Robot
 from modelgen.geometry.robot_file import load_robot
@@ -53,17 +54,6 @@ class Request:
     evaluate: Path | None = None
     sensitivity: bool = True
     exact: bool = False  # a URDF's numbers as they are written
-
-
-@dataclass(frozen=True)
-class Separated:
-    """Whether a motion tells two effects apart: each against the other, and in words."""
-
-    labels: tuple[str, str]
-    against: tuple[Imitation, Imitation]
-    seconds: float  # for a decision that is right in 99 of 100
-    sentence: str
-    exact: str | None = None  # the identity that makes them one
 
 
 @dataclass(frozen=True)
@@ -110,11 +100,14 @@ def excite(
     if request.start is not None and len(request.start) != robot.n:
         raise ExcitationError(f"--start has {len(request.start)} values for {robot.n} joints; give one each.")
     found = Diagnosed.read(request.diagnosis) if request.diagnosis else None
+    if found is not None:  # its findings are of its model's torques, and its fit knows the robot
+        numbers = request.parameters or found.fit
+        request = replace(request, model=found.model, parameters=numbers)
     known = known_robot(robot, request.robot, request.model, request.parameters, request.exact)
     noise: Any = found.noise_percent if found and found.noise_percent else request.noise
     texts = split_requests(request.separate) if request.separate else None
     if texts is None and found is not None and request.evaluate is None:
-        texts = found.pair(robot)
+        texts = found.suspects()
     holding = known.holding(bounds)
     start = None if request.start is None else np.array(request.start)
     remarks = _remarks(bounds, known)
@@ -127,19 +120,24 @@ def excite(
         rest = holding.rest(start, rng)
         trial = random_motion(holding, basis, rest, request.duration, rng, start is not None)
         sigma = known.sigma(_planned(trial), noise)
-        separation = _separation(known, bounds, basis, sigma, texts, trial) if texts else None
-        decides = separation is not None and not all(its.same for its in separation.both(trial.x, warm=True))
+        separation = None
+        if texts:
+            turn_over = 0.02 * bounds.dq
+            t = np.arange(0.0, basis.period, 1 / RATE_HZ)
+            project = Projector(known, as_motion(trial.states(t), t, turn_over), sigma)
+            terms = suspects(known, texts, bounds, project)
+            separation = Separation(known, basis, sigma, turn_over, terms)
+        decides = separation is not None and not all(its.same for its in separation.each(trial.x))
         aim = separation if decides else None
         optimum = _designed(request, holding, known, bounds, basis, sigma, aim, start, progress, stop)
         motion = optimum.motion
     planned = motion.planned if request.evaluate else _planned(motion)
     std, number = _expected(known, planned, sigma, motion.duration)
     separated = None
-    if texts and request.evaluate is not None:
-        pair = [term_of(known, text, bounds, planned) for text in texts]
-        separated = _told(known, planned, sigma, pair)
-    elif separation is not None:
-        separated = _told(known, planned, sigma, list(separation.terms))
+    if texts:
+        project = projector(known, planned, sigma)
+        terms = suspects(known, texts, bounds, project) if request.evaluate is not None else terms
+        separated = told(project, terms)
     visible: tuple[Visible, ...] = ()
     if request.sensitivity and not stop() and not texts:
         visible = table(known, bounds, planned, sigma, motion.duration, progress)
@@ -206,47 +204,6 @@ def _designed(  # type: ignore[no-untyped-def]
         holding, basis, request.duration, separation or objective, start=start, seed=request.seed,
         starts=starts, iterations=iterations, progress=progress, stop=stop,
     )  # fmt: skip
-
-
-def _separation(known: Known, bounds: Bounds, basis, sigma, texts, trial) -> Separation:  # type: ignore[no-untyped-def]
-    a, b = (term_of(known, text, bounds, _planned(trial)) for text in texts)
-    if a.effect.name == b.effect.name and a.place == b.place:
-        raise ExcitationError(f"--separate {','.join(texts)}: these are one effect; name two.")
-    separation = Separation(known, basis, sigma, 0.02 * bounds.dq, a, b)
-    for its, term in zip(separation.both(trial.x), separation.terms):
-        if its.visible <= 1e-9 * _square(separation, trial.x, term):
-            raise ExcitationError(
-                f"{term.label} cannot be told from the model's own parameters in any motion; leave it out."
-            )
-    return separation
-
-
-def _square(separation: Separation, x: Array, term: Any) -> float:
-    project = Projector(separation.known, separation.motion(x), separation.sigma)
-    return float(np.sum(project.torque(term) ** 2)) * ROWS_HZ / project.instants
-
-
-def _told(known: Known, planned: Any, sigma: Array, pair: list[Any]) -> Separated:
-    project = projector(known, planned, sigma)
-    a, b = pair
-    against = imitation(project, a, b), imitation(project, b, a)
-    labels = (a.label, b.label)
-    same = [its.same for its in against]
-    exact = proof(a, against[0].other) if same[0] else None
-    rates = [its.rate for its in against if not its.same]
-    seconds = seconds_needed(min(rates)) if rates else float("inf")
-    if all(same):
-        shown = f"; exactly: {exact}" if exact else " in this motion and at the sizes given"
-        text = f"{a.label} and {b.label} span the same torques: no motion tells them apart{shown}."
-    elif any(same):
-        special, general = labels if same[0] else labels[::-1]
-        text = (
-            f"{general} contains {special}: what {special} does, {general} does too; only the other way "
-            f"round do {seconds:.3g} s of this motion decide."
-        )
-    else:
-        text = f"{a.label} or {b.label}: {seconds:.3g} s of this motion decide, right in 99 of 100 cases."
-    return Separated(labels, against, seconds, text, exact)
 
 
 def _expected(known: Known, planned: Any, sigma: Array, seconds: float) -> tuple[Array, float]:

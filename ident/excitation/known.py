@@ -20,7 +20,7 @@ from ident.equations.terms import Term, torque_of
 from ident.errors import IdentError
 from ident.excitation.limits import Bounds, ExcitationError
 from ident.excitation.optimal import Holding
-from ident.twin.parameters import random_parameters, read_parameters, twin_parameters
+from ident.twin.parameters import random_parameters, read_parameters, standard_name, twin_parameters
 from ident.twin.requests import parse_effect
 from ident.twin.twin import placed
 from modelgen.effects.effect import Effect
@@ -110,11 +110,14 @@ class Known:
         return Holding(bounds, motor, self._chi(motor), dry)
 
     def sigma(self, motion: Motion, percent: Mapping[str, float] | float = NOISE_PERCENT) -> Array:
-        """(C,) noise of each channel, N m: per cent of its rms torque over the motion."""
+        """(C,) noise of each channel, N m: per cent of its rms torque over the motion; measured, or assumed
+        and then at least FLOOR."""
         rms = np.sqrt(np.mean(self.torque(motion) ** 2, axis=0))
-        given = percent if isinstance(percent, Mapping) else dict.fromkeys(self.model.channels, percent)
-        share = np.array([given.get(name, NOISE_PERCENT) for name in self.model.channels]) / 100
-        return np.maximum(share * rms, FLOOR)
+        measured = percent if isinstance(percent, Mapping) else {}
+        usual = NOISE_PERCENT if isinstance(percent, Mapping) else percent
+        share = np.array([measured.get(name, usual) for name in self.model.channels]) / 100
+        least = np.array([1e-9 if name in measured else FLOOR for name in self.model.channels])
+        return np.maximum(share * rms, least)
 
 
 def known_robot(
@@ -144,9 +147,11 @@ def _from_file(file: Path, robot: Robot) -> Mapping[str, float]:
         raise ExcitationError(f"{file}: cannot be read; give a file of parameters or a fit.json.") from None
     if file.suffix == ".json":
         try:
-            rows = json.loads(text)["parameters"]
+            rows = json.loads(text)["parameters"]  # without those of effects and payloads
             text = "".join(
-                f"{row['name']}: {float(row['value'])!r}\n" for row in rows if ":" not in row["name"]
+                f"{row['name']}: {float(row['value'])!r}\n"
+                for row in rows
+                if standard_name(row["name"], robot) is not None
             )
         except (ValueError, KeyError, TypeError):
             raise ExcitationError(f"{file}: is no fit.json; give one that ident fit wrote.") from None
@@ -174,6 +179,12 @@ def term_of(known: Known, text: str, bounds: Bounds, motion: Motion, option: str
             str(error).replace("--effect", option).replace("--model", "--model of excite,")
         ) from None
     return usual_term(known, request.effect, place, bounds, motion, request.values)
+
+
+def sized(known: Known, text: str) -> bool:
+    """Whether a request states the size of its effect."""
+    request = parse_effect(text, known.robot)
+    return bool(set(request.values) & {*request.effect.size_names, *request.effect.size_aliases})
 
 
 def usual_term(

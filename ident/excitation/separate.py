@@ -8,14 +8,15 @@ with the base parameters d and all parameters of b refitted. The motion makes 1/
 which is next to the smaller of the two. At the inner optimum its slope is that of the residual at fixed
 parameters (Danskin): exact through W, by differences through the effects, which may have any form and memory.
 
-The log likelihood ratio has mean T s / 2 and variance T s after s seconds; it is beyond log 1/alpha with
-probability 1 - alpha when sqrt(T s) = z + sqrt(z^2 + 2 log 1/alpha), z the normal quantile of 1 - alpha.
+The log likelihood ratio has mean T s / 2 and variance T s after s seconds of rows that judge; it is beyond
+what a diagnosis asks, tau, with probability 1 - alpha when sqrt(T s) = z + sqrt(z^2 + 2 tau), z the normal
+quantile of 1 - alpha. The rows that are fitted come on top.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -24,6 +25,7 @@ import scipy.signal
 import scipy.stats
 import sympy as sp
 
+from ident.diagnosis.loop import threshold
 from ident.equations.terms import Term, plain, torque_of
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion
@@ -33,7 +35,7 @@ from modelgen.effects.place import Motion
 
 Array = np.ndarray
 RATE_HZ = 50.0  # at which a motion is designed
-SAME = 1e-9  # share of an effect's own square below which it is imitated
+SAME = 1e-4  # share of what is visible of an effect below which it is imitated
 ALPHA = 0.01
 SHAPES = 60  # starting shapes that are tried
 
@@ -126,12 +128,15 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
                 aim, term = aim - C @ size, replace(term, size=tuple(map(float, size)))
         return aim, term
 
-    def tried(theta: Mapping[str, float]) -> tuple[float, Term]:
+    def left_by(theta: Mapping[str, float]) -> tuple[Array, Term]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
             residual, term = solved(replace(b, theta=dict(theta)))
-        value = float(residual @ residual)
-        return (value if np.isfinite(value) else np.inf), term
+        return (residual if np.isfinite(residual).all() else np.full_like(left, 1e150)), term
+
+    def tried(theta: Mapping[str, float]) -> tuple[float, Term]:
+        residual, term = left_by(theta)
+        return float(residual @ residual), term
 
     shapes = [dict(b.theta)]
     if b.free and not warm:
@@ -140,9 +145,12 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
         shapes += list(b.effect.starts(b.place, [project.motion], [like], project.known))[:SHAPES]
     found = sorted((tried(shape) for shape in shapes), key=lambda entry: entry[0])
     best = found[0]
-    for _, near in found[: 1 if warm else 2] if b.free else ():
-        refined = _refined(lambda shape: tried(shape)[0], near, 25 if warm else 60)
-        best = min(best, tried(refined), key=lambda entry: entry[0])
+    if b.free and warm:
+        best = tried(_polished(lambda shape: left_by(shape)[0], best[1]))
+    elif b.free:
+        for _, near in found[:2]:
+            refined = _refined(lambda shape: tried(shape)[0], near, 60)
+            best = min(best, tried(refined), key=lambda entry: entry[0])
     residual, other = solved(best[1])
     d = project.back @ (project.Q.T @ (Y - project.torque(other)))
     return Imitation(
@@ -154,55 +162,85 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
     )
 
 
+class _Shape:
+    """Shape parameters inside their bounds as free numbers (k,), on a log scale where they are positive."""
+
+    def __init__(self, near: Term) -> None:
+        self.near, box = near, near.bounds
+        self.logs = np.array([box[name][0] > 0 for name in near.free])
+        self.low, self.high = (np.array([box[name][k] for name in near.free]) for k in (0, 1))
+        at = np.clip([near.theta[name] for name in near.free], self.low, self.high)
+        self.at = np.where(self.logs, np.log(np.maximum(at, 1e-300)), at)
+        self.step = np.where(self.logs, 0.1, 0.02 * (self.high - self.low))
+
+    def __call__(self, x: Array) -> dict[str, float]:
+        y = np.where(self.logs, np.exp(np.where(self.logs, x, 0.0)), x)
+        y = np.clip(y, self.low, self.high)
+        return {**self.near.theta, **dict(zip(self.near.free, map(float, y)))}
+
+
 def _refined(value: Callable[[Mapping[str, float]], float], near: Term, tries: int) -> dict[str, float]:
-    """Shape parameters inside their bounds, from near a minimum; on a log scale where they are positive."""
-    names, box = near.free, near.bounds
-    logs = np.array([box[name][0] > 0 for name in names])
-    low, high = (np.array([box[name][k] for name in names]) for k in (0, 1))
-
-    def shape(x: Array) -> dict[str, float]:
-        y = np.clip(np.where(logs, np.exp(np.where(logs, x, 0.0)), x), low, high)
-        return {**near.theta, **dict(zip(names, map(float, y)))}
-
-    at = np.clip([near.theta[name] for name in names], low, high)
-    at = np.where(logs, np.log(np.maximum(at, 1e-300)), at)
-    options = {"maxfev": tries * len(names), "xatol": 1e-6, "fatol": 0.0}
-    step = np.where(logs, 0.1, 0.02 * (high - low))
-    simplex = np.vstack([at, at + np.diag(step)])
+    """From near a minimum to it, by a simplex."""
+    shape = _Shape(near)
+    simplex = np.vstack([shape.at, shape.at + np.diag(shape.step)])
+    options = {"maxfev": tries * len(near.free), "xatol": 1e-6, "fatol": 0.0, "initial_simplex": simplex}
     found = scipy.optimize.minimize(
-        lambda x: value(shape(x)), at, method="Nelder-Mead", options={**options, "initial_simplex": simplex}
+        lambda x: value(shape(x)), shape.at, method="Nelder-Mead", options=options
     )
     return shape(found.x)
 
 
-class Separation:
-    """x (n, K) -> log(1/T(a|b) + 1/T(b|a)) and its slope, for `optimal.optimise`."""
+def _polished(residual: Callable[[Mapping[str, float]], Array], near: Term) -> dict[str, float]:
+    """From next to a minimum to it: a few Gauss-Newton steps, by differences, none that raises it."""
+    shape = _Shape(near)
+    x, r = shape.at, residual(shape(shape.at))
+    for _ in range(3):
+        J = np.stack([(residual(shape(x + h)) - r) / h.sum() for h in np.diag(1e-3 * shape.step)], axis=1)
+        step = np.clip(-np.linalg.lstsq(J, r, rcond=1e-8)[0], -3 * shape.step, 3 * shape.step)
+        trial = residual(shape(x + step))
+        if not trial @ trial < r @ r:
+            break
+        x, r, before = x + step, trial, r
+        if trial @ trial > (1 - 1e-6) * (before @ before):
+            break
+    return shape(x)
 
-    def __init__(self, known: Known, basis: Basis, sigma: Array, turn_over: Array, a: Term, b: Term) -> None:
+
+class Separation:
+    """x (n, K) -> log of the sum of 1/T over the first term against each other one and back, and its slope,
+    for `optimal.optimise`: next to the worst told of them."""
+
+    def __init__(
+        self, known: Known, basis: Basis, sigma: Array, turn_over: Array, terms: Sequence[Term]
+    ) -> None:
         self.known, self.basis, self.sigma, self.v = known, basis, sigma, turn_over
-        self.terms = (a, b)
-        self.warm: dict[str, Term] = {}
+        self.terms = tuple(terms)
+        self.warm: dict[tuple[str, str], Term] = {}
         self.t = np.arange(0.0, basis.period, 1 / RATE_HZ)
         self.rows = Rows(known.model, sigma, turn_over)
         self.B = basis.at(self.t)[:3]
 
+    @property
+    def pairs(self) -> list[tuple[Term, Term]]:
+        first, *rivals = self.terms
+        return [pair for rival in rivals for pair in ((first, rival), (rival, first))]
+
     def motion(self, x: Array) -> Motion:
         return as_motion([b @ x.T for b in self.B], self.t, self.v)
 
-    def both(self, x: Array, warm: bool = False) -> tuple[Imitation, Imitation]:
-        """(a against b, b against a)."""
+    def each(self, x: Array, warm: bool = False) -> list[Imitation]:
+        """Of every pair, what of the first the second cannot imitate."""
         project = Projector(self.known, self.motion(x), self.sigma)
         found = []
-        for a, b in (self.terms, self.terms[::-1]):
-            its = imitation(
-                project, a, self.warm.get(b.label, b) if warm else b, warm and b.label in self.warm
-            )
-            self.warm[b.label] = its.other
+        for a, b in self.pairs:
+            key = (a.label, b.label)
+            its = imitation(project, a, self.warm.get(key, b) if warm else b, warm and key in self.warm)
+            self.warm[key] = its.other
             found.append(its)
-        return found[0], found[1]
+        return found
 
     def __call__(self, x: Array) -> tuple[float, Array]:
-        found = [(its, a) for its, a in zip(self.both(x, warm=True), self.terms) if not its.same]
+        found = [(its, a) for its, (a, _) in zip(self.each(x, warm=True), self.pairs) if not its.same]
         rates = np.array([max(its.rate, 1e-12) for its, _ in found])
         total = (1 / rates).sum()
         slopes = (self._slope(x, a, its) / rate**2 for (its, a), rate in zip(found, rates))
@@ -232,9 +270,9 @@ class Separation:
 
 
 def seconds_needed(rate: float, alpha: float = ALPHA) -> float:
-    """s of a motion with T = rate per second until 1 - alpha of all decisions are right and sure."""
+    """s of a motion with T = rate per second until a diagnosis decides, rightly in 1 - alpha of all cases."""
     z = scipy.stats.norm.isf(alpha)
-    return float((z + np.sqrt(z * z + 2 * np.log(1 / alpha))) ** 2 / rate) if rate > 0 else float("inf")
+    return float((z + np.sqrt(z * z + 2 * threshold(alpha))) ** 2 / rate) if rate > 0 else float("inf")
 
 
 def proof(a: Term, b: Term) -> str | None:

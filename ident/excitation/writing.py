@@ -81,10 +81,10 @@ def document(done: Experiment) -> dict[str, Any]:
     if separated is not None:
         out["separation"] = {
             "effects": list(separated.labels),
-            "per_second": [0.0 if its.same else its.rate for its in separated.against],
-            "same_in_any_motion": [its.same for its in separated.against],
+            "per_second": [0.0 if its.same else its.rate for both in separated.against for its in both],
+            "same_in_any_motion": [its.same for both in separated.against for its in both],
             "seconds_for_99_percent": separated.seconds,
-            "exact": separated.exact,
+            "exact": next(filter(None, separated.exact), None),
             "told": separated.sentence,
         }
     return out

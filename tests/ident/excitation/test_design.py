@@ -5,6 +5,7 @@ import pytest
 import scipy.stats
 import sympy as sp
 
+from ident.diagnosis.loop import threshold
 from ident.diagnosis.requests import request_of, separating_command
 from ident.equations.terms import Term
 from ident.excitation.diagnosed import split_requests
@@ -64,7 +65,7 @@ def test_the_slope_of_a_separation_is_that_of_differences(arm):
     pair = [
         term_of(known, text, bounds, motion) for text in ("asymmetric_friction:2", "quadratic_friction:2")
     ]
-    separation = Separation(known, basis, known.sigma(motion), 0.05 * bounds.dq, *pair)
+    separation = Separation(known, basis, known.sigma(motion), 0.05 * bounds.dq, pair)
     way = np.random.default_rng(3).normal(size=x.shape)
     ends = [separation(x + h * way)[0] for h in (1e-5, -1e-5)]
     assert np.sum(separation(x)[1] * way) == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-3)
@@ -91,11 +92,11 @@ def test_effects_that_are_the_same_are_proven_so():
 
 
 def test_the_seconds_that_are_told_decide_99_of_100():
-    """Log likelihood ratios are normal, mean T s / 2 and variance T s, beyond log 100."""
+    """Log likelihood ratios are normal, mean T s / 2 and variance T s, beyond what a diagnosis asks."""
     rate = 3.0
     s = seconds_needed(rate)
     draws = np.random.default_rng(4).normal(rate * s / 2, np.sqrt(rate * s), 20000)
-    assert np.mean(draws > np.log(100)) == pytest.approx(0.99, abs=0.003)  # four sigma of 20,000 draws
+    assert np.mean(draws > threshold(0.01)) == pytest.approx(0.99, abs=0.003)  # four sigma of 20,000 draws
 
 
 @pytest.mark.parametrize("name", ["stribeck_friction:4", "spring:2", "offset_drift:3"])

@@ -1,0 +1,179 @@
+"""The loop closed twice: a diagnosis that says "A or B", the motion that tells them apart, the diagnosis with
+all runs.
+
+    python benchmarks/closing_twice.py [--cases 60] [--seed 0] [--out FILE.jsonl]
+
+Each case hides the one or the other effect of a pair of near ones in the twin of a small arm, so small that
+the first diagnosis is in doubt: its size is changed until the diagnosis names something and cannot reject
+something else, the true effect among these. Then `ident excite --from` answers, the twin moves as it says
+(one run to fit and one that judges, each as long as the answer says that it takes), and the study with all
+runs is diagnosed again. Right: the true effect comes first and none of its rivals is left beside it.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+import ident
+from ident.excitation.experiment import Request, excite
+from ident.excitation.motion import FourierMotion
+from ident.report.files import fit_document, write_document
+from ident.twin import PlannedRun, Sensors, simulate
+from modelgen.effects import catalogue
+
+ARM = """\
+name: small
+convention: mdh
+gravity: [0, 0, -9.81]
+links:
+  - {joint: revolute, antecedent: 0, alpha: 0,    d: 0,   theta: q1, r: 0.2}
+  - {joint: revolute, antecedent: 1, alpha: pi/2, d: 0,   theta: q2, r: 0}
+  - {joint: revolute, antecedent: 2, alpha: 0,    d: 0.3, theta: q3, r: 0}
+"""
+PAIRS = (
+    ("stribeck_friction", "power_law_friction"),
+    ("quadratic_friction", "nonlinear_viscous_friction"),
+    ("torque_ripple", "gear_ripple"),
+    ("spring", "counterbalance"),
+    ("hysteresis", "maxwell_slip"),
+    ("time_delay", "torque_lag"),
+    ("load_dependent_friction", "quadrant_friction"),
+    ("offset_drift", "thermal_coulomb_friction"),
+    ("thermal_friction", "thermal_torque_constant"),
+    ("asymmetric_friction", "position_dependent_friction"),
+    ("joint_elasticity", "hysteretic_gear"),
+    ("joint_coupling", "sensor_crosstalk"),
+)
+RUNS = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 20.0))
+SENSORS = Sensors(rate_hz=200.0, noise_percent=1.0, noise_floor=1e-3)
+START, TRIES = 0.1, 4  # of the usual size; diagnoses until one is in doubt
+AIMED = 20.0  # log E of the first diagnosis
+LONGEST = 60.0  # s of an answer
+
+
+@dataclass(frozen=True)
+class Case:
+    true: str
+    joint: int
+    seed: int
+    robot: Path
+
+    def text(self, usual: Mapping[str, Any], share: float) -> str:
+        sizes = catalogue()[self.true].size_names
+        given = {k: v * share if k in sizes else v for k, v in usual["parameters"].items()}
+        return f"{self.true}:{self.joint}:" + ",".join(f"{k}={v:.5g}" for k, v in given.items())
+
+    def recordings(self, effect: str, runs: tuple[PlannedRun, ...]) -> list[ident.Recording]:
+        made = simulate(self.robot, effects=(effect,), seed=self.seed, runs=runs, sensors=SENSORS)
+        return [ident.Recording(pa.table(dict(r.columns)), r.use, name=r.label) for r in made.recordings]
+
+    def told(self, recordings: list[ident.Recording]) -> ident.api.diagnosis.Diagnosis:
+        return ident.diagnose(ident.Study(robot=str(self.robot), recordings=recordings))
+
+
+def named(document: Mapping[str, Any]) -> list[str]:
+    """The strongest finding, then what the data cannot reject beside it, each with its joints."""
+    if not document["findings"]:
+        return []
+    first = document["findings"][0]
+    return [f"{f['effect']}:{':'.join(map(str, f['joints']))}" for f in (first, *first["equivalent"])]
+
+
+def in_doubt(case: Case) -> tuple[str, list[ident.Recording], Any, int] | None:
+    """An effect so small that the first diagnosis cannot tell it from another: request, runs, diagnosis."""
+    usual = simulate(
+        case.robot, effects=(f"{case.true}:{case.joint}",), seed=case.seed, runs=RUNS, sensors=SENSORS
+    ).truth["effects"][0]
+    share, low, high = START, 0.0, np.inf
+    for tries in range(1, TRIES + 1):
+        effect = case.text(usual, share)
+        runs = case.recordings(effect, RUNS)
+        d = case.told(runs)
+        names, document = named(d.document()), d.document()
+        if len(names) > 1 and f"{case.true}:{case.joint}" in names:
+            return effect, runs, d, tries
+        if not names:
+            low = share
+        else:
+            high = share
+        log_e = document["findings"][0]["evidence"]["log_e"] if names else None
+        guess = share * np.sqrt(AIMED / max(log_e, 1.0)) if log_e else 1.6 * share
+        share = guess if low < guess < high else np.sqrt(max(low, high / 4) * min(high, 4 * low or high))
+    return None
+
+
+def answer(case: Case, folder: Path) -> tuple[list[str], FourierMotion, float]:
+    """What `ident excite --from` says: its labels, its motion, the seconds that decide."""
+    done = excite(
+        Request(str(case.robot), diagnosis=folder, duration=10.0, starts=1, iterations=15, sensitivity=False)
+    )
+    seconds = float(np.clip(done.separated.seconds, 10.0, LONGEST))
+    motion = done.motion
+    return list(done.separated.labels), FourierMotion(motion.basis, motion.x, seconds), done.separated.seconds
+
+
+def run(case: Case) -> dict[str, Any]:
+    begin = time.perf_counter()
+    found = in_doubt(case)
+    row: dict[str, Any] = {"true": f"{case.true}:{case.joint}", "seed": case.seed}
+    if found is None:
+        return {**row, "outcome": "never in doubt", "took": time.perf_counter() - begin}
+    effect, runs, first, tries = found
+    row |= {"effect": effect, "before": named(first.document()), "tries": tries}
+    with tempfile.TemporaryDirectory() as folder:
+        write_document(Path(folder) / "diagnosis.json", first.document())
+        write_document(Path(folder) / "fit.json", fit_document(first.result.last))
+        labels, motion, seconds = answer(case, Path(folder))
+    row |= {"asked": labels, "seconds": seconds}
+    moved = motion.motion
+    again = case.recordings(
+        effect,
+        (
+            PlannedRun("answer1", "identify", moved.duration, motion=moved),
+            PlannedRun("answer2", "validate", moved.duration, motion=moved),
+        ),
+    )
+    after = named(case.told([*runs, *again]).document())
+    right = after == [row["true"]]
+    outcome = "right" if right else "still open" if row["true"] in after else "wrong" if after else "nothing"
+    return {**row, "after": after, "outcome": outcome, "took": time.perf_counter() - begin}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=60)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", type=int, default=None, help="number of a pair")
+    parser.add_argument("--out", type=Path, default=None)
+    given = parser.parse_args()
+    robot = Path(tempfile.mkdtemp()) / "small.yaml"
+    robot.write_text(ARM)
+    counts: dict[str, int] = defaultdict(int)
+    decided = number = 0
+    while decided < given.cases:
+        pair = PAIRS[number % len(PAIRS) if given.only is None else given.only]
+        true = pair[(number // len(PAIRS)) % 2]
+        row = run(Case(true, 2 + (number // 5) % 2, 1000 * given.seed + number, robot))
+        counts[row["outcome"]] += 1
+        decided += row["outcome"] != "never in doubt"
+        number += 1
+        print(json.dumps(row), flush=True)
+        if given.out:
+            with given.out.open("a") as out:
+                out.write(json.dumps(row) + "\n")
+    print(dict(counts))
+
+
+if __name__ == "__main__":
+    main()
