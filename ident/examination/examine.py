@@ -18,8 +18,10 @@ import yaml
 
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
+from ident.examination.apart import recordings_apart
 from ident.examination.check import Check, column_line, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
+from ident.examination.delays import delays
 from ident.examination.geometry import base_orientation, joint_axes, parts_of
 from ident.examination.limits import beyond_limits
 from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
@@ -79,8 +81,9 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             return tuple(found)
         how, quick = best.how, best.quick or quick
     last = quick.fit(how)
+    alone = [] if found else list(recordings_apart(quick, how, currents))
     found += motor_signs(quick, last, maps, "i" if currents else "tau_m")
-    return (*_joined(found, maps), *unexplained(quick, last, currents))
+    return (*_joined(found, maps), *alone, *(() if alone else unexplained(quick, last, currents)))
 
 
 def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
@@ -116,6 +119,7 @@ def _best(
     bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
     if bad:
         found += swapped_positions(quick, fit, how, names)
+    found += delays(quick, fit, how, currents)
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
         found += _geometry(prepared, quick, how, best, axes=bad)

@@ -26,15 +26,19 @@ BLOCKS = 6  # of a recording
 FLOOR = 3e-3  # errors below it are not told apart
 CLUSTERS = 20  # stretches of one recording whose scores are taken as independent
 RIDGE = 1e-10
+LAG_S = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
+LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Samples of one recording: blocks' values, thinned. Y (N, C) N m, weight (N, C), W (C, N, b)."""
+    """Samples of one recording: blocks' values, thinned. t (N,) s, Y (N, C) N m, weight (N, C), W (C, N, b);
+    late (L, N, C): the torques that are recorded LAGS after their instants."""
 
     label: str
     role: str
     payload: str | None
+    t: np.ndarray
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
@@ -42,6 +46,7 @@ class Sample:
     Y: np.ndarray
     weight: np.ndarray
     W: np.ndarray
+    late: np.ndarray
 
     def moved(
         self, columns: Columns, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: np.ndarray
@@ -86,16 +91,16 @@ class Fit:
     scale: np.ndarray  # (C,) 1 / variance of the channels
 
     def gain_over(self, other: Fit) -> float:
-        return _gain(other.error, self.error)
+        return gain_of(other.error, self.error)
 
     def holds_over(self, other: Fit) -> float:
         """The same on the validate recordings; on identify where there are none."""
         if self.validate is None or other.validate is None:
             return self.gain_over(other)
-        return _gain(other.validate, self.validate)
+        return gain_of(other.validate, self.validate)
 
 
-def _gain(before: np.ndarray, after: np.ndarray) -> float:
+def gain_of(before: np.ndarray, after: np.ndarray) -> float:
     seen = np.isfinite(before) & np.isfinite(after)
     return float(np.sum(np.log(np.maximum(before[seen], FLOOR) / np.maximum(after[seen], FLOOR))))
 
@@ -222,14 +227,19 @@ def _sample(
     def thin(parts: Sequence[np.ndarray]) -> np.ndarray:
         return np.concatenate(parts)[::stride]
 
-    q, dq, ddq, sign = (thin([getattr(b, name) for b in blocks]) for name in ("q", "dq", "ddq", "sign_dq"))
+    signals = ("t", "q", "dq", "ddq", "sign_dq")
+    t, q, dq, ddq, sign = (thin([getattr(b, name) for b in blocks]) for name in signals)
     W = np.zeros((len(columns.channels), len(q), len(columns.parameters)))
     W[:, :, model_columns(columns, stream.payload)] = regressor(columns, stream.payload, q, dq, ddq, sign)
     for extra in columns.extras:
         W[extra.channel, :, extra.column] += thin([extra.values(b) for b in blocks])
     weight = thin([b.certain for b in blocks])[:, columns.joint_of]
-    Y = thin([columns.torque(b) for b in blocks])
-    return Sample(stream.label, stream.role, stream.payload, q, dq, ddq, sign, Y, weight, W)
+    torque = np.concatenate([columns.torque(b) for b in blocks])
+    rows = np.arange(0, len(torque), stride)
+    steps = np.rint(np.array(LAGS) * stream.rate_hz).astype(int)
+    late = torque[np.clip(rows + steps[:, None], 0, len(torque) - 1)]
+    shape = (q, dq, ddq, sign, torque[rows], weight, W, late)
+    return Sample(stream.label, stream.role, stream.payload, t, *shape)
 
 
 def model_columns(columns: Columns, payload: str | None) -> np.ndarray:

@@ -370,3 +370,44 @@ def test_a_row_of_the_table_turned(tmp_path, row, turn, words):
     (tmp_path / "robot.yaml").write_text(yaml.safe_dump(table))
     checks = examine_fit(prepare_study(ur10e().with_(robot=str(tmp_path / "robot.yaml"))))
     assert checks and checks[0].check in ("joint_axis", "position_sign") and words in checks[0].message
+
+
+ONE_RECORDING = {
+    "torque sign": ("torque_sign", {"i2"}, lambda c: c | {"i2": -c["i2"]}),
+    "torque scale": ("torque_scale", {"i2"}, lambda c: c | {"i2": 5 * c["i2"]}),
+    "torques swapped": ("swapped_signals", {"i2", "i3"}, lambda c: c | {"i2": c["i3"], "i3": c["i2"]}),
+    "late torques": ("channel_delay", {f"i{j}" for j in range(1, 7)},
+                     lambda c: c | {f"i{j}": _shifted(c[f"i{j}"], 29) for j in range(1, 7)}),
+    "position sign": ("position_sign", {"q2"}, lambda c: c | {"q2": -c["q2"], "dq2": -c["dq2"]}),
+    "another zero": ("position_zero", {"q2"}, lambda c: c | {"q2": c["q2"] + 0.2}),
+    "another run's torque": ("unrelated_torque", {"i2"}, lambda c: c | {"i2": np.roll(c["i2"], 600)}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("defect", ONE_RECORDING)
+def test_what_is_wrong_in_one_recording_alone(tmp_path, defect):
+    check, signals, change = ONE_RECORDING[defect]
+    lengths = [pq.read_metadata(ur10e().recording_path(e)).num_rows for e in ur10e().recordings]
+    place = len(lengths) - 1
+
+    def planted_here(columns):
+        return change(columns) if len(columns["t"]) == lengths[place] else columns
+
+    assert lengths.count(lengths[place]) == 1
+    study = planted(tmp_path, planted_here)
+    said = examine_fit(prepare_study(study))
+    label = study.recordings[place].label
+    assert [(c.check, set(c.signals), c.recording) for c in said] == [(check, signals, label)]
+
+
+@pytest.mark.parametrize(("rows", "word"), [(10, "after"), (-10, "before")])
+def test_one_torque_at_another_time_than_the_others(tmp_path, rows, word):
+    study = planted(tmp_path, changed("i2", lambda x: _shifted(x, rows)))
+    (check,) = examine_fit(prepare_study(study))
+    assert (check.check, check.signals) == ("channel_delay", ("i2",))
+    assert f"0.1 s {word}" in check.message
+
+
+def _shifted(x, rows):
+    ends = np.full(abs(rows), x[0] if rows > 0 else x[-1])
+    return np.concatenate([ends, x[:-rows]]) if rows > 0 else np.concatenate([x[-rows:], ends])

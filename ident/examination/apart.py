@@ -1,0 +1,262 @@
+"""One recording of several that says something else than the others: a sign, a scale, a place, a time.
+
+Every recording's torques are predicted by a fit of the recordings that are fitted, without it, and without
+the one among them that contradicts the others most. A cause is told only where it explains the recording:
+taken back, it is predicted as the others are. A load that is carried, a contact, a warmer gear change torques
+too; none of them turns, swaps or delays one, nor makes it unlike everything that the motion asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from ident.examination.check import Check, Outcome, listed
+from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, solve
+from ident.examination.torques import signal_of
+
+ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
+TOGETHER = 1.8  # that of all channels, in the mean
+HALVED = 0.6  # mean gain of the odd channels
+AS_OTHERS, ENOUGH = 1.7, 0.1  # a cause leaves the usual error times this, or this
+LEAST_LAG, LARGE = 0.05, 2.5
+OFFSETS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2, np.pi)  # rad
+CLEAR = 0.3  # gain of the others' prediction by which one recording that is fitted is told from them
+
+
+@dataclass(frozen=True, slots=True)
+class Apart:
+    """A recording, chi that the others give, errors (C,) here and elsewhere, channels that are odd; size and
+    travel (C,) of its torques and of their joints against the others'."""
+
+    sample: Sample
+    chi: np.ndarray
+    error: np.ndarray
+    usual: np.ndarray
+    odd: tuple[int, ...]
+    size: np.ndarray
+    travel: np.ndarray
+
+    def left(self, sample: Sample) -> np.ndarray:
+        """(C,) errors of its torques as they would be."""
+        predicted = np.stack([W @ self.chi for W in sample.W], axis=1)
+        top = (sample.weight * (sample.Y - predicted) ** 2).sum(axis=0)
+        size = (sample.weight * sample.Y**2).sum(axis=0)
+        return np.sqrt(top / np.maximum(size, 1e-300))
+
+    def explains(self, sample: Sample, every: bool = True) -> bool:
+        """Whether all odd channels (or all there are) are then as elsewhere."""
+        live = [c for c in range(len(self.error)) if np.isfinite(self.error[c])] if every else list(self.odd)
+        most = np.fmax(AS_OTHERS * self.usual, ENOUGH)
+        most = np.fmax(most, np.where(np.isin(np.arange(len(most)), self.odd), 0.0, 1.1 * self.error))
+        left, odd = self.left(sample), list(self.odd)
+        halved = np.mean(np.log(self.error[odd] / np.fmax(left[odd], 1e-6))) > HALVED
+        return bool(halved and (left[live] < most[live]).all())
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """What would be different in this recording; `sample` is it as it then was."""
+
+    sample: Sample
+    check: str
+    signals: tuple[str, ...]
+    words: str
+    remedy: str
+
+
+def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[Check]:
+    """A warning for each recording that stands apart, with its cause where one explains it."""
+    for apart in _apart(quick, how):
+        causes = [*_torques(quick, apart, currents), *_positions(quick, apart)]
+        causes = [cause for cause in causes if apart.explains(cause.sample)]
+        here, there = (100 * float(np.nanmax(e[list(apart.odd)])) for e in (apart.error, apart.usual))
+        if causes:
+            best = min(causes, key=lambda cause: float(np.nansum(np.log(apart.left(cause.sample)))))
+            said = f"{best.words} (as it is, the other recordings predict it with an error of {here:.0f} %, "
+            said += f"so taken {100 * float(np.nanmax(apart.left(best.sample)[list(apart.odd)])):.0f} %)"
+            yield _check(best.check, apart, best.signals, said, best.remedy)
+        elif unlike := [c for c in apart.odd if _unlike(apart, c)]:
+            names = tuple(signal_of(quick, c, currents) for c in unlike)
+            yield _check(
+                "wrong_robot"
+                if len(unlike) > 1 and len(unlike) > len(apart.error) / 2
+                else "unrelated_torque",
+                apart,
+                names,
+                f"{listed(names)} {'has' if len(names) == 1 else 'have'} nothing to do with what the other "
+                f"recordings say of this motion (error {here:.0f} %, there {there:.0f} %): another signal, "
+                "another run's, or another robot's",
+                "check how it was recorded, or leave the recording out",
+            )
+
+
+def _check(check: str, apart: Apart, signals: tuple[str, ...], words: str, remedy: str) -> Check:
+    outcome: Outcome = "warned"
+    return Check(check, apart.sample.label, signals, None, outcome, f"in this recording {words}", remedy)
+
+
+def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
+    """Recordings that the others do not predict, though these predict each other."""
+    samples = [_assigned(s, how) for s in quick.samples]
+    sums = [normal for normal in (Normal.of([s]) for s in samples) if normal is not None]
+    fitted = [k for k, s in enumerate(samples) if s.role == "identify"]
+    plain, known = quick.plain(), {samples[k].payload for k in fitted}
+    if len(samples) < 2:
+        return
+
+    def others(without: int) -> tuple[np.ndarray, np.ndarray]:
+        chi = solve(_added([sums[k] for k in fitted if k != without]), None, plain).chi
+        return chi, np.array([normal.errors(chi, plain) for normal in sums])
+
+    def misfit(errors: np.ndarray, without: int) -> float:
+        kept = np.log(np.fmax(np.delete(errors, without, 0) if without >= 0 else errors, 3e-3))
+        return float(np.nansum(np.nanmean(kept, axis=0)))
+
+    tables = {-1: others(-1)}
+    if len(fitted) > 1 and len(samples) > 2:
+        tables |= {k: others(k) for k in fitted}
+    misfits = {k: misfit(errors, k) for k, (_, errors) in tables.items()}
+    odd_one = min(misfits, key=lambda k: misfits[k])
+    odd_one = odd_one if misfits[odd_one] < misfits[-1] - CLEAR else -1
+    chi, errors = tables[odd_one]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        reach = np.array([np.ptp(s.q, axis=0) for s in samples])[:, quick.columns.joint_of]
+        sizes = np.sqrt([np.diag(normal.yy) / normal.rows for normal in sums])  # (K, C) rms
+    for k, sample in enumerate(samples):
+        if sample.payload not in known or (k in fitted and k != odd_one):
+            continue  # a load of its own, or one of those that the others are compared with
+        rest = [i for i in range(len(samples)) if i != k and i != odd_one]
+        usual = np.nanmedian(errors[rest], axis=0)
+        with np.errstate(invalid="ignore"):
+            times = errors[k] / usual
+            together = np.exp(np.nanmean(np.log(times))) > TOGETHER
+            odd = np.flatnonzero((errors[k] > ODD) & (times > (TOGETHER if together else TIMES)))
+        if len(odd):
+            size = sizes[k] / np.fmax(np.nanmedian(sizes[rest], axis=0), 1e-300)
+            travel = reach[k] / np.fmax(np.median(reach[rest], axis=0), 1e-9)
+            yield Apart(sample, chi, errors[k], usual, tuple(odd.tolist()), size, travel)
+
+
+def _assigned(s: Sample, how: Assignment) -> Sample:
+    order, factor = list(how.order), np.array(how.factor)
+    return replace(s, Y=s.Y[:, order] * factor, late=s.late[:, :, order] * factor)
+
+
+def _added(normals: Sequence[Normal]) -> Normal:
+    first = normals[0]
+    for n in normals[1:]:
+        first = Normal(first.G + n.G, first.v + n.v, first.yy + n.yy, first.rows + n.rows)
+    return first
+
+
+def _unlike(apart: Apart, c: int) -> bool:
+    """No load or contact does that: a torque as large as elsewhere hardly goes with its motion."""
+    r, error = _correlation(apart, c), apart.error[c]
+    alike = 0.5 < apart.size[c] < 2.0 or len(apart.odd) > len(apart.error) / 2
+    alike = alike and apart.travel[c] > 0.3
+    return bool(alike and ((error > 0.5 and r < 0.3) or (error > 1.0 and r < 0.75)))
+
+
+def _correlation(apart: Apart, c: int) -> float:
+    s = apart.sample
+    y, x = s.Y[:, c], s.W[c] @ apart.chi
+    w = s.weight[:, c]
+    y, x = y - np.average(y, weights=w), x - np.average(x, weights=w)
+    return float(abs((w * x) @ y) / np.sqrt(max(((w * x) @ x) * ((w * y) @ y), 1e-300)))
+
+
+def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
+    """Torques turned, scaled, swapped, late."""
+    s, odd = apart.sample, list(apart.odd)
+    names = tuple(signal_of(quick, c, currents) for c in odd)
+    are = f"{listed(names)} {'has' if len(odd) == 1 else 'have'}"
+    own = "give this recording a columns: of its own in the study with"
+    Y = s.Y.copy()
+    Y[:, odd] *= -1
+    lines = ", ".join(f"{name}: {{sign: -1}}" for name in names)
+    yield Cause(replace(s, Y=Y), "torque_sign", names, f"{are} the other sign", f"{own} {{{lines}}}")
+    predicted = np.stack([W @ apart.chi for W in s.W], axis=1)
+    w = s.weight
+
+    def scale(y: np.ndarray, c: int | list[int]) -> np.ndarray:
+        """What y (N,) or (N, k) has to be multiplied by."""
+        return (w[:, c] * predicted[:, c] * y).sum(axis=0) / np.maximum((w[:, c] * y**2).sum(axis=0), 1e-300)
+
+    factor = scale(s.Y[:, odd], odd)
+    if (np.abs(np.log(np.abs(factor))) > np.log(LARGE)).all() and (factor > 0).all():
+        Y = s.Y.copy()
+        Y[:, odd] *= factor
+        size = ", ".join(f"{1 / f:.3g}" for f in factor)
+        lines = ", ".join(f"{name}: {{scale: {f:.3g}}}" for name, f in zip(names, factor))
+        words = f"{listed(names)} {'is' if len(odd) == 1 else 'are'} {size} times what the others say"
+        yield Cause(replace(s, Y=Y), "torque_scale", names, words, f"{own} {{{lines}}}")
+    channels = quick.columns.need.channels
+    for a, b in combinations(range(len(channels)), 2):
+        if channels[a].side == channels[b].side and (a in odd or b in odd):
+            Y = s.Y.copy()
+            for c, d in ((a, b), (b, a)):
+                own_gain = float(scale(s.Y[:, d], c)) if currents else 1.0
+                Y[:, c] = s.Y[:, d] * (own_gain if 1 / LARGE < own_gain < LARGE else 1.0)
+            pair = tuple(signal_of(quick, c, currents) for c in (a, b))
+            words = f"{pair[0]} and {pair[1]} look swapped"
+            line = f"{{{pair[0]}: {pair[1]}, {pair[1]}: {pair[0]}}}"
+            yield Cause(replace(s, Y=Y), "swapped_signals", pair, words, f"{own} {line}")
+    for k, lag in enumerate(LAGS):
+        for which in (odd, list(range(len(channels)))):
+            if abs(lag) >= LEAST_LAG:
+                Y = s.Y.copy()
+                Y[:, which] = s.late[k][:, which]
+                late = tuple(signal_of(quick, c, currents) for c in which)
+                words = f"{listed(late)} {'is' if len(late) == 1 else 'are'} recorded about {abs(lag):g} s "
+                words += f"{'after' if lag > 0 else 'before'} the positions"
+                yield Cause(replace(s, Y=Y), "channel_delay", late, words, "record both with one clock")
+
+
+def _positions(quick: Quick, apart: Apart) -> Iterator[Cause]:
+    """Positions turned, swapped (alone, or joint for joint with their torques), from another zero."""
+    s, columns = apart.sample, quick.columns
+    labels = [str(j) for j in columns.need.joints]
+    n, turning = len(labels), [str(j) not in columns.model.prismatic for j in columns.need.joints]
+    own = "give this recording a columns: of its own in the study"
+
+    def moved(order: np.ndarray, sign: np.ndarray, offset: np.ndarray) -> Sample:
+        q, *rest = (x[:, order] * sign for x in (s.q, s.dq, s.ddq, s.sign))
+        return s.moved(columns, q + offset, *rest)
+
+    none, same, ones = np.zeros(n), np.arange(n), np.ones(n)
+    for j, label in enumerate(labels):
+        sign = np.where(same == j, -1.0, 1.0)
+        words = f"q{label} has the other sign"
+        line = f"{own} with {{q{label}: {{sign: -1}}}}"
+        yield Cause(moved(same, sign, none), "position_sign", (f"q{label}",), words, line)
+        for offset in [x for size in OFFSETS for x in (size, -size) if turning[j]]:
+            words = f"q{label} starts from another zero, about {-offset:.2g} rad off"
+            line = f"{own} with {{q{label}: {{offset: {offset:.3g}}}}}"
+            made = moved(same, ones, np.where(same == j, offset, 0.0))
+            yield Cause(made, "position_zero", (f"q{label}",), words, line)
+    for a, b in combinations(range(n), 2):
+        order = same.copy()
+        order[[a, b]] = b, a
+        made = moved(order, ones, none)
+        pair = (f"q{labels[a]}", f"q{labels[b]}")
+        words = f"{pair[0]} and {pair[1]} look swapped"
+        line = f"{own} with {{{pair[0]}: {pair[1]}, {pair[1]}: {pair[0]}}}"
+        yield Cause(made, "swapped_signals", pair, words, line)
+        exchange = _exchanged(quick, made, a, b)
+        words = f"joints {labels[a]} and {labels[b]} look swapped, positions and torques"
+        yield Cause(exchange, "swapped_signals", pair, words, f"{own} that exchanges their signals")
+
+
+def _exchanged(quick: Quick, s: Sample, a: int, b: int) -> Sample:
+    """The torques of two joints in each other's place, side by side."""
+    joint, side = quick.columns.joint_of, [c.side for c in quick.columns.need.channels]
+    place = {(int(j), w): c for c, (j, w) in enumerate(zip(joint, side))}
+    order = np.arange(len(side))
+    for (j, w), c in place.items():
+        other = place.get((b if j == a else a if j == b else j, w))
+        order[c] = c if other is None else other
+    return replace(s, Y=s.Y[:, order], late=s.late[:, :, order])

@@ -1,0 +1,82 @@
+"""Torques recorded late or early against the positions: one channel, or all of them alike.
+
+Both are written by one logger, but come over other buses, through other filters. A delay of some samples is
+an effect that the diagnosis fits; here it is told where it spoils a channel: taken back, its error falls by a
+third on the recordings that are fitted and clearly on those that are not. A strong smoothing of the torque
+looks like it and is said with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ident.examination.check import Check, listed
+from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, gain_of, solve
+from ident.examination.torques import Hypothesis, signal_of
+
+SPOILED = 0.03  # error of a channel from which it is asked
+OWN, HELD, TOGETHER = 0.5, 0.25, 0.35  # gain of one channel's own error, on validate, of each of all
+LEAST_S = 0.05
+
+
+def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[Hypothesis]:
+    """One torque, or all of them, at another time than their positions."""
+    seen = np.flatnonzero(np.isfinite(fit.error)).tolist()
+    asked = [[c] for c in seen if fit.error[c] > SPOILED]
+    if asked and len(seen) > 1:
+        asked.append(seen)
+    for which in asked:
+        fits = [_at(quick, how, which, k) for k in range(len(LAGS))]
+        best = int(np.argmax([other.gain_over(fit) for other in fits]))
+        other, each = fits[best], OWN if len(which) == 1 else TOGETHER
+        own = gain_of(fit.error[which], other.error[which]) / len(which)
+        held = own
+        if fit.validate is not None and other.validate is not None:
+            held = gain_of(fit.validate[which], other.validate[which]) / len(which)
+        if abs(LAGS[best]) < LEAST_S or own < each or held < HELD or other.gain_over(fit) < 0.8 * own:
+            continue
+        names = tuple(signal_of(quick, c, currents) for c in which)
+        word = "after" if LAGS[best] > 0 else "before"
+        before, after = (100 * float(np.sqrt(np.mean(x.error[which] ** 2))) for x in (fit, other))
+        check = Check(
+            "channel_delay",
+            "",
+            names,
+            None,
+            "warned",
+            f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(LAGS[best]):g} s "
+            f"{word} the positions{' or smoothed as much' if LAGS[best] > 0 else ''}: so moved, the error "
+            f"falls from {before:.0f} to {after:.0f} %",
+            "record torques and positions with one clock; ident diagnose fits the delay",
+        )
+        samples = []
+        for s in quick.samples:
+            Y = s.Y.copy()
+            for c in which:
+                Y[:, how.order[c]] = s.late[best][:, how.order[c]]
+            samples.append(replace(s, Y=Y))
+        yield Hypothesis(other.gain_over(fit), how, check, quick.of(samples))
+
+
+def _at(quick: Quick, how: Assignment, which: Sequence[int], lag: int) -> Fit:
+    """The fit with some channels' torques taken that much later."""
+    identify = _moved(quick.identify, quick.fitted, how, which, lag)
+    held = [s for s in quick.samples if s.role == "validate"]
+    return solve(identify, _moved(quick.validate, held, how, which, lag) if quick.validate else None, how)
+
+
+def _moved(
+    normal: Normal, samples: Sequence[Sample], how: Assignment, which: Sequence[int], lag: int
+) -> Normal:
+    v, yy = normal.v.copy(), normal.yy.copy()
+    for c in which:
+        k = how.order[c]
+        v[c, k], yy[c, k] = 0.0, 0.0
+        for s in samples:
+            y = s.weight[:, c] * s.late[lag][:, k]
+            v[c, k] += y @ s.W[c]
+            yy[c, k] += y @ s.late[lag][:, k]
+    return replace(normal, v=v, yy=yy)
