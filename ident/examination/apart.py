@@ -21,7 +21,7 @@ from ident.examination.torques import signal_of
 ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
 TOGETHER = 1.8  # that of all channels, in the mean
 HALVED = 0.6  # mean gain of the odd channels
-AS_OTHERS, ENOUGH = 1.7, 0.1  # a cause leaves the usual error times this, or this
+AS_OTHERS, ENOUGH = 1.7, 0.15  # a cause leaves the usual error times this, or this
 LEAST_LAG, LARGE = 0.05, 2.5
 OFFSETS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2, np.pi)  # rad
 CLEAR = 0.3  # gain of the others' prediction by which one recording that is fitted is told from them

@@ -377,7 +377,7 @@ ONE_RECORDING = {
     "torque scale": ("torque_scale", {"i2"}, lambda c: c | {"i2": 5 * c["i2"]}),
     "torques swapped": ("swapped_signals", {"i2", "i3"}, lambda c: c | {"i2": c["i3"], "i3": c["i2"]}),
     "late torques": ("channel_delay", {f"i{j}" for j in range(1, 7)},
-                     lambda c: c | {f"i{j}": _shifted(c[f"i{j}"], 29) for j in range(1, 7)}),
+                     lambda c: c | {f"i{j}": _shifted(c[f"i{j}"], 10) for j in range(1, 7)}),
     "position sign": ("position_sign", {"q2"}, lambda c: c | {"q2": -c["q2"], "dq2": -c["dq2"]}),
     "another zero": ("position_zero", {"q2"}, lambda c: c | {"q2": c["q2"] + 0.2}),
     "another run's torque": ("unrelated_torque", {"i2"}, lambda c: c | {"i2": np.roll(c["i2"], 600)}),
