@@ -23,13 +23,12 @@ from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from ident.equations.placing import entry_of
-from ident.equations.prepared import prepare_study
 from ident.equations.terms import Term as StudyTerm
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError
-from ident.estimation.fit import FitResult, drive_gains, fit_study
+from ident.estimation.fit import Examined, FitResult, drive_gains, examined, fit_study
 from ident.estimation.found_effects import FoundEffect, found_effects
 from ident.examination.check import Check
-from ident.examination.examine import examine_fit, examine_tables, mended_study, worst_first
+from ident.examination.examine import examine_tables, mended_study, worst_first
 from ident.progress import Progress, silent
 from ident.recordings.study import Study
 from ident.signals.filtering import STEEPNESS, prepare
@@ -136,18 +135,21 @@ def diagnose_study(
 
 
 def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | None) -> Diagnosis:
-    prepared = prepare_study(study, progress)
-    checks = worst_first([*examine_tables(prepared), *examine_fit(prepared)])
+    known = examined(study, progress)
+    checks = worst_first([*examine_tables(known.prepared), *known.checks])
     mended = mended_study(study, checks)
-    first = fit_study(study, progress=_part(progress, 0.0, 0.1))
+    first = base = fit_study(study, progress=_part(progress, 0.0, 0.1), known=known)
     working = mended or study
-    base = fit_study(working, progress=_part(progress, 0.1, 0.15)) if mended else first
+    if mended:
+        known = examined(working)
+        base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
     if working.drive_gains == "identify":
         working = working.with_(drive_gains=tuple(drive_gains(base)))
-    begun = opened(prepare_study(working), _part(progress, 0.15, 0.2), memory)
+        known = examined(working)
+    begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory)
     library = Library(list(catalogue().values()), begun.layout, begun.room.library)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
-    last = _extended(working, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
+    last = _extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
     unexplained = unexplained or _not_predicted(last, findings)
@@ -176,9 +178,10 @@ def _part(progress: Progress, low: float, high: float) -> Progress:
 
 
 def _extended(
-    study: Study, outcome: Outcome, base: FitResult, begun: Opened, alpha: float, progress: Progress
+    known: Examined, outcome: Outcome, base: FitResult, begun: Opened, alpha: float, progress: Progress
 ) -> FitResult:
     """The study with the findings as its effects, fitted whole; without those that cannot be fitted there."""
+    study = known.prepared.study
     declared = len(study.effects)
     terms = outcome.last.terms[declared:]
     if not terms:
@@ -196,7 +199,7 @@ def _extended(
     while len(entries) > declared:
         extended = study.with_(effects=tuple(entries), filter=settings)
         try:
-            last = fit_study(extended, progress=progress)
+            last = fit_study(extended, progress=progress, known=known.again(extended))
         except (FitFailedError, NotEnoughDataError, StudyError):
             entries.pop()
             continue
@@ -204,7 +207,7 @@ def _extended(
         lost = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
         lost = lost or _worse(last, base, declared)
         if not lost:
-            return _turned(last, outcome.last, progress)
+            return _turned(last, outcome.last, known, progress)
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
     return base
 
@@ -227,13 +230,18 @@ def _worse(last: FitResult, base: FitResult, declared: int) -> list[int]:
     return []
 
 
-def _turned(last: FitResult, state: State, progress: Progress) -> FitResult:
+def _turned(last: FitResult, state: State, known: Examined, progress: Progress) -> FitResult:
     """The same with dry friction turning over as the loop found it, on the joints whose error that lowers
     on the rows that chose nothing."""
     keys = _dry_keys(state, last)
     if not keys:
         return last
-    trial = fit_study(last.study.with_(**keys), progress=progress)
+
+    def fitted(keys: Mapping[str, tuple[float, ...]]) -> FitResult:
+        turned = last.study.with_(**keys)
+        return fit_study(turned, progress=progress, known=known.again(turned))
+
+    trial = fitted(keys)
     before, after = _judged(last), _judged(trial)
     helped = np.zeros(len(next(iter(keys.values()))), bool)
     for name, channel in zip(last.columns.channels, last.columns.need.channels):
@@ -242,7 +250,7 @@ def _turned(last: FitResult, state: State, progress: Progress) -> FitResult:
         return trial
     kept = {key: tuple(v if h else 0.0 for v, h in zip(values, helped)) for key, values in keys.items()}
     kept = {key: values for key, values in kept.items() if any(values)}
-    return fit_study(last.study.with_(**kept), progress=progress) if kept else last
+    return fitted(kept) if kept else last
 
 
 def _dry_keys(state: State, base: FitResult) -> dict[str, tuple[float, ...]]:

@@ -83,10 +83,10 @@ def _unit(filter: LowPass, every: int, length: int) -> np.ndarray:
 
 
 def _strided(taps: np.ndarray, x: np.ndarray, every: int) -> np.ndarray:
-    """(N, k) -> (N // every, k): the convolution with symmetric taps (L,) at samples every - 1, 2 every - 1, ...
+    """(N, k) -> (N // every, k): convolution with symmetric taps (L,), at every so-manieth sample alone.
 
-    In polyphase form: the signal cut into pieces of `every`, the pieces times the taps' own pieces in one matrix
-    product, and sums along its diagonals. Four times as fast as scipy.signal.upfirdn, and equal to rounding."""
+    In polyphase form: pieces of `every` samples times the pieces of the taps in one matrix product, and sums
+    along its diagonals. Four times as fast as scipy.signal.upfirdn, and equal to rounding."""
     rows, half = len(x) // every, len(taps) // 2
     pieces = -(-len(taps) // every)
     response = np.zeros(pieces * every)
@@ -99,7 +99,8 @@ def _strided(taps: np.ndarray, x: np.ndarray, every: int) -> np.ndarray:
         padded = np.zeros((len(part), R * every))
         count = min(part.shape[1], R * every - max(before, 0))
         padded[:, max(before, 0) : max(before, 0) + count] = part[:, :count]
-        product = (response.reshape(pieces, every) @ padded.reshape(-1, every).T).reshape(pieces, len(part), R)
+        product = response.reshape(pieces, every) @ padded.reshape(-1, every).T
+        product = product.reshape(pieces, len(part), R)
         total = product[0, :, :rows].copy()
         for k in range(1, pieces):
             total += product[k, :, k : k + rows]

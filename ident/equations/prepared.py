@@ -26,6 +26,13 @@ class Prepared:
     streams: tuple[RecordingStream, ...]
     banks: tuple[FilterBank, ...]
 
+    def again(self, study: Study) -> Prepared:
+        """The same recordings, not read again, for a study that differs in its effects, in how friction turns
+        over or in the decimation's cut-off alone."""
+        banks = tuple(prepare(stream, study.filter, study.turn_overs) for stream in self.streams)
+        columns = columns_of(study)
+        return Prepared(study, columns.model, columns, self.streams, banks)
+
 
 def columns_of(study: Study) -> Columns:
     """The compiled model of a study and its columns; no recording is opened. Raises IdentError,

@@ -24,8 +24,10 @@ from ident.equations.prepared import Prepared, prepare_study
 from ident.equations.terms import Term
 from ident.errors import RecordingError, StudyError
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
+from ident.estimation.estimators.instrumental import Feedback
+from ident.estimation.estimators.refined import refined
 from ident.estimation.least_squares import Estimate, bounded
-from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson, honest_covariance
+from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson
 from ident.estimation.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
 from ident.estimation.remarks import excitation_warnings, implausible, impossible, payload_notes
 from ident.estimation.shapes import Extended, extend
@@ -70,6 +72,7 @@ class FitResult:
     at_bound: tuple[str, ...] = ()  # parameters that their search stopped at
     impossible: dict[str, str] = field(default_factory=dict)  # {parameter: why physics forbids its value}
     model: FittedModel | None = None  # what the effects read; None without effects
+    feedback: Feedback | None = None  # a test of "least squares is unbiased", where the loop was simulated
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -101,24 +104,61 @@ class FitResult:
         return sum(noise.effective_rows for noise in self.noises)
 
 
-def fit_study(study: Study, *, progress: Progress = silent) -> FitResult:
+@dataclass(frozen=True)
+class Examined:
+    """A study opened, and what a quick fit of it showed (examine_fit): what several fits of it share."""
+
+    prepared: Prepared
+    checks: tuple[Check, ...]
+
+    def again(self, study: Study) -> Examined:
+        """For a study with other effects, turn-over or decimation, see `Prepared.again`."""
+        return replace(self, prepared=self.prepared.again(study))
+
+
+def examined(study: Study, progress: Progress = silent) -> Examined:
+    """Open the recordings, and hold a quick fit against physics. Raises IdentError and its relatives."""
+    prepared = prepare_study(study, progress)
+    progress("examining the recordings")
+    return Examined(prepared, examine_fit(prepared))
+
+
+def fit_study(study: Study, *, progress: Progress = silent, known: Examined | None = None) -> FitResult:
     """Identify a study. Raises IdentError with one sentence, FitFailedError when no parameter comes out.
 
+    known: of this study where it was opened before.
     BLAS runs on one thread: the matrices are small, and several processes share a machine better so.
     """
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, "blas"):
+<<<<<<< ident/estimation/fit.py
+        if study.drive_gains == "identify" and not study.payload_mass:
+            if study.model == "A":
+                return _with_gains_of(study, "C" if study.estimator != "tls" else "D", progress)
+            if study.model == "C" and study.estimator == "tls":
+                return _with_gains_of(study, "D", progress)
+        return _fit(study, progress)
+
+
+def _with_gains_of(study: Study, model: str, progress: Progress) -> FitResult:
+    """Unknown drive gains taken from another model: motor signals have no scale of their own, joint torque
+    sensors give it (`tls` compares the two without the links, model D)."""
+    try:
+        gains = drive_gains(_fit(study.with_(model=model, channels=None, effects=()), progress))
+=======
         if study.model == "A" and study.drive_gains == "identify" and not study.payload_mass:
             return _with_gains_of_c(study, progress)
-        return _fit(study, progress)
+        return _fit(known or examined(study, progress), progress)
 
 
 def _with_gains_of_c(study: Study, progress: Progress) -> FitResult:
     """Model A with unknown drive gains: motor signals have no scale of their own, joint torque sensors give
     it."""
+    of_c = study.with_(model="C", channels=None, effects=())
     try:
-        gains = drive_gains(_fit(study.with_(model="C", channels=None, effects=()), progress))
+        gains = drive_gains(_fit(examined(of_c, progress), progress))
+>>>>>>> /tmp/lead/ident/estimation/fit.py
     except RecordingError as error:
         raise StudyError(
             str(study.file),
@@ -127,8 +167,14 @@ def _with_gains_of_c(study: Study, progress: Progress) -> FitResult:
             "give payload_mass: {L: kg} of one weighed payload, or recordings with joint torques "
             f"({error})",
         ) from None
-    result = _fit(study.with_(drive_gains=tuple(gains)), progress)
+<<<<<<< ident/estimation/fit.py
+    known = {"drive_gains": tuple(gains)} | ({"estimator": "wls"} if study.estimator == "tls" else {})
+    result = _fit(study.with_(**known), progress)
+    said = f"drive gains as identified by model {model}: " + ", ".join(f"{gain:.4g}" for gain in gains)
+=======
+    result = _fit(examined(study.with_(drive_gains=tuple(gains)), progress), progress)
     said = "drive gains as identified by model C: " + ", ".join(f"{gain:.4g}" for gain in gains)
+>>>>>>> /tmp/lead/ident/estimation/fit.py
     return replace(result, notes=(said, *result.notes))
 
 
@@ -137,10 +183,9 @@ def drive_gains(result: FitResult) -> list[float]:
     return [float(result.estimate.chi[column]) for _, column in sorted(result.columns.gain_columns.items())]
 
 
-def _fit(study: Study, progress: Progress) -> FitResult:
-    prepared = prepare_study(study, progress)
-    progress("examining the recordings")
-    checks = examine_fit(prepared)
+def _fit(known: Examined, progress: Progress) -> FitResult:
+    prepared, checks = known.prepared, known.checks
+    study = prepared.study
     trials: tuple[CutoffTrial, ...] = ()
     begin: tuple[Term, ...] | None
     if study.filter.decimation_cutoff_hz == "auto":
@@ -178,8 +223,10 @@ def fit_systems(
     fitted = [system for system in systems if system.role == "identify"]
     progress("least squares")
     full, _ = estimate_all(fitted, study, columns, extended.allowed, extended.held)
+    its = refined(prepared, fitted, full, cutoff_hz, progress)
+    full, fitted = its.estimate, its.observed
     noises = channel_noises(fitted, full)
-    full_covariance = honest_covariance(fitted, full, noises)
+    full_covariance = its.covariance(full, noises)
     share = min(1.0, sum(noise.effective_rows for noise in noises) / full.rows)
     normalised = _normalised(fitted, full)
     used = [segment.used for system in fitted for segment in system.segments]
@@ -190,7 +237,7 @@ def fit_systems(
     estimate, at_bound = (
         bounded(reduction.estimate) if study.bounds == "physical" else (reduction.estimate, ())
     )
-    covariance = honest_covariance(fitted, estimate, channel_noises(fitted, estimate))
+    covariance = its.covariance(estimate)
     normalised = _normalised(fitted, estimate)
     terms = extended.at(estimate.chi)
     std = np.sqrt(np.diag(full_covariance))
@@ -202,6 +249,7 @@ def fit_systems(
     ]
     found = [*examine_tables(prepared), *checks]
     found += sentences("poor_excitation", excitation_warnings(full, fitted))
+    found += sentences("feedback", [said] if its.feedback and (said := its.feedback.sentence()) else [])
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]
     notes += payload_notes(study, estimate, covariance)
     compared = compare_torques(
@@ -236,6 +284,7 @@ def fit_systems(
         extended.at_bound,
         impossible(estimate, std, terms),
         extended.model,
+        its.feedback,
     )
 
 

@@ -50,15 +50,18 @@ def frames(robot: Robot, q: Array) -> Frames:
         )
         theta = theta0 + variable * (link.sigma == 0)
         r = r0 + variable * (link.sigma == 1)
-        fixed = _rz(np.array([gamma])) @ _rx(alpha)  # (1, 3, 3)
-        turn = fixed @ _rz(theta)
-        shift = np.array([0.0, 0.0, b]) + fixed[0] @ np.array([d, 0.0, 0.0]) + r[:, None] * fixed[0][:, 2]
+        fixed = _rz(gamma) @ _rx(alpha)  # (3, 3)
+        shift = np.array([0.0, 0.0, b]) + fixed @ np.array([d, 0.0, 0.0]) + r[:, None] * fixed[:, 2]
         if link.antecedent == 0:
-            R[:, row], p[:, row] = turn, shift
+            axes, p[:, row] = np.broadcast_to(fixed, (N, 3, 3)), shift
         else:
             a = link.antecedent - 1
-            R[:, row] = R[:, a] @ turn
+            axes = (R[:, a].reshape(-1, 3) @ fixed).reshape(N, 3, 3)
             p[:, row] = p[:, a] + np.einsum("nij,nj->ni", R[:, a], shift)
+        c, s = np.cos(theta)[:, None], np.sin(theta)[:, None]
+        R[:, row, :, 0] = c * axes[:, :, 0] + s * axes[:, :, 1]
+        R[:, row, :, 1] = c * axes[:, :, 1] - s * axes[:, :, 0]
+        R[:, row, :, 2] = axes[:, :, 2]
     return Frames(
         R=R,
         p=p,
@@ -68,9 +71,9 @@ def frames(robot: Robot, q: Array) -> Frames:
     )
 
 
-def _rz(angle: Array) -> Array:
-    c, s, o, i = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
-    return np.stack([c, -s, o, s, c, o, o, o, i], axis=-1).reshape(*angle.shape, 3, 3)
+def _rz(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _rx(angle: float) -> Array:

@@ -61,22 +61,32 @@ def gravity_torque(robot: Robot, q: Array, standard: Mapping[str, float], gravit
 
 
 def _gravity_torque(arm: Frames, standard: Mapping[str, float], g: Array) -> Array:
-    tau = np.zeros((len(arm.p), arm.n))
-    for row in range(len(arm.joint)):
+    """Weight beyond a joint as one body: first moment about the base's origin and mass."""
+    N, L = len(arm.p), len(arm.joint)
+    moment, mass, there = np.zeros((L, N, 3)), np.zeros(L), np.zeros(L, bool)
+    for row in reversed(range(L)):
         m = standard.get(f"M{row + 1}", 0.0)
         first = np.array([standard.get(f"M{axis}{row + 1}", 0.0) for axis in "XYZ"])
-        if m == 0.0 and not first.any():
+        if m != 0.0 or first.any():
+            moment[row] += arm.R[:, row] @ first + m * arm.p[:, row]
+            mass[row] += m
+            there[row] = True
+        before = arm.antecedent[row] - 1
+        if before >= 0 and there[row]:
+            moment[before] += moment[row]
+            mass[before] += mass[row]
+            there[before] = True
+    tau = np.zeros((N, arm.n))
+    for row in range(L):
+        if arm.joint[row] < 0 or not there[row]:
             continue
-        moment = arm.R[:, row] @ first  # (N, 3) about the row's origin, base axes
-        for j in arm.above(row):
-            if arm.joint[j] < 0:
-                continue
-            z = arm.R[:, j, :, 2]
-            if arm.sigma[j] == 0:
-                lever = moment + m * (arm.p[:, row] - arm.p[:, j])
-                tau[:, arm.joint[j]] -= np.einsum("ni,ni->n", z, np.cross(lever, g))
-            else:
-                tau[:, arm.joint[j]] -= m * (z @ g)
+        z = arm.R[:, row, :, 2]
+        if arm.sigma[row] == 0:
+            lever = moment[row] - mass[row] * arm.p[:, row]
+            turn = np.array([[0, -g[2], g[1]], [g[2], 0, -g[0]], [-g[1], g[0], 0]])  # g x
+            tau[:, arm.joint[row]] = -np.einsum("ni,ni->n", lever, z @ turn.T)
+        else:
+            tau[:, arm.joint[row]] = -mass[row] * (z @ g)
     return tau
 
 

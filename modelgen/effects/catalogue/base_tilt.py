@@ -8,7 +8,7 @@ import sympy as sp
 from modelgen.effects.effect import Array, NonlinearParameter, Quantity, Report
 from modelgen.effects.gravity_search import directions, newly_visible
 from modelgen.effects.kinds import LoadEffect
-from modelgen.effects.loads import gravity_columns, tilt_of, tilt_torque, tilted
+from modelgen.effects.loads import gravity_columns, gravity_torque, tilt_of, tilt_torque, tilted
 from modelgen.effects.place import Layout, Model, Motion, Place
 from modelgen.effects.truth import Truth
 from modelgen.geometry.names import GRAVITY, ParameterName
@@ -93,18 +93,24 @@ class BaseTilt(LoadEffect):
         """Gravity's part of each first moment and mass, under the change of gravity."""
         file = file_gravity(model.robot)
         change = tilted(file, theta["roll"], theta["pitch"]) - file
-        numbers, names = [], []
-        for number, name in enumerate(model.parameters):
-            read = ParameterName.of(name)
-            if read is None or read.kind not in GRAVITY or (read.payload and read.label != motion.payload):
-                continue
-            row = str(model.robot.payload_link(read.label)) if read.payload else read.label
-            numbers.append(number)
-            names.append(read.kind + row)
-        columns = gravity_columns(model.robot, motion.q, change, tuple(names))
+        weights = _weights(model, motion)
+        columns = gravity_columns(model.robot, motion.q, change, tuple(weights.values()))
         seen = np.array([c.side != "drive" for c in model.channels], dtype=float)
         joint = [c.joint for c in model.channels]
-        return {number: columns[:, joint, k] * seen for k, number in enumerate(numbers)}
+        return {number: columns[:, joint, k] * seen for k, number in enumerate(weights)}
+
+    def torque_change(
+        self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model, chi: Array
+    ) -> Array:
+        """All bodies' weights at once, under the change of gravity."""
+        file = file_gravity(model.robot)
+        standard: dict[str, float] = {}
+        for number, name in _weights(model, motion).items():
+            standard[name] = standard.get(name, 0.0) + float(chi[number])
+        change = tilted(file, theta["roll"], theta["pitch"]) - file
+        torque = gravity_torque(model.robot, motion.q, standard, change)
+        seen = np.array([c.side != "drive" for c in model.channels], dtype=float)
+        return torque[:, [c.joint for c in model.channels]] * seen
 
     def context_of(self, place: Place, model: Model) -> dict[str, float]:
         """The file's gravity."""
@@ -134,6 +140,17 @@ class BaseTilt(LoadEffect):
     def simulate(self, truth: Truth, place: Place, values: Mapping[str, float]) -> Truth:
         held = tilt_torque(truth.robot, truth.link[0], truth.standard, values["roll"], values["pitch"])
         return truth.with_torque(place, held)
+
+
+def _weights(model: Model, motion: Motion) -> dict[int, str]:
+    """{parameter number: "MX3"} of first moments and masses, a payload's under the row that carries it."""
+    out = {}
+    for number, name in enumerate(model.parameters):
+        read = ParameterName.of(name)
+        if read is None or read.kind not in GRAVITY or (read.payload and read.label != motion.payload):
+            continue
+        out[number] = read.kind + (str(model.robot.payload_link(read.label)) if read.payload else read.label)
+    return out
 
 
 def file_gravity(robot: Robot) -> Array:
