@@ -132,33 +132,20 @@ def fit_study(study: Study, *, progress: Progress = silent, known: Examined | No
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, "blas"):
-<<<<<<< ident/estimation/fit.py
         if study.drive_gains == "identify" and not study.payload_mass:
             if study.model == "A":
                 return _with_gains_of(study, "C" if study.estimator != "tls" else "D", progress)
             if study.model == "C" and study.estimator == "tls":
                 return _with_gains_of(study, "D", progress)
-        return _fit(study, progress)
+        return _fit(known or examined(study, progress), progress)
 
 
 def _with_gains_of(study: Study, model: str, progress: Progress) -> FitResult:
     """Unknown drive gains taken from another model: motor signals have no scale of their own, joint torque
     sensors give it (`tls` compares the two without the links, model D)."""
+    other = study.with_(model=model, channels=None, effects=())
     try:
-        gains = drive_gains(_fit(study.with_(model=model, channels=None, effects=()), progress))
-=======
-        if study.model == "A" and study.drive_gains == "identify" and not study.payload_mass:
-            return _with_gains_of_c(study, progress)
-        return _fit(known or examined(study, progress), progress)
-
-
-def _with_gains_of_c(study: Study, progress: Progress) -> FitResult:
-    """Model A with unknown drive gains: motor signals have no scale of their own, joint torque sensors give
-    it."""
-    of_c = study.with_(model="C", channels=None, effects=())
-    try:
-        gains = drive_gains(_fit(examined(of_c, progress), progress))
->>>>>>> /tmp/lead/ident/estimation/fit.py
+        gains = drive_gains(_fit(examined(other, progress), progress))
     except RecordingError as error:
         raise StudyError(
             str(study.file),
@@ -167,14 +154,9 @@ def _with_gains_of_c(study: Study, progress: Progress) -> FitResult:
             "give payload_mass: {L: kg} of one weighed payload, or recordings with joint torques "
             f"({error})",
         ) from None
-<<<<<<< ident/estimation/fit.py
-    known = {"drive_gains": tuple(gains)} | ({"estimator": "wls"} if study.estimator == "tls" else {})
-    result = _fit(study.with_(**known), progress)
+    found = {"drive_gains": tuple(gains)} | ({"estimator": "wls"} if study.estimator == "tls" else {})
+    result = _fit(examined(study.with_(**found), progress), progress)
     said = f"drive gains as identified by model {model}: " + ", ".join(f"{gain:.4g}" for gain in gains)
-=======
-    result = _fit(examined(study.with_(drive_gains=tuple(gains)), progress), progress)
-    said = "drive gains as identified by model C: " + ", ".join(f"{gain:.4g}" for gain in gains)
->>>>>>> /tmp/lead/ident/estimation/fit.py
     return replace(result, notes=(said, *result.notes))
 
 
