@@ -335,10 +335,29 @@ def excite(
         str | None,
         typer.Option("--start", help="Where it starts and ends, as 0,-1.5,1.5,0,0,0.", show_default=False),
     ] = None,
+    keep_out: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--keep-out",
+            help="A box that points stay out of, as table=-1..1,-1..1,-1..0 [m]; or a YAML file.",
+            show_default=False,
+        ),
+    ] = None,
+    point: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--point",
+            help="A point of a link, as tool=7:0,0,0.12 [m]; else the last one's origin.",
+            show_default=False,
+        ),
+    ] = None,
+    self_collision: Annotated[
+        bool, typer.Option("--self-collision", help="A URDF's shapes never touch (extra: collision).")
+    ] = False,
     separate: Annotated[
         str | None,
         typer.Option(
-            "--separate", help="NAME:JOINT,NAME:JOINT: tell these two effects apart.", show_default=False
+            "--separate", help="NAME:JOINT,NAME:JOINT,...: tell these effects apart.", show_default=False
         ),
     ] = None,
     from_: Annotated[
@@ -365,7 +384,7 @@ def excite(
 
     Writes the motion (Parquet, CSV, ROS 2, URScript, a moving stick figure), the deviation that every
     parameter is expected to have, the smallest effects that would be seen, and a study for the recording
-    that comes back. Ctrl-C gives the best so far. Nothing knows of obstacles: look before it runs.
+    that comes back. Ctrl-C gives the best so far. Obstacles are the boxes you name: look before it runs.
     """
     from ident.command_line import exciting
 
@@ -381,6 +400,9 @@ def excite(
         criterion=criterion,
         kind=motion,
         limits=tuple(limit or ()),
+        keep_out=tuple(keep_out or ()),
+        points=tuple(point or ()),
+        self_collision=self_collision,
         separate=separate,
         diagnosis=from_,
         evaluate=evaluate,

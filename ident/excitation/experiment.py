@@ -11,16 +11,20 @@ import numpy as np
 
 from ident.equations.terms import plain
 from ident.excitation.diagnosed import Diagnosed, split_requests
+from ident.excitation.holding import Holding
 from ident.excitation.information import Rows, condition, d_optimal, scaled_condition, worst
 from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot
 from ident.excitation.limits import Bounds, ExcitationError, bounds_of
 from ident.excitation.motion import Planned, basis_for
+from ident.excitation.obstacles import keep_out
 from ident.excitation.optimal import Optimum, optimise, random_motion
 from ident.excitation.point_to_point import PointMotion, best_of_random
 from ident.excitation.recorded import Recorded, recorded_motion
+from ident.excitation.self_collision import self_collision
 from ident.excitation.sensitivity import FINE_HZ, Visible, projector, table
 from ident.excitation.separate import RATE_HZ, Projector, Separation
 from ident.excitation.suspects import Separated, suspects, told
+from ident.excitation.urdf_shapes import link_places
 from ident.progress import Progress, silent
 from modelgen.geometry.robot import Robot
 from modelgen.geometry.robot_file import load_robot
@@ -54,6 +58,9 @@ class Request:
     evaluate: Path | None = None
     sensitivity: bool = True
     exact: bool = False  # a URDF's numbers as they are written
+    points: tuple[str, ...] = ()
+    keep_out: tuple[str, ...] = ()
+    self_collision: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,9 +115,9 @@ def excite(
     texts = split_requests(request.separate) if request.separate else None
     if texts is None and found is not None and request.evaluate is None:
         texts = found.suspects()
-    holding = known.holding(bounds)
+    holding = _holding(request, known, bounds, progress)
     start = None if request.start is None else np.array(request.start)
-    remarks = _remarks(bounds, known)
+    remarks = _remarks(bounds, known, holding)
     if request.evaluate is not None:
         motion: Any = recorded_motion(request.robot, request.model, request.evaluate, progress, request.exact)
         sigma, optimum, separation = known.sigma(motion.planned, noise), None, None
@@ -145,6 +152,17 @@ def excite(
     return Experiment(
         request, robot, bounds, known, motion, sigma, std, number, use, optimum, separated, visible, remarks
     )
+
+
+def _holding(request: Request, known: Known, bounds: Bounds, progress: Progress) -> Holding:
+    named = bool(request.points or request.keep_out)
+    places = link_places(request.robot, request.exact) if named else {}
+    boxes = keep_out(known.robot, request.points, request.keep_out, places)
+    if not request.self_collision:
+        return known.holding(bounds, boxes)
+    progress("bodies")
+    bodies = self_collision(known.robot, request.robot, bounds, request.exact)
+    return known.holding(bounds, boxes, bodies)
 
 
 def check(request: Request) -> None:
@@ -221,7 +239,7 @@ def _expected(known: Known, planned: Any, sigma: Array, seconds: float) -> tuple
     return np.sqrt(np.diag(inverse) / weight) / length, number
 
 
-def _remarks(bounds: Bounds, known: Known) -> tuple[str, ...]:
+def _remarks(bounds: Bounds, known: Known, holding: Holding) -> tuple[str, ...]:
     out = []
     if bounds.assumed:
         keys = ", ".join(bounds.assumed)
@@ -235,4 +253,7 @@ def _remarks(bounds: Bounds, known: Known) -> tuple[str, ...]:
         )
     if not np.isfinite(bounds.tau).any():
         out.append("no torque limit is known and none was held; --limit tau:1=... gives them")
+    if holding.bodies is not None and holding.bodies.left_out:
+        touching = ", ".join(holding.bodies.left_out)
+        out.append(f"self-collision: bodies that touch in every posture were left alone: {touching}")
     return tuple(out)

@@ -18,8 +18,10 @@ import numpy as np
 import generated
 from ident.equations.terms import Term, torque_of
 from ident.errors import IdentError
+from ident.excitation.holding import Holding
 from ident.excitation.limits import Bounds, ExcitationError
-from ident.excitation.optimal import Holding
+from ident.excitation.obstacles import KeepOut
+from ident.excitation.self_collision import SelfCollision
 from ident.twin.parameters import random_parameters, read_parameters, standard_name, twin_parameters
 from ident.twin.requests import parse_effect
 from ident.twin.twin import placed
@@ -102,12 +104,14 @@ class Known:
     def _chi(self, model: generated.Model) -> Array:
         return model.regroup({k: v for k, v in self.standard.items() if k in model.standard_parameters})
 
-    def holding(self, bounds: Bounds) -> Holding:
-        """Limits with the motor torques of these parameters."""
+    def holding(
+        self, bounds: Bounds, keep_out: KeepOut | None = None, bodies: SelfCollision | None = None
+    ) -> Holding:
+        """Limits with the motor torques of these parameters, and what is in the way."""
         motor = generated.load(self.source, "A", exact=self.exact)
         joints = range(self.robot.n)
         dry = np.array([sum(abs(self.number(k, j) or 0.0) for k in ("Fcm", "Fcl")) for j in joints])
-        return Holding(bounds, motor, self._chi(motor), dry)
+        return Holding(bounds, motor, self._chi(motor), dry, self.robot, keep_out, bodies)
 
     def sigma(self, motion: Motion, percent: Mapping[str, float] | float = NOISE_PERCENT) -> Array:
         """(C,) noise of each channel, N m: per cent of its rms torque over the motion; measured, or assumed

@@ -1,96 +1,29 @@
 """The best Fourier motion of a criterion under limits: IPOPT inside CasADi, from several random starts.
 
 Position, rate, acceleration and jerk are linear in the coefficients and held at every instant (motion.py).
-The torque is held on a grid, for the largest dry friction of either sign, and looked at afterwards at 1 kHz.
-A motion that is a little outside, or was interrupted, is drawn towards a posture of rest that is inside:
-positions then stay between limits and all rates shrink, so there is always a last step that holds.
+The torque is held on a grid, for the largest dry friction of either sign, the way to boxes and between the
+robot's bodies on a finer one; both are looked at afterwards at 1 kHz (holding.py).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-import generated
 from ident.excitation.external import Steps, external
-from ident.excitation.limits import Bounds, ExcitationError
+from ident.excitation.holding import NEAR, Holding
 from ident.excitation.motion import Basis, FourierMotion, Planned
 from ident.progress import Progress, silent
+from modelgen.effects.frames import frames
 
 Array = np.ndarray
 Objective = Callable[[Array], tuple[float, Array]]  # x (n, K) -> value, slope (n, K)
+FINER = 3  # times the instants of the grid at which bodies and boxes are looked at
 MARGIN = 0.98  # of the torque limits on the grid
-
-
-@dataclass(frozen=True)
-class Holding:
-    """Whether a robot can hold a motion: its limits, and its motor torques where its parameters are known."""
-
-    bounds: Bounds
-    model: generated.Model | None = None  # of the motor torques
-    chi: Array = field(default_factory=lambda: np.zeros(0))
-    dry: Array = field(default_factory=lambda: np.zeros(0))  # (n,) Coulomb friction, N m
-
-    @property
-    def limited(self) -> bool:
-        return self.model is not None and bool(np.isfinite(self.bounds.tau).any())
-
-    @property
-    def smooth(self) -> Array:
-        """(n,) what the torque without dry friction may reach."""
-        return np.maximum(self.bounds.tau - self.dry, 1e-9)
-
-    def torque(self, states: tuple[Array, ...]) -> Array | None:
-        """(N, n) largest motor torque of either sign of dry friction."""
-        if not self.limited or self.model is None:
-            return None
-        q, dq, ddq = states[:3]
-        tau = self.model.torque(q, dq, ddq, self.chi, sign=np.zeros_like(q))
-        return np.abs(tau) + self.dry
-
-    def use(self, motion: Planned) -> tuple[float, str]:
-        """(largest use of a limit over one period, in words)."""
-        states = motion.fine
-        return self.bounds.excess(states, self.torque(states))
-
-    def rest(self, start: Array | None, rng: np.random.Generator) -> Array:
-        """(n,) a posture that can be held. Raises ExcitationError naming the limit that forbids it."""
-        bounds = self.bounds
-        tries = [bounds.middle, *rng.uniform(bounds.low, bounds.high, (200, len(bounds.low)))]
-        tries = [start] if start is not None else tries
-        zero, best = np.zeros((1, len(bounds.low))), (np.inf, "", bounds.middle)
-        for posture in tries:
-            states = (posture[None], zero, zero, zero)
-            used, told = bounds.excess(states, self.torque(states))
-            if used < 0.9 or (start is not None and used <= 1):
-                return posture
-            best = min(best, (used, told, posture), key=lambda entry: entry[0])
-        if start is None and best[0] <= 1:
-            return best[2]
-        whose = "the start" if start is not None else "every posture that was tried"
-        raise ExcitationError(f"{whose} is outside of {best[1]}; choose another start or limit.")
-
-    def drawn(self, basis: Basis, x: Array, rest: Array, duration: float) -> FourierMotion:
-        """The motion of x, as near as limits allow on the way from rest."""
-        still = np.zeros_like(x)
-        still[:, 0] = rest
-
-        def at(s: float) -> FourierMotion:
-            return FourierMotion(basis, still + s * (x - still), duration)
-
-        low, high = 0.0, 1.0
-        if self.use(at(1.0))[0] <= 1:
-            return at(1.0)
-        for _ in range(30):
-            middle = (low + high) / 2
-            low, high = (middle, high) if self.use(at(middle))[0] <= 1 else (low, middle)
-            if high - low < 1e-4:
-                break
-        return at(low)
 
 
 @dataclass(frozen=True)
@@ -117,7 +50,7 @@ def random_motion(
         x[:, 0] = np.clip(bounds.middle - (swing.max(0) + swing.min(0)) / 2, bounds.low, bounds.high)
     else:
         x[:, 0] = rest
-    return holding.drawn(basis, x, rest, duration)
+    return holding.drawn(basis, x, rest, duration, final=False)
 
 
 def optimise(
@@ -151,7 +84,7 @@ def optimise(
         x = solve(begin.x, partial(_tell, progress, number, starts))
         found = holding.drawn(basis, x, rest, duration)
         for motion, value in ((found, objective(found.x)[0]), (begin, before)):
-            if best is None or value < best[0]:
+            if best is None or (value < best[0] and holding.touching(motion) is None):
                 best = (value, motion)
         told.append((before, objective(found.x)[0]))
     assert best is not None
@@ -210,6 +143,12 @@ def _solver(
         g.append(torque(z))
         low.append(-np.full(torque.shape[0], MARGIN))
         high.append(np.full(torque.shape[0], MARGIN))
+    if holding.obstacles:
+        clear = _clearance(holding, basis, plain, factor)
+        kept.append(clear)
+        g.append(clear(z))
+        low.append(np.zeros(clear.shape[0]))
+        high.append(np.full(clear.shape[0], np.inf))
     steps = Steps(n * K, sum(len(part) for part in low), iterations, stop)
     options: Any = {
         "ipopt.hessian_approximation": "limited-memory",
@@ -239,7 +178,7 @@ def _solver(
         found = solver(
             x0=z0.ravel(), lbx=lbz.ravel(), ubx=ubz.ravel(), lbg=np.concatenate(low), ubg=np.concatenate(high)
         )
-        del kept[2:]  # what CasADi calls must live as long as the solver
+        del kept[3:]  # what CasADi calls must live as long as the solver
         return plain(found["x"])
 
     return solve
@@ -268,6 +207,27 @@ def _torque(holding: Holding, basis: Basis, plain: Callable[[Any], Array], facto
         return np.einsum("aids,dik->iask", J, B) / share * factor
 
     return external("torque", factor.size, N * n, values, slopes)
+
+
+def _clearance(holding: Holding, basis: Basis, plain: Callable[[Any], Array], factor: Array) -> Any:
+    """Metres to boxes and between capsules at the grid's instants, over NEAR."""
+    M = FINER * len(basis.grid)
+    robot, B = holding.robot, basis.at(np.arange(M) * basis.period / M)[0]
+    assert robot is not None
+    memo: list[Any] = [None, None]
+
+    def both(z: Any) -> tuple[Array, Array]:
+        x = plain(z)
+        if memo[0] is None or not np.array_equal(memo[0], x):
+            f = frames(robot, B @ x.T)
+            parts = [its.smooth(f) for its in holding.obstacles]
+            value, slope = (np.concatenate([part[k] for part in parts], axis=1) for k in (0, 1))
+            rows = np.einsum("imj,ik->imjk", slope, B) / NEAR * factor
+            memo[:] = [x, (value / NEAR, rows)]
+        return memo[1]
+
+    count = both(np.zeros(factor.size))[0].size
+    return external("clearance", factor.size, count, lambda z: both(z)[0], lambda z: both(z)[1])
 
 
 def _without_dry(holding: Holding) -> Array:

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ident.excitation.holding import Holding
 from ident.excitation.limits import ExcitationError
 from ident.excitation.motion import FINE_HZ
-from ident.excitation.optimal import Holding, Optimum
+from ident.excitation.optimal import Optimum
 from ident.progress import Progress, silent
 from ident.twin.trajectories import Motion, Reach, point_to_point
 
@@ -81,7 +82,7 @@ def best_of_random(
         else:
             continue  # gravity at its first posture is too much already
         found = value(motion)
-        if best is None or found < best[0]:
+        if (best is None or found < best[0]) and holding.touching(motion) is None:
             best = (found, motion)
     if best is None:
         raise ExcitationError(f"no motion holds {holding.use(motion)[1]}; give another start or limit.")

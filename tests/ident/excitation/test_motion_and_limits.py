@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from ident.excitation.holding import Holding
 from ident.excitation.limits import ExcitationError, bounds_of
 from ident.excitation.motion import Basis, FourierMotion
-from ident.excitation.optimal import Holding, optimise, random_motion
+from ident.excitation.optimal import optimise, random_motion
 from modelgen.geometry.robot_file import parse_robot
 
 PLANAR = b"""
