@@ -29,6 +29,7 @@ HELD = 2_000_000  # decimated entries of a recording that are held in double pre
 SPILL = 12_000_000  # decimated entries of all recordings from which on they wait on disk
 HIGHEST = 0.4  # of the sampling rate: cut-off of the decimation
 Observer = Callable[[RecordingStream, int, FilteredBlock], None]  # recording, number of the segment, block
+Moved = Callable[[RecordingStream, int, FilteredBlock], FilteredBlock]
 Tick = Callable[[int], None]
 
 
@@ -39,12 +40,14 @@ def build(
     roles: Sequence[str] = ("identify", "validate", "test"),
     excerpt_s: float = np.inf,
     observer: Observer | None = None,
+    moved: Moved | None = None,
     progress: Progress = silent,
 ) -> tuple[RecordingSystem, ...]:
     """Every recording with one of these roles (or its first `excerpt_s` seconds of motion), in their order.
 
-    `observer` sees each filtered block on the way (fine.py keeps some of it). Raises StudyError for a cut-off
-    that a recording's rate cannot carry, NotEnoughDataError for a recording of which nothing is left.
+    `observer` sees each filtered block on the way (fine.py keeps some of it); `moved` gives another motion
+    for its instants (estimators/simulated.py). Raises StudyError for a cut-off that a recording's rate cannot
+    carry, NotEnoughDataError for a recording of which nothing is left.
     """
     streams = [(s, bank) for s, bank in zip(prepared.streams, prepared.banks) if s.role in roles]
     check_cutoff(prepared, cutoff_hz)
@@ -58,7 +61,7 @@ def build(
     order = prepared.study.filter.order
     spool = Spool() if entries_of(prepared, [s for s, _ in streams], cutoff_hz, excerpt_s) > SPILL else None
     return tuple(
-        observe(stream, bank, prepared.columns, cutoff_hz, order, tick, excerpt_s, observer, spool)
+        observe(stream, bank, prepared.columns, cutoff_hz, order, tick, excerpt_s, observer, spool, moved)
         for stream, bank in streams
     )
 
@@ -97,6 +100,7 @@ def observe(
     excerpt_s: float = np.inf,
     observer: Observer | None = None,
     spool: Spool | None = None,
+    moved: Moved | None = None,
 ) -> RecordingSystem:
     """Evaluate, decimate and factor one recording. Raises NotEnoughDataError when nothing remains of it."""
     layout = _Layout.of(columns, stream.payload)
@@ -113,7 +117,7 @@ def observe(
             folding = _Folding(rows, filter, every, start, index)
             current = index
         assert folding is not None
-        folding.push(block)
+        folding.push(moved(stream, index, block) if moved else block)
         if observer:
             observer(stream, index, block)
         samples += len(block.t)

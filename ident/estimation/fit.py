@@ -227,6 +227,7 @@ def fit_systems(
         *study.remarks,
         *prepared.columns.model.notes,
         *extended.notes,
+        *its.notes,
         *(note for stream in prepared.streams for note in stream.notes),
     ]
     found = [*examine_tables(prepared), *checks]

@@ -154,16 +154,21 @@ def colour(W: np.ndarray, noise: ChannelNoise) -> np.ndarray:
 
 
 def honest_covariance(
-    systems: Sequence[RecordingSystem], estimate: Estimate, noises: Sequence[ChannelNoise]
+    systems: Sequence[RecordingSystem],
+    estimate: Estimate,
+    noises: Sequence[ChannelNoise],
+    turn: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Covariance (b, b) of the weighted estimate under the correlated noise of `noises`."""
+    """Covariance (b, b) of the weighted estimate under the correlated noise of `noises`; `turn` (b, b): the
+    columns that the estimate was solved on are those of `systems` times it."""
     half = _half(estimate)
+    across = half if turn is None else turn @ half
     middle = np.zeros((half.shape[1], half.shape[1]))
     for j, (sigma, noise) in enumerate(zip(estimate.sigma, noises)):
         for system in systems:
             for segment in system.segments:
                 for _, piece in segment.pieces():  # its neighbours' correlation with it counts for nothing
-                    X = colour(_project(system, piece, j, half), noise)
+                    X = colour(_project(system, piece, j, across), noise)
                     middle += X.T @ X * (noise.variance / sigma**4)
     return half @ middle @ half.T
 

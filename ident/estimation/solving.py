@@ -9,6 +9,7 @@ import numpy as np
 from ident.equations.columns import Columns
 from ident.equations.observation import ChannelFactor, RecordingSystem, stack
 from ident.errors import FitFailedError
+from ident.estimation.estimators.recursive import faded_factors
 from ident.estimation.estimators.reweighted import reweighted
 from ident.estimation.gains import estimate_with_gains
 from ident.estimation.least_squares import Estimate, channel_sigma, weighted_least_squares
@@ -26,7 +27,8 @@ def estimate_all(
 
     allowed (b,) bool: parameters in the fit, the others stand at held (b,). Raises FitFailedError.
     """
-    names, factors = columns.parameters, stack(systems)
+    names = columns.parameters
+    factors = faded_factors(systems, study.forgetting) if study.forgetting else stack(systems)
     if columns.gain_columns:
         return estimate_with_gains(factors, columns), factors
     sigma = channel_sigma(factors)

@@ -43,7 +43,7 @@ Role = Literal["identify", "validate", "test"]
 Effort = Literal["motor_torque", "motor_current", "joint_torque"]
 ROLES: tuple[Role, ...] = ("identify", "validate", "test")
 MODELS = ("A", "B", "C", "D")
-ESTIMATORS = ("wls", "irls", "iv", "didim", "tls")
+ESTIMATORS = ("wls", "irls", "iv", "didim", "tls", "recursive")
 LARGEST_FILE = 1_000_000
 WITHOUT = ("coulomb_friction", "viscous_friction", "offset", "rotor_inertia")
 
@@ -124,6 +124,35 @@ class FilterSettings(_Strict):
     resample_hz: Annotated[Number, Field(ge=0.1, le=1e5)] | None = None
 
 
+class ControllerSettings(_Strict):
+    """The loop that moved the robot, for `estimator: iv` and `didim`, which simulate it.
+
+    `kind: pd`: u = kp (q_ref - q) + kd (dq_ref - dq), and an integral where `integral_hz` is given;
+    `computed_torque`: the reference is followed as it is. Gains are `kp` [N m/rad] and `kd` [N m s/rad], one
+    per joint, or follow from `bandwidth_hz` (one for all, or one per joint) and `damping`. `reference`: what
+    columns of commanded positions are called before the joint's number or name.
+    """
+
+    kind: Literal["pd", "computed_torque"] = "pd"
+    bandwidth_hz: tuple[Annotated[Number, Field(gt=0, le=1e4)], ...] = (10.0,)
+    damping: Annotated[Number, Field(gt=0, le=100)] = 1.0
+    integral_hz: Annotated[Number, Field(ge=0, le=1e4)] = 0.0
+    kp: tuple[Annotated[Number, Field(gt=0)], ...] | None = None
+    kd: tuple[Annotated[Number, Field(gt=0)], ...] | None = None
+    reference: str = "q_ref"
+
+    @field_validator("bandwidth_hz", mode="before")
+    @classmethod
+    def _one_for_all(cls, value: Any) -> Any:
+        return value if isinstance(value, (list, tuple)) else (value,)
+
+    @model_validator(mode="after")
+    def _both(self) -> ControllerSettings:
+        if (self.kp is None) != (self.kd is None) or (self.kp and self.kd and len(self.kp) != len(self.kd)):
+            raise ValueError("kp and kd go together; give both, one number per joint, or bandwidth_hz")
+        return self
+
+
 class EffectEntry(BaseModel):
     """One effect that is part of the model that is fitted: where it stands, starts and fixed values.
 
@@ -172,7 +201,9 @@ class Study(_Strict):
     model; `link_inertia` gives each joint torque sensor an inertia of its own, Ial ddq_j; `coupled_drives`
     pairs joints whose motors a gearbox couples; `positions`, `stiffness` as in the paper's Appendix 2;
     `payload_mass` weighed payloads [kg]; `bounds`, `robust`, `reduction`, `reduction_alpha` (of the
-    F-test), `effective_rows` choose the estimator; `turn_over` [rad/s] and `presliding` [rad] per joint are
+    F-test), `effective_rows` choose the estimator; `controller` is the loop that iv and didim simulate (with
+    wls it asks whether least squares is biased by feedback), `forgetting` what rows of `recursive` weigh
+    less each 15 min of motion; `turn_over` [rad/s] and `presliding` [rad] per joint are
     the rate and the travel within which its dry friction changes sign; `trim_rest: false` keeps rest at the
     ends; `joints` are the joints' names in the recordings, in the robot's order; `effort` says what the
     driver records as such; `folder` is where the recordings are."""
@@ -204,7 +235,9 @@ class Study(_Strict):
     effects_folder: PathText | None = None
     gravity: Annotated[tuple[Number, Number, Number] | None, AfterValidator(study_checks.gravity)] = None
     channels: tuple[str, ...] | None = None
-    estimator: Literal["wls", "irls", "iv", "didim", "tls"] = "wls"
+    estimator: Literal["wls", "irls", "iv", "didim", "tls", "recursive"] = "wls"
+    forgetting: Annotated[Number, Field(gt=0, le=1)] | None = None
+    controller: ControllerSettings | None = None
     alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.01  # of the diagnosis
     turn_over: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
     presliding: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
@@ -222,13 +255,6 @@ class Study(_Strict):
         if not isinstance(effects, (list, tuple)):
             return effects
         return tuple(_expand_effect(item) if isinstance(item, str) else item for item in effects)
-
-    @field_validator("estimator")
-    @classmethod
-    def _built(cls, name: str) -> str:
-        if name not in ("wls", "irls"):
-            raise ValueError(f"{name} is not built yet; leave the key out, or write wls or irls")
-        return name
 
     @field_validator("joints")
     @classmethod
@@ -278,6 +304,7 @@ class Study(_Strict):
         for label in self.payload_mass:
             if label not in {entry.payload for entry in self.recordings}:
                 raise ValueError(f"payload_mass: no recording carries the payload {label}")
+        study_checks.estimator(self)
         for number, effect in enumerate(self.effects, 1):
             if effect.recording is not None and effect.recording not in labels:
                 raise ValueError(
@@ -444,6 +471,7 @@ def as_study_error(error: ValidationError, file: Path) -> StudyError:
             ("recordings", RecordingEntry),
             ("filter", FilterSettings),
             ("columns", ColumnMap),
+            ("controller", ControllerSettings),
         ):
             owner = model if parent in where[:-1] else owner
         keys = _known_keys(owner)
@@ -489,5 +517,6 @@ _EXPECTED = {
     "channels": "a list such as [tau_m1, tau_m2]",
     "turn_over": "a list of rad/s, one per joint",
     "presliding": "a list of rad, one per joint",
+    "controller": "{bandwidth_hz: 10, damping: 1} or {kp: [...], kd: [...]}",
 }
 _TAGS = {"float", "int", "str", "tuple", "list", "function-before"}

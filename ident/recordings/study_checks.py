@@ -107,6 +107,40 @@ def columns_apart(columns: Mapping[str, Any], where: str) -> None:
         taken[column] = signal
 
 
+def estimator(study: Any) -> None:
+    """What the chosen estimator needs of the other keys."""
+    name = study.estimator
+    if (name == "recursive") != (study.forgetting is not None):
+        raise ValueError(
+            "estimator: recursive weighs old rows less; give forgetting: 0.9, the share that 15 min leave"
+            if study.forgetting is None
+            else "forgetting: acts with estimator: recursive alone; write that, or leave the key out"
+        )
+    if name == "tls" and (study.drive_gains != "identify" or study.model == "B" or study.payload_mass):
+        raise ValueError(
+            "estimator: tls finds drive gains from currents and joint torques; write drive_gains: identify "
+            "with model A, C or D and no payload_mass, or another estimator"
+        )
+    if name not in ("iv", "didim") and study.controller is None:
+        return
+    if name in ("iv", "didim") and study.controller is None:
+        raise ValueError(
+            f"estimator: {name} simulates the loop that moved the robot; add controller: "
+            "{bandwidth_hz: 10} with its bandwidth, or its gains kp and kd, and log the commanded positions"
+        )
+    use = f"estimator: {name}" if name in ("iv", "didim") else "controller:"
+    if study.model not in "AC" or study.channels is not None:
+        raise ValueError(f"{use} needs every motor torque; write model: A or C without channels")
+    beyond = [key for key in ("effects", "turn_over", "presliding", "stiffness") if getattr(study, key)]
+    beyond += ["drive_gains"] if study.drive_gains == "identify" else []
+    beyond += ["robust"] if study.robust and name in ("iv", "didim") else []
+    if beyond:
+        raise ValueError(
+            f"{use} simulates the rigid robot with the model's own friction, without {beyond[0]}; leave "
+            f"{beyond[0]} out, or leave controller out and write estimator: wls"
+        )
+
+
 def overlapping(entries: Iterable[Any]) -> tuple[str, ...]:
     """Sentences on recordings that are fitted and judged on the same rows: the judgement is worth nothing."""
     found = []

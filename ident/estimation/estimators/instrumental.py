@@ -11,19 +11,29 @@ regression (Wu 1973): its F-statistic is large where least squares is biased.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.special
 
+from ident.equations.observation import RecordingSystem, triangular
 from ident.errors import NotEnoughDataError
+from ident.estimation.estimators.simulated import Loop
+from ident.estimation.least_squares import Estimate, solve
+from ident.progress import Progress, silent
 
 DEPENDENT = 1e-9  # singular value, relative: below it there is no more rank
+TURNS = 5
+STILL = 0.2  # standard deviations: a smaller step is none
 
 
 @dataclass(frozen=True, slots=True)
 class Instrumental:
-    """chi, std (b,) by instruments, least_squares (b,) beside it; F-test of "least squares is unbiased"."""
+    """chi, std (b,) by instruments, least_squares (b,) beside it; F-test of "least squares is unbiased".
+
+    R (b + 1, b + 1): factor whose least squares is chi, its rss that of Y - W chi; T (b, b): P W = Z T.
+    """
 
     chi: np.ndarray
     std: np.ndarray
@@ -31,23 +41,47 @@ class Instrumental:
     statistic: float
     df_num: int
     df_den: int
+    R: np.ndarray
+    T: np.ndarray
 
     @property
     def p_value(self) -> float:
         return float(scipy.special.fdtrc(self.df_num, self.df_den, self.statistic))
 
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """The test of "least squares is unbiased", and the parameter that the two estimates tell apart most, by
+    how many of its standard deviations. Many rows reject a bias that does not matter: only one of a whole
+    deviation is worth a word."""
+
+    statistic: float
+    p_value: float
+    parameter: str
+    shift: float
+
     def sentence(self, alpha: float = 0.01) -> str:
         """The finding, "" where there is none."""
-        if self.p_value >= alpha:
+        if self.p_value >= alpha or abs(self.shift) < 1.0:
             return ""
         return (
-            f"the least squares estimate is biased by feedback (Durbin, Wu and Hausman: "
-            f"p = {self.p_value:.2g}); use iv"
+            f"the least squares estimate is biased by feedback, {self.parameter} by {abs(self.shift):.1f} "
+            f"of its standard deviations (Durbin, Wu and Hausman: p = {self.p_value:.2g}), unless the model "
+            "lacks something that the motion shows; use estimator: iv"
         )
 
 
-def instrumental(R: np.ndarray, instruments: int, rows: int) -> Instrumental:
-    """R: triangular factor of [Z W Y] with `instruments` columns Z, made of `rows` rows.
+def feedback(found: Instrumental, first: Estimate, std: np.ndarray) -> Feedback:
+    """Of a test that began at the least squares estimate `first` with honest deviations std (b,)."""
+    active = np.flatnonzero(first.active)
+    shift = (found.chi - first.chi[active]) / np.maximum(std[active], 1e-300)
+    most = int(np.argmax(np.abs(shift)))
+    return Feedback(found.statistic, found.p_value, first.parameters[active[most]], float(shift[most]))
+
+
+def instrumental(R: np.ndarray, instruments: int, rows: int, share: float = 1.0) -> Instrumental:
+    """R: triangular factor of [Z W Y] with `instruments` columns Z, made of `rows` rows of which `share`
+    count (correlated ones repeat each other).
 
     Raises NotEnoughDataError where the instruments do not determine every parameter.
     """
@@ -57,7 +91,8 @@ def instrumental(R: np.ndarray, instruments: int, rows: int) -> Instrumental:
     scale[scale == 0] = 1.0
     PW, W = explained[:, :-1] / scale, R[:, instruments:-1] / scale
     Z = R[:instruments, :instruments]
-    full = np.linalg.matrix_rank(Z, rtol=DEPENDENT) == instruments
+    length = np.linalg.norm(Z, axis=0)
+    full = np.linalg.matrix_rank(Z / np.where(length > 0, length, 1.0), rtol=DEPENDENT) == instruments
     if not full or np.linalg.matrix_rank(PW, rtol=DEPENDENT) < b or rows <= 2 * b:
         raise NotEnoughDataError("the instruments do not determine every parameter; move more, or fit fewer")
     chi, above = _solved(PW, explained[:, -1])
@@ -66,12 +101,76 @@ def instrumental(R: np.ndarray, instruments: int, rows: int) -> Instrumental:
     added = np.linalg.matrix_rank(left[:, :-1] / scale, rtol=DEPENDENT)
     free = rows - b - added
     statistic = max(restricted - above - below, 0.0) / max(added, 1) / max((above + below) / free, 1e-300)
-    spread = float(np.sum((R[:, -1] - W @ chi) ** 2)) / (rows - b)
+    rss = float(np.sum((R[:, -1] - W @ chi) ** 2))
     half = np.linalg.pinv(PW)
-    std = np.sqrt(spread * np.sum(half**2, axis=1))
-    return Instrumental(chi / scale, std / scale, plain / scale, statistic, int(added), int(free))
+    std = np.sqrt(rss / (rows - b) * np.sum(half**2, axis=1))
+    last = np.append(np.zeros(b), np.sqrt(max(rss - above, 0.0)))
+    return Instrumental(
+        chi / scale,
+        std / scale,
+        plain / scale,
+        statistic * share,
+        int(added),
+        max(int(share * free), 1),
+        triangular(np.vstack([explained, last])),
+        np.linalg.lstsq(Z, explained[:, :-1], rcond=None)[0],
+    )
 
 
 def _solved(A: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, float]:
     x, *_ = np.linalg.lstsq(A, y, rcond=DEPENDENT)
     return x, float(np.sum((y - A @ x) ** 2))
+
+
+def by_instruments(
+    loop: Loop,
+    systems: Sequence[RecordingSystem],
+    first: Estimate,
+    share: float,
+    progress: Progress = silent,
+    turns: int = TURNS,
+) -> tuple[Estimate, tuple[RecordingSystem, ...], Instrumental, np.ndarray]:
+    """IDIM-IV from a first estimate. -> the estimate, the instruments' equations, the test, T (b, b).
+
+    Raises FitFailedError where the loop cannot be simulated, NotEnoughDataError.
+    """
+    estimate, active = first, np.flatnonzero(first.active)
+    for _ in range(turns):
+        instruments = loop.systems(estimate.chi, progress)
+        R, rows = _factor(instruments, systems, first.sigma, active)
+        found = instrumental(R, len(active), rows, share)
+        before, estimate = estimate.chi, _estimate(found, first, active, rows)
+        if np.all(np.abs(estimate.chi - before) <= STILL * np.maximum(estimate.std, 1e-300)):
+            break
+    T = np.zeros((len(first.chi), len(first.chi)))
+    T[np.ix_(active, active)] = found.T
+    return estimate, instruments, found, T
+
+
+def _factor(
+    instruments: Sequence[RecordingSystem],
+    systems: Sequence[RecordingSystem],
+    sigma: np.ndarray,
+    active: np.ndarray,
+) -> tuple[np.ndarray, int]:
+    """Triangular factor of [Z W Y] over the channels' deviations sigma, and its rows."""
+    R, rows = np.zeros((0, 2 * len(active) + 1)), 0
+    for Z, W in zip(instruments, systems):
+        for one, other in zip(Z.segments, W.segments, strict=True):
+            for (_, z), (_, w) in zip(one.pieces(), other.pieces(), strict=True):
+                for j, deviation in enumerate(sigma):
+                    used = w.used[j]
+                    parts = [each.dense(piece, j, int(active[-1]) + 1)[used][:, active]
+                             for each, piece in ((Z, z), (W, w))]  # fmt: skip
+                    R = triangular(np.vstack([R, np.column_stack([*parts, w.Y[j, used]]) / deviation]))
+                    rows += int(used.sum())
+    return R, rows
+
+
+def _estimate(found: Instrumental, first: Estimate, active: np.ndarray, rows: int) -> Estimate:
+    """As an estimate whose factor restrictions and tests can be solved on."""
+    b = len(first.chi)
+    R = np.zeros((len(found.R), b + 1))
+    R[:, [*active, b]] = found.R
+    chi, covariance, rss = solve(R, first.active)
+    return replace(first, chi=chi, covariance=covariance, R=R, rss=rss, rows=rows)

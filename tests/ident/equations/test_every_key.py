@@ -225,6 +225,8 @@ STUDY = {
     "gravity": {"gravity": [9.81, 0, 0]},
     "channels": {"channels": ["tau_m1", "tau_l2"]},
     "estimator": {"estimator": "irls"},
+    "forgetting": {"estimator": "recursive", "forgetting": 0.5},
+    "controller": {"estimator": "iv", "controller": {}},
     "turn_over": {"turn_over": [0.3, 0, 0]},
     "presliding": {"presliding": [0.1, 0, 0]},
     "folder": {"folder": "elsewhere"},

@@ -76,7 +76,7 @@ def test_channels_with_identified_gains(folder):
         ({"channels": ["tau_l2"]}, ("channels", "tau_l2", "tau_m1")),
         ({"channels": ["tau_m2", "tau_m2"]}, ("channels", "twice")),
         ({"turn_over": [0.1]}, ("turn_over", "7 joints")),
-        ({"estimator": "iv"}, ("estimator", "not built")),
+        ({"estimator": "iv"}, ("estimator", "controller")),
         ({"gravity": [0, 0]}, ("gravity",)),
     ],
 )
