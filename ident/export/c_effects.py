@@ -73,10 +73,15 @@ def behind_the_gear(parameters: Sequence[str]) -> set[str]:
 
 
 def torques(
-    effects: CEffects, channels: Sequence[Channel], v: Mapping[str, Any], link: Any, values: Mapping[str, Any]
+    effects: CEffects,
+    channels: Sequence[Channel],
+    labels: Sequence[str],
+    v: Mapping[str, Any],
+    link: Any,
+    values: Mapping[str, Any],
 ) -> tuple[Any, Any]:
     """(tau (C,), new states) on CasADi symbols: v has q, dq, ddq, sign, t, z, step; link (n,) tau_link;
-    values {parameter of the fit: number or symbol}."""
+    labels of the joints; values {parameter of the fit: number or symbol}."""
     tau, states, state = ca.SX.zeros(len(channels)), [], 0
     for term in effects.terms:
         j, s, effect = term.place.joint, term.place.source, term.effect
@@ -88,6 +93,14 @@ def torques(
             "sign_dq": v["sign"][j],
         }
         known |= {"tau_link": link[j]} if "tau_link" in effect.needs else {}
+        if "friction" in effect.needs:
+            behind = term.place.side == "link"
+            label = f"{'l' if behind else 'm'}{labels[j]}"
+            known["friction"] = sum(
+                values.get(kind + label, 0.0) * v[name][j] for kind, name in (("Fv", "dq"), ("Fc", "sign"))
+            )
+            if behind:
+                known["tau_link"] -= known["friction"] + values.get("Off" + label, 0.0)
         if s is not None:
             known |= {"q_source": v["q"][s], "dq_source": v["dq"][s], "ddq_source": v["ddq"][s]}
             known["sign_sum"] = ca.sign(v["dq"][j] + v["dq"][s])

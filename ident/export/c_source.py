@@ -114,7 +114,7 @@ def _functions(
     more = {name: ca.SX.sym(name, size) for name, size in
             (("t", 1), ("z", len(effects.joints)), ("step", len(effects.joints)))}  # fmt: skip
     values = {name: chi[k] for name, k in place.items()}
-    tau, states = torques(effects, fit.columns.need.channels, {**vectors, **more}, link, values)
+    tau, states = torques(effects, fit.columns.need.channels, labels, {**vectors, **more}, link, values)
     arguments = [*vectors.values(), chi, *more.values()]
     outputs |= {"effects": tau, "advance": states}
     return {

@@ -119,6 +119,12 @@ class Effect(Expressions, Telling):
             out["sign_dq"] = motion.sign_dq[:, j]
             if "tau_link" in needs:
                 out["tau_link"] = model.link_torque(motion)[:, j]
+            if "friction" in needs:
+                end = "l" if place.side == "link" else "m"
+                viscous, dry, offset = (model.number(kind + end, j) or 0.0 for kind in ("Fv", "Fc", "Off"))
+                out["friction"] = viscous * motion.dq[:, j] + dry * motion.sign_dq[:, j]
+                if end == "l":  # what a share of the link's friction is added to is the bodies' torque
+                    out["tau_link"] = out["tau_link"] - out["friction"] - offset
         if source is not None and j is not None:
             out |= {"q_source": motion.q[:, source], "dq_source": motion.dq[:, source]}
             out["ddq_source"] = motion.ddq[:, source]
@@ -185,6 +191,7 @@ class Effect(Expressions, Telling):
         q, dq, ddq = truth.state(place)
         signals = {"t": truth.t - truth.t[0], "q": q[:, j], "dq": dq[:, j], "ddq": ddq[:, j]}
         signals["tau_link"] = truth.tau_link[:, j]
+        signals["friction"] = np.zeros(len(truth.tau_link))
         if s is not None:
             signals |= {"q_source": q[:, s], "dq_source": dq[:, s], "ddq_source": ddq[:, s]}
         columns = self.numpy_columns(signals, {n: values[n] for n in self.nonlinear_names})

@@ -21,6 +21,7 @@ class Signals:
     ddq = sp.Symbol("ddq", real=True)
     sign_dq = sp.Symbol("sign_dq", real=True)  # sign(dq), or its smoothed form
     tau_link = sp.Symbol("tau_link", real=True)  # torque the gear passes to the link
+    friction = sp.Symbol("friction", real=True)  # Fv dq + Fc sign(dq) of the joint; not in tau_link then
     tau = sp.Symbol("tau", real=True)  # the channel the effect disturbs, undisturbed
     dtau = sp.Symbol("dtau", real=True)  # its time derivative
     q_source = sp.Symbol("q_source", real=True)  # of the other joint of a pair

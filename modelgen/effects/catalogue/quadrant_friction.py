@@ -2,8 +2,8 @@
 
 import sympy as sp
 
+from modelgen.effects.carried import CARRIED, HIDDEN_ROTOR, OWN_FRICTION
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
-from modelgen.effects.hidden_rotor import CARRIED, HIDDEN_ROTOR
 
 load = sp.Abs(CARRIED) * SIGNALS.sign_dq
 quadrant = sp.sign(CARRIED) * SIGNALS.sign_dq  # +1 the motor drives the load, -1 the load drives
@@ -30,8 +30,8 @@ class QuadrantFriction(Effect):
         LinearParameter("mu_drive", "-", 0.0, 0.6, "positive"),
         LinearParameter("mu_brake", "-", 0.0, 0.6, "positive"),
     )
-    nonlinear = (HIDDEN_ROTOR,)
-    typical = {"mu_drive": 0.12, "mu_brake": 0.05, "Iam": 0.0}
+    nonlinear = (HIDDEN_ROTOR, OWN_FRICTION)
+    typical = {"mu_drive": 0.12, "mu_brake": 0.05, "Iam": 0.0, "own": 0.0}
     common = False
 
 
