@@ -1,8 +1,8 @@
 """The torque that a gear carries, as far as the model knows it.
 
 Of the first joints, and of those parallel to the one before, Iam is regrouped into ZZ: tau_link of the
-model still holds the rotor's Iam ddq, which the motor feels and the gear does not carry. And no file
-says where a joint's own friction acts: before the teeth that the load presses (own 0), behind (own 1) or in part.
+model still holds the rotor's Iam ddq, which the motor feels and the gear does not carry. And no file says
+where a joint's own friction acts: before the teeth that the load presses (own 0), behind (own 1), or in part.
 An effect of the load finds both as shape parameters; Iam is 0 where the model has one of its own.
 """
 
