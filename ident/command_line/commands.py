@@ -64,14 +64,14 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
         diagnosis = ident.diagnose(study, progress=progress, memory=memory)
         progress("writing plots and report")
         diagnosis.write(stage)
-    from ident.report.diagnosis_words import before_and_after, told, verdict
+    from ident.report.diagnosis_words import before_and_after, told, verdict, visible_in_words
 
     document = diagnosis.document()
     say_notes(diagnosis.result.first.columns.model.notes)
     say_checks(document)
     remedies = [f"What to do: {f['remedy']}." for f in document["findings"] if f["remedy"]]
     names = names_of(document)
-    for text in (verdict(document), *told(document)):
+    for text in filter(None, (verdict(document), *told(document), visible_in_words(document))):
         print(named(text, names))
     for text in dict.fromkeys(remedies):
         print(text)

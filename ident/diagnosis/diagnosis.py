@@ -22,6 +22,7 @@ from ident.diagnosis.opening import Opened, opened
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
+from ident.diagnosis.visible import Visible, smallest_visible
 from ident.equations.placing import entry_of
 from ident.equations.terms import Term as StudyTerm
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError
@@ -101,6 +102,7 @@ class Diagnosis:
     alpha: float
     notes: tuple[str, ...] = ()
     outcome: Outcome | None = field(default=None, compare=False, repr=False)
+    visible: tuple[Visible, ...] = ()  # the smallest effects that would have been seen
 
     @property
     def robot(self) -> str:
@@ -149,6 +151,8 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory)
     library = Library(list(catalogue().values()), begun.layout, begun.room.library)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
+    closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
+    visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     last = _extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
@@ -167,6 +171,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         alpha,
         ("of long recordings stretches spread over them were looked at",) if begun.thinned else (),
         outcome,
+        visible,
     )
 
 

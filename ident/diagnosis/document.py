@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -34,6 +35,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "after": after.errors.full_rate.by_recording(),
         },
         "noise_floor_percent": dict(diagnosis.noise_floor_percent),
+        "smallest_visible": [asdict(visible) for visible in diagnosis.visible],
         "notes": [*diagnosis.notes, *after.notes],
     }
 

@@ -19,6 +19,8 @@ from ident.report.diagnosis_words import (
     told,
     unexplained_sentence,
     verdict,
+    visible_in_words,
+    visible_size,
     where,
 )
 from ident.report.fit_report import remarks
@@ -90,6 +92,8 @@ def diagnosis_page(
         blocks = tuple(_plot(view) for view in views if view.belongs_to == ("unexplained", k))
         heading = f"Unexplained: {place(item['joints'])}, {item['channel']}"
         sections.append(Section(heading, (*blocks, _unexplained_table(document, item))))
+    if document.get("smallest_visible"):
+        sections.append(_visible_section(document))
     if notes := document.get("notes"):
         rows = tuple((Cell(note),) for note in notes)
         table = Table("", (Column("what was found, dropped or changed"),), rows)
@@ -106,6 +110,24 @@ def diagnosis_page(
         sections=tuple(sections),
         footer=footer,
     )
+
+
+def _visible_section(document: Mapping[str, Any]) -> Section:
+    columns = (
+        Column("effect"),
+        Column("joint"),
+        Column("smallest size that would have been seen"),
+        Column("% of the joint's torque", number=True),
+    )
+    rows = []
+    for its in sorted(document["smallest_visible"], key=lambda its: (its["effect"], its["joints"])):
+        source = its.get("source_joint")
+        where = f"{its['joints'][0]}" + (f", from {source}" if source is not None else "")
+        tone = "good" if its["share"] < 0.01 else "" if its["share"] < 0.05 else "bad"
+        share = Cell(number(100 * its["share"], 2), its["share"], tone)
+        rows.append((Cell(effect_name(its["effect"])), Cell(where), Cell(visible_size(its)), share))
+    heading = "What would have been seen"
+    return Section(heading, (Table("", columns, tuple(rows)),), visible_in_words(document), folded=True)
 
 
 def _facts(document: Mapping[str, Any]) -> list[Fact]:

@@ -90,6 +90,32 @@ def left_in_words(document: Mapping[str, Any]) -> str:
     )
 
 
+def visible_in_words(document: Mapping[str, Any]) -> str:
+    """What "nothing else" means: how large an effect of the catalogue must have been to be seen."""
+    shares: dict[int, list[float]] = {}
+    for its in document.get("smallest_visible") or ():
+        shares.setdefault(its["joints"][0], []).append(100 * its["share"])
+    if not shares:
+        return ""
+    middle = {joint: sorted(own)[len(own) // 2] for joint, own in sorted(shares.items())}
+    half = joined([f"{percent(share)} (joint {joint})" for joint, share in middle.items()])
+    return (
+        "An effect of at least the size stated for it would have been seen in 95 of 100 such recordings: half "
+        f"of the effects from {half} of the joint's torque on. The report states each one's size."
+    )
+
+
+def visible_size(its: Mapping[str, Any]) -> str:
+    """`Fs = 0.3 N m, at vs = 0.1 rad/s`: the smallest size seen, and the shape that it was asked for."""
+    values = {
+        name: f"{name} = {number(v['value'], 3)} {'' if v['unit'] == '-' else v['unit']}".rstrip()
+        for name, v in its["parameters"].items()
+    }
+    size = ", ".join(values[name] for name in its["sizes"] if name in values)
+    shape = ", ".join(text for name, text in values.items() if name not in its["sizes"])
+    return f"{size}, at {shape}" if size and shape else size or shape
+
+
 def worse_elsewhere(document: Mapping[str, Any]) -> list[str]:
     """A sentence for each role whose runs have a much larger error than those that were fitted."""
     after, out = document["error_percent"]["after"], []

@@ -129,7 +129,7 @@ def test_a_start_outside_its_limits_and_gravity_beyond_the_torque_are_named(plan
     robot, model, chi = planar
     rng = np.random.default_rng(0)
     holding = Holding(bounds_of(robot), model, chi, np.zeros(2))
-    with pytest.raises(ExcitationError, match="the start is outside of q of joint 1, -2 to 1 rad"):
+    with pytest.raises(ExcitationError, match="the start is forbidden by q of joint 1, -2 to 1 rad"):
         holding.rest(np.array([1.5, 0.0]), rng)
     weak = Holding(bounds_of(robot, ["tau=0.1"]), model, chi, np.array([0.2, 0.0]))
     with pytest.raises(ExcitationError, match="tau of joint 1, at most"):

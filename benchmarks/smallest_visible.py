@@ -1,0 +1,89 @@
+"""Whether a diagnosis sees what it says that it would have seen: 95 of 100 effects of the size it states.
+
+    python benchmarks/smallest_visible.py [--cases 100] [--effects stribeck_friction:2 offset_drift:1 ...]
+
+A small arm's twin moves without any effect; its diagnosis states the smallest size of each effect that it
+would have seen. Then the twin hides an effect of that very size in the same motion, with other noise in every
+case, and is diagnosed again. Seen: anything is told on that joint; named: the effect or what it is equivalent
+to.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from closing_twice import ARM, named
+
+import ident
+from ident.twin import PlannedRun, Sensors, simulate
+from ident.twin.trajectories import fourier, reach
+from modelgen.geometry.robot_file import load_robot
+
+SENSORS = Sensors(rate_hz=200.0)
+EFFECTS = (
+    "stribeck_friction:2",
+    "asymmetric_friction:1",
+    "offset_drift:3",
+    "load_dependent_friction:2",
+    "torque_ripple:1",
+    "spring:3",
+    "time_delay:2",
+    "nonlinear_viscous_friction:2",
+    "position_dependent_friction:1",
+    "thermal_coulomb_friction:2",
+)
+
+
+def diagnosed(robot: Path, effect: tuple[str, ...], number: int, seconds: float) -> Any:
+    """The document of one case; the number of it makes its noise."""
+    space = reach(load_robot(str(robot)))
+    runs = tuple(
+        PlannedRun(f"{use}{number}", use, s, motion=fourier(space, s, np.random.default_rng([5, k])))
+        for k, (use, s) in enumerate((("identify", seconds), ("validate", seconds)))
+    )
+    made = simulate(robot, effects=effect, seed=3, runs=runs, sensors=SENSORS)
+    tables = [ident.Recording(pa.table(dict(r.columns)), r.use, name=r.label) for r in made.recordings]
+    return ident.diagnose(ident.Study(robot=str(robot), recordings=tables)).document()
+
+
+def request(document: Any, name: str) -> str | None:
+    """The smallest visible effect as the twin is asked for it."""
+    effect, joint = name.split(":")
+    for its in document["smallest_visible"]:
+        if its["effect"] == effect and its["joints"] == [int(joint)]:
+            values = {n: v["value"] for n, v in its["parameters"].items() if n not in ("Iam", "sigma")}
+            return f"{name}:" + ",".join(f"{n}={v:.6g}" for n, v in values.items())
+    return None
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--cases", type=int, default=100)
+    parser.add_argument("--seconds", type=float, default=30.0)
+    parser.add_argument("--effects", nargs="*", default=EFFECTS)
+    given = parser.parse_args()
+    robot = Path(tempfile.mkdtemp()) / "small.yaml"
+    robot.write_text(ARM)
+    clean = diagnosed(robot, (), 0, given.seconds)
+    asked = {name: text for name in given.effects if (text := request(clean, name))}
+    print(f"clean: {clean['verdict']}; not told of: {sorted(set(given.effects) - set(asked))}", flush=True)
+    seen = dict.fromkeys(asked, 0)
+    known = dict.fromkeys(asked, 0)
+    for case in range(1, given.cases + 1):
+        name = list(asked)[case % len(asked)]
+        document = diagnosed(robot, (asked[name],), case, given.seconds)
+        joint = int(name.split(":")[1])
+        places = [*document["findings"], *document["unexplained"]]
+        seen[name] += any(joint in its["joints"] for its in places)
+        known[name] += name in named(document)
+        print(case, asked[name], document["verdict"], named(document), flush=True)
+    print(f"seen {sum(seen.values())} of {given.cases}, named {sum(known.values())}", seen, known)
+
+
+if __name__ == "__main__":
+    main()

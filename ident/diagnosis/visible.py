@@ -1,0 +1,197 @@
+"""How large an effect would have had to be to be seen: what "nothing found" means.
+
+An effect of linear parameters a (p,) has the whitened columns Z beside the model on the judged rows. The
+fitted rows tell a + d, d normal with the covariance A^-1, A the product of its columns there. With unit noise
+u_k in each block k of judged rows, and G_k = Z_k'Z_k,
+
+    gain of block k = (a'G_k a - d'G_k d) / 2 + sqrt((a + d)'G_k (a + d)) u_k
+
+The effect is seen where the sum, and the gain on the fitted rows, are more than tau, and enough blocks agree:
+the loop's own rule. Draws of d and u tell how often that is; the size at which it is POWER is told. A shape
+that is searched costs half a chi-square each. Shapes are those of the search next to a usual robot's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.stats
+
+from ident.diagnosis.candidates import Library
+from ident.diagnosis.evidence import MANY, Metric, block_sums, project
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+from modelgen.effects.effect import Effect
+from modelgen.effects.place import Place
+
+POWER = 0.95
+DRAWS = 400
+HALVINGS = 8
+LEAST = 1e-5  # share of a column that the model must leave
+WIDE = (0.3, 4.0)  # of the size that the expected gain alone asks for
+
+
+@dataclass(frozen=True, slots=True)
+class Visible:
+    """An effect on joints: reported parameters {name: {value, unit}} at the smallest size that would have
+    been seen, `sizes` naming those that it is told by; share: its rms torque over the joint's own."""
+
+    effect: str
+    joints: tuple[int, ...]
+    source_joint: int | None
+    channel: str
+    parameters: Mapping[str, Mapping[str, object]]
+    sizes: tuple[str, ...]
+    share: float
+
+
+def smallest_visible(
+    state: State, library: Library, tau: float, alpha: float, closed: frozenset[int] = frozenset()
+) -> tuple[Visible, ...]:
+    """Every effect whose torque grows with its size, at every joint that is not `closed`, from the columns
+    that the search has kept; without those that no size shows."""
+    kept: dict[tuple, list[tuple[dict[str, float], tuple]]] = {}
+    width = len(Term(library.places[0][0], library.places[0][1]).key) if library.places else 0
+    for key in library.kept:
+        kept.setdefault(key[:width], []).append((dict(key[width]), key))
+    there = {term.key for term in state.terms}
+    out = []
+    for effect, place in library.places:
+        term = Term(effect, place)
+        asked = effect.proportional and not (effect.changes_model or effect.replaces)
+        if not asked or place.joint is None or place.joint in closed:
+            continue
+        if term.key in there or term.key not in kept or place.parts:
+            continue
+        found = _visible(state, effect, place, kept[term.key], library, tau, alpha)
+        if found is not None:
+            out.append(found)
+    return tuple(out)
+
+
+def _visible(
+    state: State,
+    effect: Effect,
+    place: Place,
+    shapes: Sequence[tuple[dict[str, float], tuple]],
+    library: Library,
+    tau: float,
+    alpha: float,
+) -> Visible | None:
+    own = {f"{k}": state.model.number(f"{k}m", place.joint or 0) or 1.0 for k in ("Fc", "Fv")}
+    context = effect.context_of(place, state.model)
+    linear, usual = effect.values_from_reported(effect.usual({}, own), {**own, **context})
+    theta, key = min(shapes, key=lambda shape: _apart(shape[0], usual))
+    names = effect.parameters_of(place)
+    v = np.array([linear[name] for name in names])
+    columns = {c: z.astype(float) for c, z in library.kept[key].items()}
+    if not np.any(v) or next(iter(columns.values())).shape[1] != len(v):
+        return None
+    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha)
+    if size is None:
+        return None
+    limits = {p.name: max(abs(p.low), abs(p.high)) for p in effect.linear}
+    beyond = any(abs(size * x) > limits[name] for name, x in zip(names, v))
+    if beyond or set(effect.context) - set(context):
+        return None
+    values = {**dict.fromkeys(effect.linear_names, 0.0), **dict(zip(names, size * v)), **theta}
+    told = effect.report(values, None, context, place)
+    labels = state.problem.robot.joint_labels
+    c = max(columns, key=lambda c: float(np.sum((columns[c] @ v) ** 2)))
+    use = state.rows.use[c] & state.rows.usable
+    share = size * _rms((columns[c] @ v)[use]) / max(_rms(state.rows.Y[c, use]), 1e-300)
+    return Visible(
+        effect.name,
+        (int(labels[place.joint or 0]),),
+        None if place.source is None else int(labels[place.source]),
+        state.model.channels[c].name(labels),
+        {name: {"value": entry["value"], "unit": entry["unit"]} for name, entry in told.items()},
+        effect.size_names,
+        float(share),
+    )
+
+
+def seen_from(
+    m: Metric, columns: Mapping[int, np.ndarray], v: np.ndarray, shapes: int, tau: float, alpha: float
+) -> float | None:
+    """The factor of v (p,) from which on an effect of these columns is seen with POWER; None: from none."""
+    white = m.whiten(columns)
+    cross, own, _ = project(m, m.fitted, white)
+    A = own - cross.T @ cross
+    if not v @ A @ v > LEAST * (v @ own @ v):
+        return None
+    G = _blocks(m, white)
+    per_block = np.einsum("i,kij,j->k", v, G, v)
+    whole = float(per_block.sum())
+    if not whole > 0 or len(G) == 0:
+        return None
+    rng = np.random.default_rng([17, len(v), shapes])
+    values, V = np.linalg.eigh(A / np.sqrt(np.outer(np.diag(A), np.diag(A))))
+    good = values > 1e-6
+    root = V[:, good] / np.sqrt(values[good]) / np.sqrt(np.diag(A))[:, None]
+    d = rng.normal(size=(DRAWS, good.sum())) @ root.T
+    u = rng.normal(size=(DRAWS, len(G)))
+    searched = rng.chisquare(shapes, DRAWS) / 2 if shapes else np.zeros(DRAWS)
+    lost = np.einsum("ri,kij,rj->rk", d, G, d) / 2
+    lost += searched[:, None] * per_block / float(v @ A @ v)
+    enough = _enough(len(G), alpha)
+    free = float(sum(m.judged.free[c] for c in columns))
+
+    def power(size: float) -> float:
+        a = size * v
+        b = a + d
+        spread = np.sqrt(np.maximum(np.einsum("ri,kij,rj->rk", b, G, b), 0.0))
+        each = np.einsum("i,kij,j->k", a, G, a) / 2 - lost + spread * u
+        told = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / free, -0.99))
+        gain = np.einsum("ri,ij,rj->r", b, A, b) / 2 + searched
+        return float(np.mean((told > tau) & (gain > tau) & ((each > 0).sum(axis=1) >= enough)))
+
+    first = np.sqrt(2 * (tau + 2 * np.sqrt(tau)) / min(whole, float(v @ A @ v)))
+    low, high = WIDE[0] * first, WIDE[1] * first
+    if power(high) < POWER:
+        return None
+    for _ in range(HALVINGS):
+        middle = float(np.sqrt(low * high))
+        low, high = (low, middle) if power(middle) >= POWER else (middle, high)
+    return high
+
+
+def _blocks(m: Metric, white: Mapping[int, np.ndarray]) -> np.ndarray:
+    """(blocks, p, p) products of the columns beside the model, block by block of the judged rows."""
+    cross, _, _ = project(m, m.judged, white)
+    beta = m.judged.basis @ cross
+    p = cross.shape[1]
+    total = np.zeros((len(m.rows.t), p, p))
+    for c, (places, values) in enumerate(m.X):
+        on = m.judged.mask & m.rows.use[c]
+        left = -values[on] @ beta[places]
+        if c in white:
+            left = left + white[c][on]
+        total[on] += left[:, :, None] * left[:, None, :]
+    return np.stack(
+        [
+            np.stack([block_sums(m.rows, total[:, i, j], m.judged.mask) for j in range(p)], axis=-1)
+            for i in range(p)
+        ],
+        axis=-2,
+    )
+
+
+def _enough(blocks: int, alpha: float) -> int:
+    """How many of so many blocks must agree (Evidence.supported)."""
+    limit = alpha * max(1.0, (MANY / max(blocks, 1)) ** 2)
+    counts = np.arange(blocks + 1)
+    good = scipy.stats.binom.sf(counts - 1, blocks, 0.5) <= limit
+    return int(counts[good].min()) if good.any() else blocks + 1
+
+
+def _apart(theta: Mapping[str, float], usual: Mapping[str, float]) -> float:
+    return sum(
+        abs(np.log(theta[n] / usual[n])) if theta[n] > 0 and usual[n] > 0 else abs(theta[n] - usual[n])
+        for n in theta
+    )
+
+
+def _rms(x: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(x**2))) if len(x) else 0.0
