@@ -95,12 +95,12 @@ def torques(
         known |= {"tau_link": link[j]} if "tau_link" in effect.needs else {}
         if "friction" in effect.needs:
             behind = term.place.side == "link"
-            label = f"{'l' if behind else 'm'}{labels[j]}"
-            known["friction"] = sum(
-                values.get(kind + label, 0.0) * v[name][j] for kind, name in (("Fv", "dq"), ("Fc", "sign"))
-            )
+            own = {its.kind: values[name] for name in values if (its := ParameterName.of(name))
+                   and its.label == labels[j] and not its.payload}  # fmt: skip
+            viscous, dry, offset = (own.get(kind + "ml"[behind], 0.0) for kind in ("Fv", "Fc", "Off"))
+            known["friction"] = viscous * v["dq"][j] + dry * v["sign"][j]
             if behind:
-                known["tau_link"] -= known["friction"] + values.get("Off" + label, 0.0)
+                known["tau_link"] -= known["friction"] + offset
         if s is not None:
             known |= {"q_source": v["q"][s], "dq_source": v["dq"][s], "ddq_source": v["ddq"][s]}
             known["sign_sum"] = ca.sign(v["dq"][j] + v["dq"][s])
