@@ -1,5 +1,6 @@
 """What the commands of `ident` do: a thin shell over the door. Check, call, write, say what came."""
 
+import shlex
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -77,6 +78,11 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
         print(text)
     show("error in percent", *with_names(*before_and_after(document), names))
     say_warnings([named(text, names) for text in diagnosis.result.notes])
+    if any(f["equivalent"] for f in document["findings"]):
+        from ident.diagnosis.document import robot_of
+
+        command = f"ident excite {shlex.quote(robot_of(diagnosis.result))} --from {output} -o MOTION"
+        print(f"next: {command} designs the experiment that tells the explanations apart")
     last = f"; ident fit {output / 'extended_study.yaml'} gives the errors after again"
     print(f"wrote {output / 'report.html'}{last if document['verdict'] == 'effect' else ''}")
     print(f"next: ident export {output} --urdf FILE (or --mjcf, --c) writes the robot as it was identified")

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ident.diagnosis.apart import seconds_apart
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed, trace
@@ -49,6 +50,7 @@ class Alternative:
     error_drop_percent: float
     source_joint: int | None = None  # of a pair of joints, the other one
     link: int | None = None
+    seconds: float | None = None  # of motion as it is until the two are told apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,6 +364,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
                 float(100 * (1 - np.exp(-eq.log_e / max(state.metric.judged.free[c], 1.0)))),
                 None if eq.term.place.source is None else int(labels[eq.term.place.source]),
                 eq.term.place.link,
+                seconds_apart(state, term, eq.term, outcome.tau),
             )
             for eq in step.equivalent
         ),

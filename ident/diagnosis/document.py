@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -75,14 +76,31 @@ def _finding(f: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
         "remedy": f.remedy,
         "signature": f.signature,
     }
-    robot = diagnosis.study.robot
+    robot, model = robot_of(diagnosis), diagnosis.model
     equal = [
-        {**_alternative(a), "separate": separating_command(robot, document, other)}
+        {
+            **_alternative(a),
+            "separate": separating_command(robot, document, [other], model),
+            "seconds": a.seconds,
+        }
         if separable(document, other := _alternative(a))
         else _alternative(a)
         for a in f.equivalent
     ]
+    rivals = [a for a in f.equivalent if separable(document, _alternative(a))]
+    if rivals:
+        told = [a.seconds for a in rivals if a.seconds is not None]
+        document["separate"] = {
+            "command": separating_command(robot, document, [_alternative(a) for a in rivals], model),
+            "seconds": max(told) if told else None,
+        }
     return {**document, "alternatives": [_alternative(a) for a in f.equivalent], "equivalent": equal}
+
+
+def robot_of(diagnosis: Diagnosis) -> str:
+    """The robot as a command takes it, from wherever it is typed."""
+    source = Path(diagnosis.study.robot_source)
+    return str(source.resolve()) if source.is_file() else diagnosis.study.robot
 
 
 def _step(f: Finding, diagnosis: Diagnosis) -> Step | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import shlex
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from modelgen.effects import catalogue
@@ -24,15 +25,12 @@ def request_of(finding: Mapping[str, Any]) -> str:
 
 
 def separating_command(
-    robot: str, finding: Mapping[str, Any], alternative: Mapping[str, Any], diagnosis: str | None = None
+    robot: str, finding: Mapping[str, Any], rivals: Sequence[Mapping[str, Any]], model: str = "A"
 ) -> str:
-    """The command that designs the motion which tells a finding from an alternative."""
-    pair = f"{request_of(finding)},{request_of(alternative)}"
-    return (
-        f"ident excite {robot} --separate {pair}"
-        + (f" --from {diagnosis}" if diagnosis else "")
-        + " -o MOTION"
-    )
+    """The command that designs the motion which tells a finding from its rivals."""
+    requests = ",".join(dict.fromkeys(request_of(item) for item in (finding, *rivals)))
+    where = f" --model {model}" if model != "A" else ""
+    return f"ident excite {shlex.quote(robot)}{where} --separate {requests} -o MOTION"
 
 
 def separable(finding: Mapping[str, Any], alternative: Mapping[str, Any]) -> bool:

@@ -135,10 +135,10 @@ def test_a_finding_and_its_rival_become_a_command_that_is_read_back():
         "parameters": {"Fs": {"value": 5.1}, "vs": {"value": 0.1}},
     }
     rival = {"effect": "joint_coupling", "joints": [3], "source_joint": 2}
-    command = separating_command("ur10e", finding, rival, "RESULTS")
+    command = separating_command("ur10e", finding, [rival])
     assert command == (
         "ident excite ur10e --separate stribeck_friction:2:Fs=5.1,vs=0.1,joint_coupling:3:source_joint=2 "
-        "--from RESULTS -o MOTION"
+        "-o MOTION"
     )
     pair = split_requests(command.split()[4])
     assert pair == (request_of(finding), request_of(rival))

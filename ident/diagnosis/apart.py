@@ -1,0 +1,52 @@
+"""How long a robot must move until two explanations are told apart, as it moves in the recordings at hand."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.stats
+
+from ident.diagnosis.evidence import orthonormal, project
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+
+SURE = 0.99
+SAME = 1e-4  # share of what is seen of an effect, below which the other one imitates it
+
+
+def seconds_apart(state: State, term: Term, rival: Term, tau: float) -> float | None:
+    """s of rows that judge until the evidence for a term of the state against a rival is beyond tau in SURE
+    of all cases, the rival as near to it as its sizes allow; None where it looks the same.
+
+    What of the term the rival does not imitate has the square T a second in whitened rows: the difference of
+    log likelihoods after s seconds has mean T s / 2 and variance T s."""
+    number = next(k for k, f in enumerate(state.found) if f.term is term)
+    its = state.found[number]
+    others = state.but(number)
+    m, other = others.metric, others.scene.columns(rival)
+    channels = {*its.columns, *other}
+    none = np.zeros((len(state.rows.t), 1))
+    both = {
+        c: np.hstack(
+            [
+                (its.columns[c] @ its.sizes)[:, None] if c in its.columns else none,
+                other.get(c, np.repeat(none, _width(other), axis=1)),
+            ]
+        )
+        for c in channels
+    }
+    white, seen, left = m.whiten(both), 0.0, 0.0
+    for side in (m.fitted, m.judged):
+        cross, own, _ = project(m, side, white)
+        G = own - cross.T @ cross
+        basis = orthonormal(G[1:, 1:]) if G.shape[0] > 1 else np.zeros((0, 0))
+        seen += float(G[0, 0])
+        left += float(G[0, 0] - np.sum((basis.T @ G[1:, 0]) ** 2))
+    if not left > SAME * seen:
+        return None
+    z = scipy.stats.norm.isf(1 - SURE)
+    seconds = float(state.rows.usable.sum()) * state.rows.hop
+    return float((z + np.sqrt(z * z + 2 * tau)) ** 2 / left * seconds)
+
+
+def _width(columns: dict[int, np.ndarray]) -> int:
+    return next((z.shape[1] for z in columns.values()), 0)
