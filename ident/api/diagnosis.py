@@ -10,7 +10,7 @@ from typing import Any
 from ident.api.fit import Fit
 from ident.api.study import Study, inputs_of, opened
 from ident.api.tables import of_rows
-from ident.errors import IdentError, one_family
+from ident.errors import IdentError, StudyError, one_family
 from ident.output import staged, write_file
 from ident.progress import watched
 
@@ -137,7 +137,20 @@ def diagnose(
     with one_family(), watched(progress) as tell:
         from ident.diagnosis import diagnose_study
 
-        return Diagnosis(diagnose_study(opened(study), progress=tell, alpha=alpha, memory=limit))
+        asked = opened(study)
+        no_simulated_loop(asked)
+        return Diagnosis(diagnose_study(asked, progress=tell, alpha=alpha, memory=limit))
+
+
+def no_simulated_loop(study: Study) -> None:
+    """Raises StudyError for an estimator that knows no effects."""
+    if study.controller is not None:
+        raise StudyError(
+            str(study.file),
+            "controller",
+            "a diagnosis adds effects to the model, which a simulated loop does not know; "
+            "leave controller out and write estimator: wls for ident diagnose",
+        )
 
 
 def size_in_bytes(text: str | int) -> int:

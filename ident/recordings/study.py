@@ -350,9 +350,12 @@ class Study(_Strict):
         return tuple(dict.fromkeys(entry.payload for entry in self.recordings if entry.payload))
 
     def with_(self, **changes: Any) -> Study:
-        """The same study with some keys changed (checked again)."""
+        """The same study with some keys changed (checked again). Raises StudyError."""
         data = {name: getattr(self, name) for name in type(self).model_fields} | changes
-        return Study(**data)
+        try:
+            return Study(**data)
+        except ValidationError as error:
+            raise as_study_error(error, self.file) from None
 
 
 def load_study(path: str | Path) -> Study:

@@ -52,6 +52,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
             "condition_number_essential": estimate.condition_number,
             "rows": estimate.rows,
             "effective_rows": result.effective_rows,
+            **({"durbin_wu_hausman": result.feedback.document()} if result.feedback else {}),
         },
         "sigma": {name: float(sigma) for name, sigma in zip(channels, estimate.sigma)},
         "filter": {

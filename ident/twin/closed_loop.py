@@ -69,7 +69,8 @@ class Plant:
         if not least.min() > 0:
             raise LoopError(
                 "these parameters give the robot a mass that is not positive, so its loop cannot be "
-                "simulated; fit runs that move every joint faster, or write estimator: wls"
+                "simulated; lower filter.position_cutoff_hz, fit runs that move every joint faster, or write "
+                "estimator: wls"
             )
         return np.asarray(np.diagonal(masses, axis1=1, axis2=2).mean(axis=0))
 

@@ -65,10 +65,14 @@ class Feedback:
         if self.p_value >= alpha or abs(self.shift) < 1.0:
             return ""
         return (
-            f"the least squares estimate is biased by feedback, {self.parameter} by {abs(self.shift):.1f} "
-            f"of its standard deviations (Durbin, Wu and Hausman: p = {self.p_value:.2g}), unless the model "
-            "lacks something that the motion shows; use estimator: iv"
+            f"least squares and instruments disagree, on {self.parameter} by {abs(self.shift):.1f} standard "
+            f"deviations (Durbin, Wu and Hausman: p = {self.p_value:.2g}): feedback that carries noise "
+            "biases least squares, or the model lacks something; compare with estimator: iv"
         )
+
+    def document(self) -> dict[str, float]:
+        """As fit.json holds it; shift in standard deviations."""
+        return {"statistic": self.statistic, "p_value": self.p_value, "largest_shift": self.shift}
 
 
 def feedback(found: Instrumental, first: Estimate, std: np.ndarray) -> Feedback:
@@ -76,7 +80,7 @@ def feedback(found: Instrumental, first: Estimate, std: np.ndarray) -> Feedback:
     active = np.flatnonzero(first.active)
     shift = (found.chi - first.chi[active]) / np.maximum(std[active], 1e-300)
     most = int(np.argmax(np.abs(shift)))
-    return Feedback(found.statistic, found.p_value, first.parameters[active[most]], float(shift[most]))
+    return Feedback(float(found.statistic), found.p_value, first.parameters[active[most]], float(shift[most]))
 
 
 def instrumental(R: np.ndarray, instruments: int, rows: int, share: float = 1.0) -> Instrumental:
