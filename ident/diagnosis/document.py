@@ -36,7 +36,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "after": after.errors.full_rate.by_recording(),
         },
         "noise_floor_percent": dict(diagnosis.noise_floor_percent),
-        "smallest_visible": [asdict(visible) for visible in diagnosis.visible],
+        "smallest_visible": [{**asdict(its), "joints": list(its.joints)} for its in diagnosis.visible],
         "notes": [*diagnosis.notes, *after.notes],
     }
 
