@@ -3,17 +3,19 @@ all runs.
 
     python benchmarks/closing_twice.py [--cases 60] [--seed 0] [--out FILE.jsonl]
 
-Each case hides the one or the other effect of a pair of near ones in the twin of a small arm, so small that
-the first diagnosis is in doubt: its size is changed until the diagnosis names something and cannot reject
-something else, the true effect among these. Then `ident excite --from` answers, the twin moves as it says
-(one run to fit and one that judges, each as long as the answer says that it takes), and the study with all
-runs is diagnosed again. Right: the true effect comes first and none of its rivals is left beside it.
+Each case hides the one or the other effect of a pair of near ones in the twin of a small arm of two joints,
+so small that the first diagnosis, of small and slow motions, is in doubt: its size is changed until the
+diagnosis names something and cannot reject something else, the true effect among these. Then `ident excite
+--from` answers, the twin moves as it says (one run to fit and one that judges, each as long as the answer
+says that it takes), and the study with all runs is diagnosed again. Right: the true effect comes first and
+none of its rivals is left beside it.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 import tempfile
 import time
 from collections import defaultdict
@@ -37,11 +39,10 @@ from modelgen.geometry.robot_file import load_robot
 ARM = """\
 name: small
 convention: mdh
-gravity: [0, 0, -9.81]
+gravity: [0, -9.81, 0]
 links:
-  - {joint: revolute, antecedent: 0, alpha: 0,    d: 0,   theta: q1, r: 0.2}
-  - {joint: revolute, antecedent: 1, alpha: pi/2, d: 0,   theta: q2, r: 0}
-  - {joint: revolute, antecedent: 2, alpha: 0,    d: 0.3, theta: q3, r: 0}
+  - {joint: revolute, antecedent: 0, alpha: 0, d: 0,   theta: q1, r: 0}
+  - {joint: revolute, antecedent: 1, alpha: 0, d: 0.3, theta: q2, r: 0}
 """
 PAIRS = (
     ("quadratic_friction", "nonlinear_viscous_friction"),
@@ -57,36 +58,34 @@ PAIRS = (
     ("offset_drift", "thermal_torque_constant"),
     ("power_law_friction", "stribeck_friction"),
 )
-POOR, SECONDS = 0.4, 20.0  # of what the robot could do; of each of the first two runs
-SENSORS = Sensors(rate_hz=200.0, noise_percent=1.0, noise_floor=1e-3)
-SHARES = (0.1, 0.16, 0.063, 0.25)  # of the usual size, tried until a diagnosis is in doubt
+POOR, SECONDS = 0.3, 16.0  # of what the robot could do; of each of the first two runs
+SENSORS = Sensors(rate_hz=125.0, noise_percent=1.0, noise_floor=1e-3)
+FACTORS = (1.0, 1.5, 0.8, 2.5)  # of the smallest size that a diagnosis of the clean arm would have seen
 LONGEST = 60.0  # s of an answer
 
 
 @dataclass(frozen=True)
 class Case:
+    """`round` makes the robot and its first motions, `number` the noise."""
+
     true: str
     joint: int
-    seed: int
+    round: int
+    number: int
     robot: Path
-
-    def text(self, usual: Mapping[str, Any], share: float) -> str:
-        sizes = catalogue()[self.true].size_names
-        given = {k: v * share if k in sizes else v for k, v in usual["parameters"].items()}
-        return f"{self.true}:{self.joint}:" + ",".join(f"{k}={v:.5g}" for k, v in given.items())
 
     def runs(self) -> tuple[PlannedRun, ...]:
         """Small and slow motions: what a robot does that nobody asked anything."""
         whole = reach(load_robot(str(self.robot)))
         space = Reach(whole.centre, POOR * whole.half, POOR * whole.rate, POOR * whole.acceleration)
-        made = [fourier(space, SECONDS, np.random.default_rng([self.seed, 3, k])) for k in range(2)]
+        made = [fourier(space, SECONDS, np.random.default_rng([self.round, 3, k])) for k in range(2)]
         return tuple(
-            PlannedRun(f"run{k}", use, SECONDS, motion=motion)
+            PlannedRun(f"run{k}_{self.number}", use, SECONDS, motion=motion)
             for k, (use, motion) in enumerate(zip(("identify", "validate"), made), 1)
         )
 
-    def recordings(self, effect: str, runs: tuple[PlannedRun, ...]) -> list[ident.Recording]:
-        made = simulate(self.robot, effects=(effect,), seed=self.seed, runs=runs, sensors=SENSORS)
+    def recordings(self, effects: tuple[str, ...], runs: tuple[PlannedRun, ...]) -> list[ident.Recording]:
+        made = simulate(self.robot, effects=effects, seed=self.round, runs=runs, sensors=SENSORS)
         return [ident.Recording(pa.table(dict(r.columns)), r.use, name=r.label) for r in made.recordings]
 
     def told(self, recordings: list[ident.Recording]) -> ident.api.diagnosis.Diagnosis:
@@ -101,16 +100,27 @@ def named(document: Mapping[str, Any]) -> list[str]:
     return [f"{f['effect']}:{':'.join(map(str, f['joints']))}" for f in (first, *first["equivalent"])]
 
 
-def in_doubt(case: Case) -> tuple[str, list[ident.Recording], Any, int] | None:
+def request(document: Mapping[str, Any], effect: str, joint: int, factor: float = 1.0) -> str | None:
+    """The smallest effect that would have been seen, times a factor, as the twin is asked for it."""
+    sizes, settable = catalogue()[effect].size_names, {q.name for q in catalogue()[effect].quantities}
+    for its in document["smallest_visible"]:
+        if its["effect"] == effect and its["joints"] == [joint]:
+            values = {n: v["value"] for n, v in its["parameters"].items() if n in settable}
+            values = {n: v * factor if n in sizes else v for n, v in values.items()}
+            return f"{effect}:{joint}:" + ",".join(f"{n}={v:.6g}" for n, v in values.items())
+    return None
+
+
+def in_doubt(case: Case, clean: Mapping[str, Any]) -> tuple[str, list[ident.Recording], Any, int] | None:
     """An effect so small that the first diagnosis cannot tell it from another: request, runs, diagnosis."""
-    usual = simulate(
-        case.robot, effects=(f"{case.true}:{case.joint}",), seed=case.seed, runs=case.runs(), sensors=SENSORS
-    ).truth["effects"][0]
-    for tries, share in enumerate(SHARES, 1):
-        effect = case.text(usual, share)
-        runs = case.recordings(effect, case.runs())
+    for tries, factor in enumerate(FACTORS, 1):
+        effect = request(clean, case.true, case.joint, factor)
+        if effect is None:
+            return None
+        runs = case.recordings((effect,), case.runs())
         d = case.told(runs)
         names = named(d.document())
+        print("  ", effect, names, file=sys.stderr, flush=True)
         if len(names) > 1 and f"{case.true}:{case.joint}" in names:
             return effect, runs, d, tries
     return None
@@ -126,10 +136,10 @@ def answer(case: Case, folder: Path) -> tuple[list[str], FourierMotion, float]:
     return list(done.separated.labels), FourierMotion(motion.basis, motion.x, seconds), done.separated.seconds
 
 
-def run(case: Case) -> dict[str, Any]:
+def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
     begin = time.perf_counter()
-    found = in_doubt(case)
-    row: dict[str, Any] = {"true": f"{case.true}:{case.joint}", "seed": case.seed}
+    found = in_doubt(case, clean)
+    row: dict[str, Any] = {"true": f"{case.true}:{case.joint}", "round": case.round, "number": case.number}
     if found is None:
         return {**row, "outcome": "never in doubt", "took": time.perf_counter() - begin}
     effect, runs, first, tries = found
@@ -141,7 +151,7 @@ def run(case: Case) -> dict[str, Any]:
     row |= {"asked": labels, "seconds": seconds}
     moved = motion.motion
     again = case.recordings(
-        effect,
+        (effect,),
         (
             PlannedRun("answer1", "identify", moved.duration, motion=moved),
             PlannedRun("answer2", "validate", moved.duration, motion=moved),
@@ -157,17 +167,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--cases", type=int, default=60)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--only", type=int, default=None, help="number of a pair")
     parser.add_argument("--out", type=Path, default=None)
     given = parser.parse_args()
     robot = Path(tempfile.mkdtemp()) / "small.yaml"
     robot.write_text(ARM)
     counts: dict[str, int] = defaultdict(int)
     decided = number = 0
+    effects = list(dict.fromkeys(name for pair in PAIRS for name in pair))
     while decided < given.cases:
-        pair = PAIRS[number % len(PAIRS) if given.only is None else given.only]
-        true = pair[(number // len(PAIRS)) % 2]
-        row = run(Case(true, 2 + (number // 5) % 2, 1000 * given.seed + number, robot))
+        turn, k = divmod(number, 2 * len(effects))
+        if k == 0:
+            first = Case("", 1, 100 * given.seed + turn, number, robot)
+            clean = first.told(first.recordings((), first.runs())).document()
+        case = Case(effects[k % len(effects)], 1 + k // len(effects), first.round, number, robot)
+        row = run(case, clean)
         counts[row["outcome"]] += 1
         decided += row["outcome"] != "never in doubt"
         number += 1

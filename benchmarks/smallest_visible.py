@@ -17,21 +17,21 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-from closing_twice import ARM, named
+from closing_twice import ARM, named, request
 
 import ident
 from ident.twin import PlannedRun, Sensors, simulate
 from ident.twin.trajectories import fourier, reach
 from modelgen.geometry.robot_file import load_robot
 
-SENSORS = Sensors(rate_hz=200.0)
+SENSORS = Sensors(rate_hz=125.0)
 EFFECTS = (
     "stribeck_friction:2",
     "asymmetric_friction:1",
-    "offset_drift:3",
+    "offset_drift:1",
     "load_dependent_friction:2",
     "torque_ripple:1",
-    "spring:3",
+    "spring:1",
     "time_delay:2",
     "nonlinear_viscous_friction:2",
     "position_dependent_friction:1",
@@ -51,14 +51,9 @@ def diagnosed(robot: Path, effect: tuple[str, ...], number: int, seconds: float)
     return ident.diagnose(ident.Study(robot=str(robot), recordings=tables)).document()
 
 
-def request(document: Any, name: str) -> str | None:
-    """The smallest visible effect as the twin is asked for it."""
+def place(name: str) -> tuple[str, int]:
     effect, joint = name.split(":")
-    for its in document["smallest_visible"]:
-        if its["effect"] == effect and its["joints"] == [int(joint)]:
-            values = {n: v["value"] for n, v in its["parameters"].items() if n not in ("Iam", "sigma")}
-            return f"{name}:" + ",".join(f"{n}={v:.6g}" for n, v in values.items())
-    return None
+    return effect, int(joint)
 
 
 def main() -> None:
@@ -70,14 +65,14 @@ def main() -> None:
     robot = Path(tempfile.mkdtemp()) / "small.yaml"
     robot.write_text(ARM)
     clean = diagnosed(robot, (), 0, given.seconds)
-    asked = {name: text for name in given.effects if (text := request(clean, name))}
+    asked = {name: text for name in given.effects if (text := request(clean, *place(name)))}
     print(f"clean: {clean['verdict']}; not told of: {sorted(set(given.effects) - set(asked))}", flush=True)
     seen = dict.fromkeys(asked, 0)
     known = dict.fromkeys(asked, 0)
     for case in range(1, given.cases + 1):
         name = list(asked)[case % len(asked)]
         document = diagnosed(robot, (asked[name],), case, given.seconds)
-        joint = int(name.split(":")[1])
+        joint = place(name)[1]
         places = [*document["findings"], *document["unexplained"]]
         seen[name] += any(joint in its["joints"] for its in places)
         known[name] += name in named(document)

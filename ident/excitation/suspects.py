@@ -68,16 +68,15 @@ def told(project: Projector, terms: Sequence[Term]) -> Separated:
         exact.append(proof(first, both[0].other) if both[0].same else None)
         rates = [its.rate for its in both if not its.same]
         seconds.append(seconds_needed(min(rates)) if rates else float("inf"))
-        sentences.append(_sentence(first.label, rival.label, both, seconds[-1], exact[-1]))
-    if len(rivals) > 1:
-        finite = [s for s in seconds if np.isfinite(s)]
-        if finite:
-            sentences.append(f"All that can be told is told by {max(finite):.3g} s.")
+        period = float(project.motion.t[-1] - project.motion.t[0])
+        much = f"{seconds[-1]:.3g} s of this motion decide"
+        much = much if seconds[-1] > period else "one period of this motion decides"
+        sentences.append(_sentence(first.label, rival.label, both, much, exact[-1]))
     labels = tuple(term.label for term in terms)
     return Separated(labels, tuple(against), max(seconds), " ".join(sentences), tuple(exact))
 
 
-def _sentence(a: str, b: str, both: tuple[Imitation, Imitation], seconds: float, exact: str | None) -> str:
+def _sentence(a: str, b: str, both: tuple[Imitation, Imitation], much: str, exact: str | None) -> str:
     same = [its.same for its in both]
     if all(same):
         shown = f"; exactly: {exact}" if exact else " in this motion and at the sizes given"
@@ -86,6 +85,6 @@ def _sentence(a: str, b: str, both: tuple[Imitation, Imitation], seconds: float,
         special, general = (a, b) if same[0] else (b, a)
         return (
             f"{general} contains {special}: what {special} does, {general} does too; only the other way "
-            f"round do {seconds:.3g} s of this motion decide."
+            f"round: {much}."
         )
-    return f"{a} or {b}: {seconds:.3g} s of this motion decide, right in 99 of 100 cases."
+    return f"{a} or {b}: {much}, right in 99 of 100 cases."

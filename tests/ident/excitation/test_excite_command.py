@@ -64,7 +64,7 @@ def test_two_suspects_and_how_long(arm, capsys):
     assert run(["excite", str(arm), "-o", str(arm.parent / "pair"), *options]) == 0
     told = json.loads((arm.parent / "pair" / "excitation.json").read_text())["separation"]
     assert told["seconds_for_99_percent"] < 600 and told["same_in_any_motion"] == [False, False]
-    assert "decide, right in 99 of 100 cases" in capsys.readouterr().out
+    assert ", right in 99 of 100 cases" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
