@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from ident.examination.torques import signal_of
 
 ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
 TOGETHER = 1.8  # that of all channels, in the mean
+ROWS = 300  # of a recording that is looked into
 HALVED = 0.6  # mean gain of the odd channels
 AS_OTHERS, ENOUGH = 1.7, 0.15  # a cause leaves the usual error times this, or this
 LEAST_LAG, LARGE = 0.05, 2.5
@@ -114,7 +116,7 @@ def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
 
     def misfit(errors: np.ndarray, without: int) -> float:
         kept = np.log(np.fmax(np.delete(errors, without, 0) if without >= 0 else errors, 3e-3))
-        return float(np.nansum(np.nanmean(kept, axis=0)))
+        return float(np.nansum(_middle(kept, np.nanmean)))
 
     tables = {-1: others(-1)}
     if len(fitted) > 1 and len(samples) > 2:
@@ -130,15 +132,31 @@ def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
         if sample.payload not in known or (k in fitted and k != odd_one):
             continue  # a load of its own, or one of those that the others are compared with
         rest = [i for i in range(len(samples)) if i != k and i != odd_one]
-        usual = np.nanmedian(errors[rest], axis=0)
+        usual = _middle(errors[rest])
         with np.errstate(invalid="ignore"):
             times = errors[k] / usual
-            together = np.exp(np.nanmean(np.log(times))) > TOGETHER
+            known_times = times[np.isfinite(times) & (times > 0)]
+            together = bool(len(known_times)) and np.exp(np.mean(np.log(known_times))) > TOGETHER
             odd = np.flatnonzero((errors[k] > ODD) & (times > (TOGETHER if together else TIMES)))
         if len(odd):
-            size = sizes[k] / np.fmax(np.nanmedian(sizes[rest], axis=0), 1e-300)
+            size = sizes[k] / np.fmax(_middle(sizes[rest]), 1e-300)
             travel = reach[k] / np.fmax(np.median(reach[rest], axis=0), 1e-9)
-            yield Apart(sample, chi, errors[k], usual, tuple(odd.tolist()), size, travel)
+            yield Apart(_thinned(sample), chi, errors[k], usual, tuple(odd.tolist()), size, travel)
+
+
+def _middle(values: np.ndarray, of: Any = np.nanmedian) -> np.ndarray:
+    """(C,) of values (K, C); NaN where a channel has none."""
+    out = np.full(values.shape[1], np.nan)
+    some = np.isfinite(values).any(axis=0)
+    out[some] = of(values[:, some], axis=0)
+    return out
+
+
+def _thinned(s: Sample) -> Sample:
+    """Rows enough to judge by, few enough to try a hundred motions."""
+    pick = slice(None, None, max(1, len(s.t) // ROWS))
+    parts = {name: getattr(s, name)[pick] for name in ("t", "q", "dq", "ddq", "sign", "Y", "weight")}
+    return replace(s, W=s.W[:, pick], late=s.late[:, pick], **parts)
 
 
 def _assigned(s: Sample, how: Assignment) -> Sample:
@@ -224,7 +242,7 @@ def _positions(quick: Quick, apart: Apart) -> Iterator[Cause]:
     own = "give this recording a columns: of its own in the study"
 
     def moved(order: np.ndarray, sign: np.ndarray, offset: np.ndarray) -> Sample:
-        q, *rest = (x[:, order] * sign for x in (s.q, s.dq, s.ddq, s.sign))
+        q, *rest = (x[:, order] * sign for x in s.motion)
         return s.moved(columns, q + offset, *rest)
 
     none, same, ones = np.zeros(n), np.arange(n), np.ones(n)

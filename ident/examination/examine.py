@@ -10,7 +10,7 @@ a torque with the other sign is not a tilted base as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -19,17 +19,20 @@ import yaml
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
 from ident.examination.apart import recordings_apart
-from ident.examination.check import Check, column_line, refuse, turned_sign, worst_first
+from ident.examination.check import Check, column_line, listed, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
 from ident.examination.geometry import base_orientation, joint_axes, parts_of
 from ident.examination.limits import beyond_limits
 from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
+from ident.examination.signals import TURNS
 from ident.examination.torques import (
     CLEARLY,
     Hypothesis,
     all_signs,
     one_sign,
+    other_orders,
+    scaled_positions,
     scales,
     several_signs,
     swapped,
@@ -42,7 +45,7 @@ FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
 BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
-DEGREES = np.pi / 180
+DEGREES, HALF = np.pi / 180, 0.5
 UNDONE = ("torque_sign", "torque_scale", "swapped_signals", "position_sign", "base_orientation", "angle_unit")
 
 
@@ -119,6 +122,8 @@ def _best(
     bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
     if bad:
         found += swapped_positions(quick, fit, how, names)
+        found += scaled_positions(quick, fit, how, names)
+        found += other_orders(quick, fit, how, names, currents)
     found += delays(quick, fit, how, currents)
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
@@ -126,30 +131,38 @@ def _best(
     return max(found, key=lambda h: h.gain, default=None)
 
 
-def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> Iterable[Hypothesis]:
-    """All positions in degrees."""
+def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> Iterator[Hypothesis]:
+    """All positions in degrees, or those of the joints that go beyond two turns."""
     columns = quick.columns
     turning = np.array([str(j) not in columns.model.prismatic for j in columns.need.joints])
-    if max(np.abs(s.q[:, turning]).max(initial=0.0) for s in quick.samples) < 2 * np.pi:
+    reach = np.max([np.abs(s.q).max(axis=0) for s in quick.samples], axis=0)
+    if reach[turning].max(initial=0.0) < 2 * np.pi:
         return
-    factor = np.where(turning, DEGREES, 1.0)
-    moved = quick.of(
-        [s.moved(columns, s.q * factor, s.dq * factor, s.ddq * factor, s.sign) for s in quick.samples]
-    )
-    other = moved.fit(how)
-    if other.gain_over(fit) > CLEARLY and other.holds_over(fit) > 0.5 * CLEARLY:
-        names = [f"q{j}" for j, turns in zip(columns.need.joints, turning) if turns]
-        check = Check(
-            "angle_unit",
-            "",
-            tuple(names),
-            None,
-            "refused",
-            "the positions are in degrees: taken so, the errors of the torques fall from "
-            f"{100 * np.nanmax(fit.error):.0f} to {100 * np.nanmax(other.error):.0f} % at most",
-            "write " + column_line(maps, {name: {"scale": 0.0174533} for name in names}),
+    far = turning & (reach > TURNS)
+    for which in (turning, far) if far.any() and (far != turning).any() else (turning,):
+        factor = np.where(which, DEGREES, 1.0)
+        moved = quick.of(
+            [s.moved(columns, s.q * factor, s.dq * factor, s.ddq * factor, s.sign) for s in quick.samples]
         )
-        yield Hypothesis(other.gain_over(fit), how, check, moved)
+        other = moved.fit(how)
+        enough = other.gain_over(fit) > CLEARLY and other.holds_over(fit) > 0.5 * CLEARLY
+        fallen = (np.nanmedian(other.error) / np.nanmedian(fit.error) < HALF) and (
+            np.nanmax(other.error) / np.nanmax(fit.error) < HALF
+        )
+        if enough and fallen:
+            names = [f"q{j}" for j, turns in zip(columns.need.joints, which) if turns]
+            check = Check(
+                "angle_unit",
+                "",
+                tuple(names),
+                None,
+                "refused",
+                f"{'the positions' if which is turning else listed(names)} "
+                f"{'are' if len(names) > 1 else 'is'} in degrees: taken so, the errors of the torques fall "
+                f"from {100 * np.nanmax(fit.error):.0f} to {100 * np.nanmax(other.error):.0f} % at most",
+                "write " + column_line(maps, {name: {"scale": 0.0174533} for name in names}),
+            )
+            yield Hypothesis(other.gain_over(fit), how, check, moved)
 
 
 def _geometry(

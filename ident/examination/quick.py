@@ -48,6 +48,11 @@ class Sample:
     W: np.ndarray
     late: np.ndarray
 
+    @property
+    def motion(self) -> tuple[np.ndarray, ...]:
+        """q, dq, ddq, sign (N, n) each."""
+        return self.q, self.dq, self.ddq, self.sign
+
     def moved(
         self, columns: Columns, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: np.ndarray
     ) -> Sample:

@@ -33,6 +33,7 @@ GROSS_RUN = 20  # samples
 MARK = 1.0  # ranges from the median at which a logger's mark is one, if it leaps
 SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 2147483647.0, 2147483648.0)
 ABSURD = 1e9
+DROPOUTS, DROPOUT_RUN, DROPOUT = 10, 3, 8.0  # rows, of them at most in a row, times the usual change
 STRETCH = 100  # samples of a local scale
 CONTEXT = 64  # rows carried over from block to block
 FROZEN_S = 0.1
@@ -149,6 +150,8 @@ class Mender:
         if not len(self._reach):
             self._reach = np.zeros(values.shape[1])
         sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset, self._reach)
+        for k in range(self.n, values.shape[1]):
+            sentinel[:, k] |= dropouts(values[:, k])
         sentinel &= ~empty
         self._count("missing_values", rows, empty & fresh[:, None])
         self._count("sentinel", rows, sentinel & fresh[:, None])
@@ -278,6 +281,28 @@ def no_measurement(
         gross = away > np.maximum(GROSS * np.maximum(reach, np.maximum(known, 1e-3)), 12 * changes)
     out = out | (far & sentinel) | _marks(raw, clean, away > MARK * reach)
     return out, np.column_stack([_short(g, c) for g, c in zip((gross & ~out).T, clean.T)])
+
+
+def dropouts(x: np.ndarray) -> np.ndarray:
+    """(N,) bool: single rows of a torque (N,) that read one and the same number far from their neighbours,
+    as where a message was lost and the field stayed empty."""
+    none = np.zeros(len(x), bool)
+    values, counts = np.unique(x[np.isfinite(x)], return_counts=True)
+    if len(values) < 20 or counts.max() < max(DROPOUTS, 0.003 * len(x)):
+        return none
+    mine = x == values[int(np.argmax(counts))]
+    good = np.flatnonzero(~mine & np.isfinite(x))
+    steps = np.abs(np.diff(x[good]))
+    usual = max(float(np.quantile(steps, 0.75)), float(steps[steps > 0].min(initial=np.inf)))
+    at = np.flatnonzero(mine)
+    after = np.clip(np.searchsorted(good, at), 1, len(good) - 1)
+    before = good[after - 1]
+    single = (before < at) & (at < good[after]) & (good[after] - before <= DROPOUT_RUN + 1)
+    away = np.minimum(np.abs(x[at] - x[before]), np.abs(x[at] - x[good[after]])) > DROPOUT * usual
+    lost = at[single & away]
+    if len(lost) >= DROPOUTS and len(lost) > 0.5 * len(at):
+        none[lost] = True
+    return none
 
 
 def _marks(raw: np.ndarray, x: np.ndarray, away: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ Every function is pure: what one pass counted goes in, checks come out.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -195,6 +195,18 @@ def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         values = excerpt.column(k)
         distinct = np.unique(values[:: max(1, len(values) // 2000)])
         if len(distinct) == 2 and len(values) > 200 and len(np.unique(values)) == 2:
+            if k >= columns.n and not _switch(distinct):
+                yield Check(
+                    "coarse_signal",
+                    columns.recording,
+                    (name,),
+                    None,
+                    "warned",
+                    f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: it stays below its "
+                    "own resolution, and nothing is seen of it",
+                    f"leave it out with {columns.without([name])}",
+                )
+                continue
             out = f", or leave it out with {columns.without([name])}" if k >= columns.n else ""
             yield Check(
                 "flag_column",
@@ -208,9 +220,16 @@ def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             )
 
 
-def limits_hit(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """Torques that stay exactly at their extreme while the joint moves."""
+def _switch(values: np.ndarray) -> bool:
+    """Whether two values are those of a switch: whole numbers, or leaps beyond a torque's resolution."""
+    return bool((values == np.rint(values)).all() or np.ptp(values) > 0.5)
+
+
+def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -> Iterator[Check]:
+    """Torques that stay exactly at their extreme while the joint moves; slow: those that are held anyway."""
     for k in range(columns.n, len(columns.signals)):
+        if k in slow:
+            continue
         x, q = excerpt.column(k), excerpt.column(int(columns.joint[k]))
         for sign, word in ((1.0, "largest"), (-1.0, "smallest")):
             y = sign * x
@@ -286,11 +305,19 @@ def units(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator
 def of_table(
     columns: Columns, mender: Mender, excerpt: Excerpt, lowest: np.ndarray, highest: np.ndarray, rows: int
 ) -> Iterable[Check]:
-    """Every check of this file."""
+    """Every check of one table."""
+    from ident.examination import repeats
+
+    said, slow = repeats.held(columns, excerpt)
     yield from lost_samples(columns, mender, rows)
     yield from wraps(columns, mender)
     yield from units(columns, lowest, highest)
     yield from position_steps(columns, mender)
     yield from dead_and_resting(columns, lowest, highest)
     yield from flags(columns, excerpt)
-    yield from limits_hit(columns, excerpt)
+    yield from limits_hit(columns, excerpt, slow)
+    yield from said
+    yield from repeats.copies(columns, excerpt)
+    yield from repeats.standing(columns, excerpt, slow)
+    yield from repeats.unsigned(columns, excerpt)
+    yield from repeats.coarse(columns, excerpt, slow)

@@ -25,6 +25,8 @@ FACTOR = 3.0
 NOTHING = 0.85  # error of a channel that the model does not explain
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 CONFIGURATIONS = 40
+POSITION_FACTORS = (0.1, 0.5, 2.0, 10.0, 180 / np.pi)
+PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', from which it is said
 MOST_SIGNS = 8  # torques whose signs are all tried together
 
 
@@ -214,9 +216,7 @@ def swapped_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> It
         order, sign = np.arange(n), np.ones(n)
         order[[a, b]] = b, a
         sign[a] = -1.0 if a == b else 1.0
-        samples = [
-            s.moved(columns, *(x[:, order] * sign for x in (s.q, s.dq, s.ddq, s.sign))) for s in quick.samples
-        ]
+        samples = [s.moved(columns, *(x[:, order] * sign for x in s.motion)) for s in quick.samples]
         turned = quick.of(samples)
         other = turned.fit(how)
         if not (other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED):
@@ -237,6 +237,74 @@ def swapped_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> It
                 column_line(maps, {f"q{labels[a]}": {"sign": -1}}),
             )
         yield Hypothesis(other.gain_over(fit), how, check, turned)
+
+
+def scaled_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> Iterator[Hypothesis]:
+    """One position times a number: another unit, a gear counted twice or not at all."""
+    columns = quick.columns
+    for j, label in enumerate(columns.need.joints):
+        for factor in POSITION_FACTORS:
+            times = np.where(np.arange(len(columns.need.joints)) == j, factor, 1.0)
+            samples = [
+                s.moved(columns, s.q * times, s.dq * times, s.ddq * times, s.sign) for s in quick.samples
+            ]
+            moved = quick.of(samples)
+            other = moved.fit(how)
+            if not (other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED):
+                continue
+            check = Check(
+                "angle_unit",
+                "",
+                (f"q{label}",),
+                None,
+                "warned",
+                f"q{label} looks {1 / factor:.3g} times too large: another unit, or a gear that is counted "
+                f"twice or not at all; so taken, {_falls(fit, other)}",
+                column_line(maps, {f"q{label}": {"scale": factor}}),
+            )
+            yield Hypothesis(other.gain_over(fit), how, check, moved)
+
+
+def other_orders(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
+    """Joints in another order, positions and torques alike: two exchanged, all reversed, all moved by one."""
+    columns, n = quick.columns, len(quick.columns.need.joints)
+    labels = [str(j) for j in columns.need.joints]
+    same = list(range(n))
+    orders = [same[1:] + same[:1], same[-1:] + same[:-1], same[::-1]] if n > 2 else []
+    for a, b in combinations(same, 2):
+        orders.append([b if k == a else a if k == b else k for k in same])
+    place = {(int(j), c.side): k for k, (j, c) in enumerate(zip(columns.joint_of, columns.need.channels))}
+    for order in orders:
+        source = [
+            place.get((order[int(j)], c.side), -1) for j, c in zip(columns.joint_of, columns.need.channels)
+        ]
+        if -1 in source:
+            continue
+        turned = quick.of([s.moved(columns, *(x[:, order] for x in s.motion)) for s in quick.samples])
+        taken = Assignment(tuple(how.order[k] for k in source), tuple(how.factor[k] for k in source))
+        other = turned.fit(taken)
+        if not (other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED):
+            continue
+        wrong = [k for k in same if order[k] != k]
+        changes = {f"q{labels[k]}": f"q{labels[order[k]]}" for k in wrong}
+        changes |= {
+            signal_of(quick, c, currents): signal_of(quick, k, currents)
+            for c, k in enumerate(source)
+            if c != k
+        }
+        line = ", ".join(f"{a}: {maps[b].column if b in maps else b}" for a, b in changes.items())
+        which = ", ".join(labels[k] for k in order)
+        check = Check(
+            "swapped_signals",
+            "",
+            tuple(changes),
+            None,
+            "warned",
+            f"the joints look recorded in another order: positions and torques of {which} where "
+            f"{', '.join(labels)} are meant; so taken, {_falls(fit, other)}",
+            f"columns: {{{line}}}",
+        )
+        yield Hypothesis(other.gain_over(fit), taken, check, turned)
 
 
 def _swap_check(names: tuple[str, str], maps: dict, which: str, what: str, fit: Fit, other: Fit) -> Check:
@@ -355,6 +423,28 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
             "carries next to "
             "no torque",
             "check the columns, or leave them out with channels: [...]",
+        )
+    usual = float(np.median(error))
+    some = [
+        int(c)
+        for c in seen
+        if c not in empty
+        and fit.error[c] > max(PARTLY, PARTLY_TIMES * usual)
+        and (fit.validate is None or not fit.validate[c] < PARTLY)
+    ]
+    if some and len(seen) > 2:
+        names = tuple(signal_of(quick, c, currents) for c in some)
+        yield Check(
+            "unrelated_torque",
+            "",
+            names,
+            None,
+            "warned",
+            f"the model explains only a part of {listed(names)} (errors of "
+            f"{listed(f'{100 * fit.error[c]:.0f} %' for c in some)}, the other torques about "
+            f"{100 * usual:.0f} %): noise, another signal for a while, a magnitude without its sign, or "
+            "something large that the model lacks",
+            "look at its plot, or leave it out with channels: [...]",
         )
     if fit.validate is not None and np.isfinite(fit.validate).any():
         held = fit.validate[np.isfinite(fit.validate)]

@@ -144,7 +144,10 @@ def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, 
     """The raw blocks, once their time is in seconds. Raises RecordingError where it is not."""
     if stream.counted_rate_hz is None:
         stamps = next(iter(stream.table.blocks(stream.names)), np.zeros((0, 1)))[:, 0]
-        steps = np.diff(stamps * stream.factors[0] + stream.offsets[0])
+        seconds = stamps * stream.factors[0] + stream.offsets[0]
+        steps = np.diff(seconds)
+        if (steps < 0).any():
+            _refuse_time(stream, seconds[1:], steps, np.arange(1, len(seconds)))
         if (steps > 0).any():
             own = [e.columns for e in study.recordings if e.label == stream.label]  # none: a log to predict
             maps = {**study.columns, **(own[0] if own else {})}

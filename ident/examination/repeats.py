@@ -1,0 +1,172 @@
+"""Signals that repeat themselves or another one: copies, torques that stand still while their joint moves,
+values held over many rows, resolutions too coarse for what is measured.
+
+Every function is pure and looks at the excerpt of a table; what changes by its own resolution alone (small
+counts, slow turns) is told from what a logger repeats by the spacing of its changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ident.examination.check import Check, Outcome, listed
+from ident.examination.excerpt import Excerpt
+from ident.examination.signals import Columns
+
+SAME = 1e-9  # of a signal's range
+STILL_S, STILL_ROWS, STILL_TIMES = 0.3, 30, 10.0  # s, rows, times the longest usual run of equal values
+TRAVEL = 0.02  # of the joint's range, moved through meanwhile
+MOST_STILL, FEW = 0.05, 40  # share of the samples; values of a signal that stands still by its resolution
+NEAR_ZERO, AWAY, VISITS = 0.01, 0.1, 8  # of the largest value
+HELD_S, HELD_ROWS, HELD_ALIKE = 0.04, 4, 0.6  # s and rows between changes, share of equal distances
+LEVELS, TORQUE_LEVELS = 250, 6  # steps of its resolution that a signal's range holds
+
+
+def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Two signals of which one is the other but for scale and offset."""
+    x = np.stack([excerpt.column(k) for k in range(len(columns.signals))], axis=1)
+    x = x[:: max(1, len(x) // 4000)]
+    span = np.ptp(x, axis=0)
+    if len(x) < 100:
+        return
+    z = (x - x.mean(axis=0)) / np.where(span > 0, span, 1.0)
+    alike = np.corrcoef(np.where(span > 0, z, np.random.default_rng(0).normal(size=z.shape)).T)
+    for k, m in zip(*np.nonzero(np.triu(np.abs(alike) > 1 - 1e-6, 1))):
+        slope = (z[:, k] @ z[:, m]) / (z[:, k] @ z[:, k])
+        if np.abs(z[:, m] - slope * z[:, k]).max() > SAME or len(np.unique(x[:, m])) < 10:
+            continue
+        names, same_joint = (columns.signals[k], columns.signals[m]), columns.joint[k] == columns.joint[m]
+        soft = m < columns.n or (k >= columns.n and same_joint)  # a mimicking joint, a torque from a current
+        outcome: Outcome = "warned" if soft else "refused"
+        yield Check(
+            "copied_signal", columns.recording, names, None, outcome,
+            f"{names[1]} is {names[0]} again{'' if np.isclose(slope, 1) else ' times a number'}: one column "
+            "read for two signals, or a log that repeats it",
+            f"map the right columns with columns: {{{names[1]}: ...}}"
+            + (f", or leave it out with {columns.without([names[1]])}" if m >= columns.n else ""),
+        )  # fmt: skip
+
+
+def _runs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Begin (K,) and length (K,) of the runs of equal values of x (N,)."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
+    return edges[:-1], np.diff(edges)
+
+
+def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
+    """Torques that keep one value for a while in which their joint moves; slow: held anyway."""
+    for k in range(columns.n, len(columns.signals)):
+        if k in slow or len(np.unique(excerpt.column(k))) < FEW:
+            continue
+        j = int(columns.joint[k])
+        low, high = (f(excerpt.column(k)) for f in (np.min, np.max))
+        reach, lengths, found = np.ptp(excerpt.column(j)), [], []
+        for rows, t, values in excerpt.pieces:
+            begin, length = _runs(values[:, k])
+            lengths.append(length)
+            for at in np.flatnonzero(length >= STILL_ROWS):
+                own = slice(begin[at], begin[at] + length[at])
+                moved = np.ptp(values[own, j]) > max(TRAVEL * reach, 1e-3)
+                x = values[own, k][0]
+                sides = values[[max(own.start - 1, 0), min(own.stop, len(values) - 1)], k]
+                usual = np.quantile(np.abs(np.diff(values[:, k])), 0.95)
+                inside = low < x < high or np.abs(sides - x).max() > 5 * usual
+                if moved and inside and t[own][-1] - t[own][0] > STILL_S:
+                    found.append((int(length[at]), int(rows[own][0]) + 1, int(rows[own][-1]) + 1, float(x)))
+        every = np.concatenate(lengths)
+        most = STILL_TIMES * np.quantile(np.repeat(every, every)[_others(every, found)], 0.99, method="lower")
+        found = [run for run in found if run[0] >= most]
+        if not found:
+            continue
+        share = sum(run[0] for run in found) / max(every.sum(), 1)
+        refused = share > MOST_STILL
+        name, (_, first, _, x) = columns.signals[k], found[0]
+        yield Check(
+            "dead_channel", columns.recording, (name,), (first, found[-1][2]),
+            "refused" if refused else "warned",
+            f"{name} stands still at {x:.4g} for {100 * share:.2g} % of the samples while joint "
+            f"{columns.labels[j]} moves (rows {first} to {found[0][2]}"
+            f"{' and others' if len(found) > 1 else ''}): a drive that was off, a cable, a value held",
+            f"leave the stretch out with from: and to:, or the torque with {columns.without([name])}",
+        )  # fmt: skip
+
+
+def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Torques that come down to zero again and again and never below it."""
+    for k in range(columns.n, len(columns.signals)):
+        x = excerpt.column(k)
+        if x.min() < 0 and x.max() > 0:
+            continue
+        size = np.abs(x) / max(np.abs(x).max(), 1e-300)
+        state = np.where(size < NEAR_ZERO, 0, np.where(size > AWAY, 1, -1))
+        visits = state[state >= 0]
+        count = int(((visits[:-1] == 1) & (visits[1:] == 0)).sum())
+        if count >= VISITS and len(np.unique(x)) >= FEW:
+            name = columns.signals[k]
+            yield Check(
+                "unsigned_torque", columns.recording, (name,), None, "warned",
+                f"{name} comes down to zero {count} times and never changes its sign: a magnitude, or a "
+                "sensor of one direction",
+                f"record it with its sign, or leave it out with {columns.without([name])}",
+            )  # fmt: skip
+
+
+def _others(every: np.ndarray, found: list[tuple[int, int, int, float]]) -> np.ndarray:
+    """(rows,) bool: of all rows by run, those outside the runs that were found."""
+    long = np.isin(every, [run[0] for run in found])
+    keep = ~np.repeat(long, every)
+    return keep if keep.any() else np.ones(len(keep), bool)
+
+
+def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
+    """Signals that change only every so many rows; their columns."""
+    slow: dict[int, tuple[float, int]] = {}
+    for k in range(len(columns.signals)):
+        gaps, steps = [], []
+        for _, t, values in excerpt.pieces:
+            gaps.append(_runs(values[:, k])[1][1:-1])
+            steps.append(float(np.median(np.diff(t))) if len(t) > 1 else 0.0)
+        every = np.concatenate(gaps)
+        if len(every) < 10:
+            continue
+        usual = float(np.median(every))
+        alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
+        seconds = usual * float(np.median(steps))
+        if usual >= HELD_ROWS and seconds > HELD_S and alike > HELD_ALIKE:
+            slow[k] = (seconds, int(usual))
+    if not slow:
+        return [], set()
+    names = tuple(columns.signals[k] for k in slow)
+    seconds, rows = max(slow.values())
+    text = (
+        f"{listed(names)} change{'s' if len(names) == 1 else ''} only every {rows} rows ({seconds:.3g} s): "
+        f"recorded at {1 / seconds:.3g} Hz and held, which is late by {500 * seconds:.3g} ms in the mean"
+    )
+    remedy = "record them at the rate of the others; cut-offs above a fifth of theirs show the steps"
+    return [Check("held_signal", columns.recording, names, None, "warned", text, remedy)], set(slow)
+
+
+def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
+    """Signals whose range holds few steps of their resolution."""
+    told: dict[str, float] = {}
+    for k, name in enumerate(columns.signals):
+        x = excerpt.column(k)
+        steps = np.abs(np.diff(x))
+        steps = steps[steps > 0]
+        if len(steps) < 20 or k in slow:
+            continue
+        step = float(np.quantile(steps, 0.02))
+        multiples = (x - x[0]) / step
+        if np.mean(np.abs(multiples - np.rint(multiples)) < 1e-3) < 0.99:
+            continue
+        if np.ptp(x) / step < (LEVELS if k < columns.n else TORQUE_LEVELS):
+            told[name] = step
+    if told:
+        yield Check(
+            "coarse_signal", columns.recording, tuple(told), None, "warned",
+            f"{listed(told)} move{'s' if len(told) == 1 else ''} in steps of {max(told.values()):.3g}, few "
+            "of which fit into the whole motion: rates and accelerations are mostly those steps",
+            "record with a finer resolution, a larger motion, or a lower filter: {position_cutoff_hz: ...}",
+        )  # fmt: skip

@@ -1,0 +1,108 @@
+"""Signals that repeat themselves or another one, planted in a measured recording of a UR10e."""
+
+import numpy as np
+import pytest
+from planted import ON_RECORDINGS, changed, planted, refused, rows, tables
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+from ident.examination.samples import dropouts
+
+pytestmark = ON_RECORDINGS
+
+
+@pytest.mark.parametrize(("signal", "of"), [("i2", "q2"), ("i3", "i2")])
+def test_a_torque_that_is_another_signal(tmp_path, signal, of):
+    text, checks = refused(planted(tmp_path, lambda c: c | {signal: -0.3 * c[of] + 1}))
+    assert checks == {"copied_signal"} and signal in text and "times a number" in text
+
+
+@pytest.mark.parametrize("value", [0.0, -5.797])
+def test_a_torque_that_dies_on_the_way(tmp_path, value):
+    text, checks = refused(
+        planted(tmp_path, changed("i2", lambda x: rows(x, slice(len(x) // 2, None), value)))
+    )
+    assert checks == {"dead_channel"} and "i2 stands still" in text and "channels: [tau_m1, tau_m3" in text
+
+
+def test_a_torque_that_stands_still_for_a_second_is_warned_of(tmp_path):
+    study = planted(tmp_path, changed("i2", lambda x: rows(x, slice(1500, 1600), x[1500])))
+    said = [(c.check, c.outcome, c.signals) for c in tables(study)]
+    assert set(said) == {("dead_channel", "warned", ("i2",))}
+
+
+@pytest.mark.parametrize("signal", ["i2", "q2"])
+def test_a_signal_that_is_held_over_ten_rows(tmp_path, signal):
+    def change(c):
+        plain = {k: v for k, v in c.items() if k[:2] != "dq"}
+        return plain | {signal: c[signal][np.arange(len(c["t"])) // 10 * 10]}
+
+    said = {(c.check, c.signals) for c in tables(planted(tmp_path, change))}
+    assert said == {("held_signal", (signal,))}
+
+
+def test_a_torque_without_its_sign(tmp_path):
+    said = {(c.check, c.signals) for c in tables(planted(tmp_path, changed("i2", np.abs)))}
+    assert said == {("unsigned_torque", ("i2",))}
+
+
+def test_torques_in_whole_units_are_coarse_where_they_are_small(tmp_path):
+    said = tables(planted(tmp_path, lambda c: c | {f"i{j}": np.round(c[f"i{j}"]) for j in range(1, 7)}))
+    assert {c.check for c in said} == {"coarse_signal"} and any("i6" in c.signals for c in said)
+
+
+def test_messages_that_were_lost_are_masked(tmp_path):
+    lost = np.random.default_rng(0).random(10000) < 0.02
+
+    def change(x):
+        return np.where(lost[: len(x)], 0.0, x)
+
+    said = {(c.check, c.outcome, c.signals) for c in tables(planted(tmp_path, changed("i2", change)))}
+    assert said == {("missing_values", "mended", ("i2",))}
+
+
+def test_a_resolution_is_no_dropout():
+    t = np.arange(4096) / 100
+    for step in (0.05, 0.3, 1.0):
+        x = np.round((3 * np.sin(t) + 2 * np.sign(np.cos(t))) / step) * step
+        assert not dropouts(x).any()
+
+
+def test_rows_out_of_order_are_said_to_be(tmp_path):
+    order = np.random.default_rng(0).permutation(20000)
+    study = planted(tmp_path, lambda c: {k: v[order[order < len(v)]] for k, v in c.items()})
+    with pytest.raises(Exception, match="time runs backwards"):
+        prepare_study(study)
+
+
+def _plain(c):
+    return {k: v for k, v in c.items() if k[:2] != "dq"}
+
+
+ORDERS = {
+    "q2 twice as large": (lambda c: _plain(c) | {"q2": 2 * c["q2"]}, "angle_unit", "q2"),
+    "the controller's alphabetical order": (
+        lambda c: _plain(c) | {f"{k}{a}": c[f"{k}{b}"] for k in "qi" for a, b in ((1, 3), (3, 1))},
+        "swapped_signals",
+        "3, 2, 1, 4, 5, 6",
+    ),
+    "all moved by one": (
+        lambda c: _plain(c) | {f"{k}{a}": c[f"{k}{a % 6 + 1}"] for k in "qi" for a in range(1, 7)},
+        "swapped_signals",
+        "6, 1, 2, 3, 4, 5",
+    ),
+}
+
+
+@pytest.mark.parametrize("defect", ORDERS)
+def test_positions_and_torques_of_other_joints(tmp_path, defect):
+    change, check, words = ORDERS[defect]
+    said = examine_fit(prepare_study(planted(tmp_path, change)))
+    assert said[0].check == check and words in said[0].message
+
+
+def test_one_joint_in_degrees_is_that_joint_alone(tmp_path):
+    study = planted(tmp_path, lambda c: _plain(c) | {"q2": np.degrees(c["q2"])})
+    with pytest.raises(Exception, match="q2 is in degrees") as caught:
+        examine_fit(prepare_study(study))
+    assert "q1" not in str(caught.value)

@@ -1,0 +1,71 @@
+"""Measured recordings with a defect planted in them, for the tests of what is said about it."""
+
+import os
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from ident.equations.prepared import prepare_study
+from ident.errors import RecordingError
+from ident.examination.examine import examine_fit, examine_tables
+from ident.recordings.study import load_study
+
+DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[3] / "shared" / "data")
+ON_RECORDINGS = [
+    pytest.mark.real_data,
+    pytest.mark.skipif(
+        not DATA.is_dir(), reason=f"the recordings are not at {DATA}; set DYNIDENT_DATA to their folder"
+    ),
+]
+
+
+def ur10e():
+    study = load_study(str(files("ident").joinpath("studies", "ur10e.yaml")))
+    keep = ("excite_a_50s", "excite_c_30s")
+    return study.with_(recordings=tuple(e for e in study.recordings if e.label in keep))
+
+
+def planted(folder, change, study=None):
+    study = study or ur10e()
+    for path in {study.recording_path(entry) for entry in study.recordings}:
+        table = pq.read_table(path)
+        columns = {name: table[name].to_numpy() for name in table.column_names if name != "pose"}
+        columns = {name: np.asarray(values, float) for name, values in columns.items()}
+        pq.write_table(pa.table({k: pa.array(v) for k, v in change(columns).items()}), folder / path.name)
+    return study.with_(folder=str(folder))
+
+
+def measured(robot):
+    path = DATA / robot / "study.yaml"
+    return load_study(path if path.is_file() else str(files("ident").joinpath("studies", f"{robot}.yaml")))
+
+
+def live_arm():
+    """The dual arm without its dead sensors."""
+    keep = [f"tau_m{j}" for j in range(1, 8)] + [f"tau_l{j}" for j in range(1, 5)]
+    return measured("dualarm_v2_7dof").with_(channels=tuple(keep))
+
+
+def refused(study):
+    with pytest.raises(RecordingError) as caught:
+        prepared = prepare_study(study)
+        examine_fit(prepared)
+    return str(caught.value), {check.check for check in caught.value.checks if check.outcome == "refused"}
+
+
+def tables(study):
+    return examine_tables(prepare_study(study))
+
+
+def changed(name, values):
+    return lambda columns: columns | {name: values(columns[name])}
+
+
+def rows(x, at, values):
+    out = x.copy()
+    out[at] = values
+    return out
