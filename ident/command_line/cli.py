@@ -1,8 +1,11 @@
 """The command `ident`; what it takes stands in `app.py`, which is imported when Ctrl-C is heard."""
 
+import os
 import sys
 
 from modelgen import command_line
+
+os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # gives back what a recording's blocks took
 
 
 def _app() -> object:

@@ -24,8 +24,7 @@ from ident.equations.prepared import Prepared, prepare_study
 from ident.equations.terms import Term
 from ident.errors import RecordingError, StudyError
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
-from ident.estimation.estimators.instrumental import Feedback
-from ident.estimation.estimators.refined import refined
+from ident.estimation.estimators.refined import Feedback, refined
 from ident.estimation.least_squares import Estimate, bounded
 from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson
 from ident.estimation.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce

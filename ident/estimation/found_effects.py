@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from ident.equations.placing import study_with
 from ident.equations.terms import Term
@@ -109,4 +109,4 @@ def _wald(sizes: np.ndarray, covariance: np.ndarray) -> float:
     values, vectors = np.linalg.eigh(correlation)
     kept = values > 1e-10
     told = (vectors[:, kept].T @ (sizes / scale)) ** 2 / values[kept]
-    return float(scipy.stats.chi2.sf(told.sum(), int(kept.sum())))
+    return float(scipy.special.chdtrc(int(kept.sum()), told.sum()))

@@ -9,11 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ident.report.page import Cell, Plot, Remark, ReportPage, Section, Table
 from modelgen.geometry.names import ParameterName
-from modelgen.geometry.robot import Robot
+
+if TYPE_CHECKING:  # the module brings SymPy, which a fit does without
+    from modelgen.geometry.robot import Robot
 
 Names = Mapping[str, str]  # {"joint 2": "elbow", "link 3": "elbow"}
 SIGNAL = r"(?<![\w.,{\[:/=-])(?P<signal>tau_[mld]|ddq|dq|q|i)(?P<number>\d+)(?![\w:\]}(=/]|\.\w)"

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modelgen.effects.states import integrate_dahl
-
 LN2 = float(np.log(2.0))
 
 
@@ -32,6 +30,8 @@ class TurnOver:
 
     def state(self, q: np.ndarray, dq: np.ndarray, state: float | None = None) -> np.ndarray:
         """(N,) z of the presliding."""
+        from modelgen.effects.states import integrate_dahl  # not at the top: SymPy, which few fits need
+
         first = float(np.sign(dq[0])) if state is None else state
         return integrate_dahl(q, {"width": self.travel}, first)
 

@@ -49,38 +49,13 @@ class Instrumental:
         return float(scipy.special.fdtrc(self.df_num, self.df_den, self.statistic))
 
 
-@dataclass(frozen=True, slots=True)
-class Feedback:
-    """The test of "least squares is unbiased", and the parameter that the two estimates tell apart most, by
-    how many of its standard deviations. Many rows reject a bias that does not matter: only one of a whole
-    deviation is worth a word."""
-
-    statistic: float
-    p_value: float
-    parameter: str
-    shift: float
-
-    def sentence(self, alpha: float = 0.01) -> str:
-        """The finding, "" where there is none."""
-        if self.p_value >= alpha or abs(self.shift) < 1.0:
-            return ""
-        return (
-            f"least squares and instruments disagree, on {self.parameter} by {abs(self.shift):.1f} standard "
-            f"deviations (Durbin, Wu and Hausman: p = {self.p_value:.2g}): feedback that carries noise "
-            "biases least squares, or the model lacks something; compare with estimator: iv"
-        )
-
-    def document(self) -> dict[str, float]:
-        """As fit.json holds it; shift in standard deviations."""
-        return {"statistic": self.statistic, "p_value": self.p_value, "largest_shift": self.shift}
-
-
-def feedback(found: Instrumental, first: Estimate, std: np.ndarray) -> Feedback:
-    """Of a test that began at the least squares estimate `first` with honest deviations std (b,)."""
+def most_shifted(found: Instrumental, first: Estimate, std: np.ndarray) -> tuple[str, float]:
+    """The parameter that instruments move most from the least squares estimate `first` with honest deviations
+    std (b,), and by how many of them."""
     active = np.flatnonzero(first.active)
     shift = (found.chi - first.chi[active]) / np.maximum(std[active], 1e-300)
     most = int(np.argmax(np.abs(shift)))
-    return Feedback(float(found.statistic), found.p_value, first.parameters[active[most]], float(shift[most]))
+    return first.parameters[active[most]], float(shift[most])
 
 
 def instrumental(R: np.ndarray, instruments: int, rows: int, share: float = 1.0) -> Instrumental:

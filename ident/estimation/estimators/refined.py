@@ -13,11 +13,36 @@ import numpy as np
 
 from ident.equations.observation import RecordingSystem, stack
 from ident.equations.prepared import Prepared
-from ident.estimation.estimators.instrumental import Feedback, by_instruments, feedback
 from ident.estimation.estimators.recursive import WINDOW_S, weighed, windows
 from ident.estimation.least_squares import Estimate
 from ident.estimation.noise import ChannelNoise, channel_noises, honest_covariance
 from ident.progress import Progress, silent
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """The test of "least squares is unbiased", and the parameter that the two estimates tell apart most, by
+    how many of its standard deviations. Many rows reject a bias that does not matter: only one of a whole
+    deviation is worth a word."""
+
+    statistic: float
+    p_value: float
+    parameter: str
+    shift: float
+
+    def sentence(self, alpha: float = 0.01) -> str:
+        """The finding, "" where there is none."""
+        if self.p_value >= alpha or abs(self.shift) < 1.0:
+            return ""
+        return (
+            f"least squares and instruments disagree, on {self.parameter} by {abs(self.shift):.1f} standard "
+            f"deviations (Durbin, Wu and Hausman: p = {self.p_value:.2g}): feedback that carries noise "
+            "biases least squares, or the model lacks something; compare with estimator: iv"
+        )
+
+    def document(self) -> dict[str, float]:
+        """As fit.json holds it; shift in standard deviations."""
+        return {"statistic": self.statistic, "p_value": self.p_value, "largest_shift": self.shift}
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +83,7 @@ def refined(
     if study.controller is None:
         return plain
     from ident.estimation.estimators.didim import didim
+    from ident.estimation.estimators.instrumental import by_instruments, most_shifted
     from ident.estimation.estimators.simulated import loop_of
 
     loop = loop_of(prepared, cutoff_hz, progress)
@@ -68,7 +94,8 @@ def refined(
     share = min(1.0, sum(noise.effective_rows for noise in noises) / first.rows)
     turns = {} if study.estimator == "iv" else {"turns": 1}
     estimate, instruments, test, T = by_instruments(loop, systems, first, share, progress, **turns)
-    told = feedback(test, first, np.sqrt(np.diag(plain.covariance(first, noises))))
+    name, shift = most_shifted(test, first, np.sqrt(np.diag(plain.covariance(first, noises))))
+    told = Feedback(float(test.statistic), test.p_value, name, shift)
     if study.estimator == "iv":
         return Refined(estimate, systems, instruments, T, told)
     return replace(plain, feedback=told)
