@@ -6,9 +6,10 @@ u_k in each block k of judged rows, and G_k = Z_k'Z_k,
 
     gain of block k = (a'G_k a - d'G_k d) / 2 + sqrt((a + d)'G_k (a + d)) u_k
 
-The effect is seen where the sum, and the gain on the fitted rows, are more than tau, and enough blocks agree:
-the loop's own rule. Draws of d and u tell how often that is; the size at which it is POWER is told. A shape
-that is searched costs half a chi-square each. Shapes are those of the search next to a usual robot's."""
+The effect is seen where the sum, and the gain on the fitted rows, are more than tau, enough blocks agree (the
+loop's own rule), and the last fit finds its sizes to be other than zero, its shape free (a Wald test). Draws
+of d and u tell how often that is; the size at which it is POWER is told. A shape that is searched costs half
+a chi-square each. Shapes are those of the search next to a usual robot's."""
 
 from __future__ import annotations
 
@@ -19,15 +20,16 @@ import numpy as np
 import scipy.stats
 
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import MANY, Metric, block_sums, project
+from ident.diagnosis.evidence import MANY, Metric, block_sums, orthonormal, project
+from ident.diagnosis.loop import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Place
 
 POWER = 0.95
-DRAWS = 400
-HALVINGS = 8
+DRAWS = 250
+HALVINGS = 6
 LEAST = 1e-5  # share of a column that the model must leave
 WIDE = (0.3, 4.0)  # of the size that the expected gain alone asks for
 
@@ -86,14 +88,22 @@ def _visible(
     names = effect.parameters_of(place)
     v = np.array([linear[name] for name in names])
     columns = {c: z.astype(float) for c, z in library.kept[key].items()}
+    beside = [library.kept[other] for _, other in _neighbours(theta, shapes)]
+    turned = [
+        {c: z @ v - columns[c] @ v for c, z in made.items() if c in columns}
+        for made in beside
+        if next(iter(made.values())).shape[1] == len(v)
+    ]
     if not np.any(v) or next(iter(columns.values())).shape[1] != len(v):
         return None
-    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha)
+    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha, turned)
     if size is None:
         return None
     limits = {p.name: max(abs(p.low), abs(p.high)) for p in effect.linear}
     beyond = any(abs(size * x) > limits[name] for name, x in zip(names, v))
     if beyond or set(effect.context) - set(context):
+        return None
+    if effect.physical({**theta, **dict(zip(names, size * v))}, state.model) is not None:
         return None
     values = {**dict.fromkeys(effect.linear_names, 0.0), **dict(zip(names, size * v)), **theta}
     told = effect.report(values, None, context, place)
@@ -113,12 +123,20 @@ def _visible(
 
 
 def seen_from(
-    m: Metric, columns: Mapping[int, np.ndarray], v: np.ndarray, shapes: int, tau: float, alpha: float
+    m: Metric,
+    columns: Mapping[int, np.ndarray],
+    v: np.ndarray,
+    shapes: int,
+    tau: float,
+    alpha: float,
+    turned: Sequence[Mapping[int, np.ndarray]] = (),
 ) -> float | None:
-    """The factor of v (p,) from which on an effect of these columns is seen with POWER; None: from none."""
+    """The factor of v (p,) from which on an effect of these columns is seen with POWER; None: from none.
+
+    turned: how its torque at v changes with each shape, {channel: (M,)}, to any scale."""
     white = m.whiten(columns)
-    cross, own, _ = project(m, m.fitted, white)
-    A = own - cross.T @ cross
+    A, free_shape = _alone(m, columns, turned)
+    own = project(m, m.fitted, white)[1]
     if not v @ A @ v > LEAST * (v @ own @ v):
         return None
     G = _blocks(m, white)
@@ -136,6 +154,7 @@ def seen_from(
     lost = np.einsum("ri,kij,rj->rk", d, G, d) / 2
     lost += searched[:, None] * per_block / float(v @ A @ v)
     enough = _enough(len(G), alpha)
+    asked = scipy.stats.chi2.isf(alpha / BUDGET, len(v))
     free = float(sum(m.judged.free[c] for c in columns))
 
     def power(size: float) -> float:
@@ -145,7 +164,9 @@ def seen_from(
         each = np.einsum("i,kij,j->k", a, G, a) / 2 - lost + spread * u
         told = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / free, -0.99))
         gain = np.einsum("ri,ij,rj->r", b, A, b) / 2 + searched
-        return float(np.mean((told > tau) & (gain > tau) & ((each > 0).sum(axis=1) >= enough)))
+        fitted = np.einsum("ri,ij,rj->r", b, free_shape, b) > asked
+        agree = (each > 0).sum(axis=1) >= enough
+        return float(np.mean((told > tau) & (gain > tau) & agree & fitted))
 
     first = np.sqrt(2 * (tau + 2 * np.sqrt(tau)) / min(whole, float(v @ A @ v)))
     low, high = WIDE[0] * first, WIDE[1] * first
@@ -155,6 +176,39 @@ def seen_from(
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if power(middle) >= POWER else (middle, high)
     return high
+
+
+def _alone(
+    m: Metric, columns: Mapping[int, np.ndarray], turned: Sequence[Mapping[int, np.ndarray]]
+) -> tuple[np.ndarray, np.ndarray]:
+    """(p, p) products of the columns on the fitted rows beside the model: as they are, and beside changes of
+    the shape as well."""
+    p = next(iter(columns.values())).shape[1]
+    wide = {
+        c: np.column_stack([z, *(change.get(c, np.zeros(len(z))) for change in turned)])
+        for c, z in columns.items()
+    }
+    cross, own, _ = project(m, m.fitted, m.whiten(wide))
+    whole = own - cross.T @ cross
+    A, B, C = whole[:p, :p], whole[:p, p:], whole[p:, p:]
+    basis = orthonormal(C) if C.size else np.zeros((0, 0))
+    return A, A - (B @ basis) @ (B @ basis).T if C.size else A
+
+
+def _neighbours(
+    theta: Mapping[str, float], shapes: Sequence[tuple[dict[str, float], tuple]]
+) -> list[tuple[dict[str, float], tuple]]:
+    """Of each shape parameter, the kept shape that differs least in it and not in the others."""
+    out = []
+    for name in theta:
+        others = [
+            shape
+            for shape in shapes
+            if shape[0][name] != theta[name] and all(shape[0][n] == theta[n] for n in theta if n != name)
+        ]
+        if others:
+            out.append(min(others, key=lambda shape: abs(shape[0][name] - theta[name])))
+    return out
 
 
 def _blocks(m: Metric, white: Mapping[int, np.ndarray]) -> np.ndarray:
