@@ -120,7 +120,7 @@ def inertial_blocks(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Callable[
     entries = m._description["columns"]
     nothing = np.empty(0, dtype=np.int64)
     place = Placement(np.arange(entries), nothing.astype(np.int32), nothing, nothing)
-    block = kernel.block(zero_rows(1, entries), place, BLOCK)
+    block = kernel.block(zero_rows(entries), place, BLOCK)
     samples = Samples(q, dq, ddq, None, np.empty((len(q), 0)))
 
     def run() -> None:
@@ -128,6 +128,24 @@ def inertial_blocks(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Callable[
             block.fill(samples, first, min(first + BLOCK, len(q)))
 
     return run
+
+
+def bounds() -> tuple[float, float]:
+    """What this core can do now: operations a second (BLAS on one thread, n^3 additions and multiplications
+    each) and bytes a second written past the caches."""
+    from threadpoolctl import threadpool_limits
+
+    A, out, big = np.ones((512, 512)), np.empty((512, 512)), np.empty(8_000_000)
+    operations, writing = [], []
+    with threadpool_limits(1, "blas"):
+        for _ in range(7):
+            start = time.perf_counter()
+            np.matmul(A, A, out=out)
+            operations.append(2 * 512**3 / (time.perf_counter() - start))
+            start = time.perf_counter()
+            big.fill(1.0)
+            writing.append(big.nbytes / (time.perf_counter() - start))
+    return max(operations), max(writing)
 
 
 def consume(blocks) -> None:
@@ -183,7 +201,6 @@ def main() -> None:
         "model B dense out": (N, lambda: m.regressor(q, dq, ddq, out)),
         "torque": (N, lambda: m.torque(q, dq, ddq, chi)),
         "model B dense out, 2 threads": (N, lambda: m.regressor(q, dq, ddq, out, threads=2)),
-        "model B blocks, 2 threads fill": (N, lambda: consume(m.regressor_blocks(q, dq, ddq, threads=2))),
         "model B blocks, 2 consumers": (N, lambda: two_consumers(m, q, dq, ddq)),
         "torque, 2 threads": (N, lambda: m.torque(q, dq, ddq, chi, threads=2)),
     }
@@ -212,7 +229,6 @@ def report(options, m, ns: dict[str, dict[str, float]], agreement: float) -> Non
         ("model B, W whole into out", regressor, "model B dense out", 4),
         ("torque", rnea, "torque", 15),
         ("W whole, 2 threads / 1", "model B dense out", "model B dense out, 2 threads", 1.8),
-        ("blocks, 2 threads fill / 1", "model B blocks", "model B blocks, 2 threads fill", 1.8),
         ("blocks, 2 consumers / 1", "model B blocks", "model B blocks, 2 consumers", 1.8),
         ("torque, 2 threads / 1", "torque", "torque, 2 threads", 1.8),
         ("torque, 2 threads / rneaInParallel", parallel, "torque, 2 threads", 15),
@@ -236,6 +252,15 @@ def report(options, m, ns: dict[str, dict[str, float]], agreement: float) -> Non
     print(f"{'':42}{'wall':>9}{'CPU':>9}")
     for name in ns["wall"]:
         print(f"{name:42}{ns['wall'][name]:9.1f}{ns['cpu'][name]:9.1f}")
+    operations, writing = bounds()
+    needed = {
+        "inertial blocks": (add + mul) / operations * 1e9,
+        "model B dense out": 8 * JOINTS * len(m.parameters) / writing * 1e9,
+    }
+    print(f"\none core here: {operations / 1e9:.1f} G operations/s (BLAS), {writing / 1e9:.1f} GB/s written")
+    for name, kind in (("inertial blocks", "its operations"), ("model B dense out", "W's bytes")):
+        far = ns["wall"][name] / needed[name]
+        print(f"{name:42}{needed[name]:9.1f} ns for {kind} alone; it takes {far:.1f} times that")
     print(f"\n{'ratio':42}{'wall':>9}{'CPU':>9}{'target':>9}")
     for label, rival, name, target in rows:
         print(f"{label:42}{ratio('wall', rival, name):8.1f}x{ratio('cpu', rival, name):8.1f}x{target:8}x")

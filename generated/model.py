@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from generated.blocks import BLOCK, Buffer, blocks, in_parts, zero_rows
+from generated.blocks import BLOCK, blocks, in_parts, zero_rows
 from generated.errors import GeneratedError
 from generated.kernel import Placement, Samples
 
@@ -184,24 +184,17 @@ class Model:
         *,
         sign: Any = None,
         extra: Mapping[str, Any] | None = None,
-        threads: int = 1,
     ) -> Iterator[tuple[slice, Array]]:
         """(rows, W (len(rows), len(channels), b)) block by block: any strides, read only, till the next turn.
 
-        With threads > 1 blocks are filled ahead while one is consumed; to consume in parallel, too, give
-        each thread rows of its own.
+        To work on several cores give each thread rows of its own: the kernel releases the interpreter's lock.
         """
         samples = self._samples(q, dq, ddq, sign, extra)
         shape = (len(self.channels), len(self.parameters))
-
-        def buffer(groups: int) -> Buffer:
-            W = zero_rows(groups, shape[0] * shape[1])
-            writer = self._writer(W, self._in_W)
-            W = _read_only(W)
-            views = [W[g, :, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1) for g in range(groups)]
-            return Buffer(writer, views)
-
-        return blocks(samples, buffer, lambda view, count: view[:count], threads)
+        W = zero_rows(shape[0] * shape[1])
+        writer = self._writer(W, self._in_W)
+        view = _read_only(W)[0, :, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1)
+        return blocks(samples, writer, view, lambda view, count: view[:count])
 
     def nonzero_blocks(
         self,
@@ -211,16 +204,12 @@ class Model:
         *,
         sign: Any = None,
         extra: Mapping[str, Any] | None = None,
-        threads: int = 1,
     ) -> Iterator[tuple[slice, Array]]:
         """(rows, values (nnz, len(rows))) of the entries in `nonzeros`, read only, until the next turn."""
         samples = self._samples(q, dq, ddq, sign, extra)
-
-        def buffer(groups: int) -> Buffer:
-            values = zero_rows(groups, len(self._source))
-            return Buffer(self._writer(values, self._in_nonzeros), [*_read_only(values)[:, :, :BLOCK]])
-
-        return blocks(samples, buffer, lambda values, count: values[:, :count], threads)
+        values = zero_rows(len(self._source))
+        writer = self._writer(values, self._in_nonzeros)
+        return blocks(samples, writer, _read_only(values)[0, :, :BLOCK], lambda view, count: view[:, :count])
 
     def casadi(self, name: str) -> Any:
         """The CasADi Function "regressor" (q, dq, ddq) -> W or "torque" (q, dq, ddq, chi) -> tau."""

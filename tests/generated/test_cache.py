@@ -220,7 +220,7 @@ def test_without_a_compiler_numpy_stands_in_with_one_warning(robot, monkeypatch)
     assert len(caught) == 1
     np.testing.assert_allclose(again, first, rtol=1e-13, atol=1e-13)
     np.testing.assert_allclose(slow.torque(x, x, x, np.arange(1.0, 1 + first.shape[2])), tau, rtol=1e-13)
-    for rows, W in slow.regressor_blocks(x, x + 1, x + 2, threads=2):
+    for rows, W in slow.regressor_blocks(x, x + 1, x + 2):
         np.testing.assert_allclose(W, first[rows], rtol=1e-13, atol=1e-13)
 
 

@@ -91,13 +91,13 @@ def test_every_way_gives_the_same_numbers_for_every_remainder(rows, threads):
     assert m.regressor(q, dq, ddq, out, threads=threads) is out
     np.testing.assert_array_equal(out, W)
     seen = 0
-    for rows_of, block in m.regressor_blocks(q, dq, ddq, threads=threads):
+    for rows_of, block in m.regressor_blocks(q, dq, ddq):
         assert rows_of.start == seen and block.shape == (rows_of.stop - rows_of.start, 7, 69)
         np.testing.assert_array_equal(block, W[rows_of])
         seen = rows_of.stop
     assert seen == rows
     at = m.nonzeros
-    for rows_of, values in m.nonzero_blocks(q, dq, ddq, threads=threads):
+    for rows_of, values in m.nonzero_blocks(q, dq, ddq):
         np.testing.assert_array_equal(values, W[rows_of, at[:, 0], at[:, 1]].T)
     mask = np.ones(W.shape[1:], bool)
     mask[at[:, 0], at[:, 1]] = False
@@ -138,8 +138,8 @@ def test_what_is_not_finite_is_refused_with_its_place(name, value, threads):
     for evaluate in (
         lambda: m.regressor(**arrays, threads=threads),
         lambda: m.torque(**arrays, chi=chi, threads=threads),
-        lambda: list(m.regressor_blocks(**arrays, threads=threads)),
-        lambda: list(m.nonzero_blocks(**arrays, threads=threads)),
+        lambda: list(m.regressor_blocks(**arrays)),
+        lambda: list(m.nonzero_blocks(**arrays)),
     ):
         with pytest.raises(GeneratedError, match=says):
             evaluate()
@@ -150,7 +150,7 @@ def test_what_is_not_finite_is_refused_with_its_place(name, value, threads):
 def test_blocks_are_read_only():
     m = generated.load("kuka_lwr4p", "B")
     x = np.ones((600, 7))
-    for blocks in (m.regressor_blocks(x, x, x), m.nonzero_blocks(x, x, x, threads=2)):
+    for blocks in (m.regressor_blocks(x, x, x), m.nonzero_blocks(x, x, x)):
         for _, values in blocks:
             with pytest.raises(ValueError, match="read-only"):
                 values *= 2.0
