@@ -126,14 +126,17 @@ def in_doubt(case: Case, clean: Mapping[str, Any]) -> tuple[str, list[ident.Reco
     return None
 
 
-def answer(case: Case, folder: Path) -> tuple[list[str], FourierMotion, float]:
-    """What `ident excite --from` says: its labels, its motion, the seconds that decide."""
+def answer(case: Case, folder: Path) -> tuple[list[str], FourierMotion, float, list[str]]:
+    """What `ident excite --from` says: its labels, its motion, the seconds that decide, and the rivals that
+    contain the first suspect or are contained in it, which no motion rejects."""
     done = excite(
         Request(str(case.robot), diagnosis=folder, duration=10.0, starts=1, iterations=15, sensitivity=False)
     )
     seconds = float(np.clip(done.separated.seconds, 10.0, LONGEST))
     motion = done.motion
-    return list(done.separated.labels), FourierMotion(motion.basis, motion.x, seconds), done.separated.seconds
+    its = done.separated
+    nested = [label for label, both in zip(its.labels[1:], its.against) if any(one.same for one in both)]
+    return list(its.labels), FourierMotion(motion.basis, motion.x, seconds), its.seconds, nested
 
 
 def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
@@ -147,7 +150,7 @@ def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         write_document(Path(folder) / "diagnosis.json", first.document())
         write_document(Path(folder) / "fit.json", fit_document(first.result.last))
-        labels, motion, seconds = answer(case, Path(folder))
+        labels, motion, seconds, nested = answer(case, Path(folder))
     row |= {"asked": labels, "seconds": seconds}
     moved = motion.motion
     again = case.recordings(
@@ -158,8 +161,10 @@ def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
         ),
     )
     after = named(case.told([*runs, *again]).document())
-    right = after == [row["true"]]
-    outcome = "right" if right else "still open" if row["true"] in after else "wrong" if after else "nothing"
+    first = after[:1] == [row["true"]]
+    outcome = "still open" if row["true"] in after else "wrong" if after else "nothing"
+    outcome = "right beside what contains it" if first and set(after[1:]) <= set(nested) else outcome
+    outcome = "right" if after == [row["true"]] else outcome
     return {**row, "after": after, "outcome": outcome, "took": time.perf_counter() - begin}
 
 

@@ -32,7 +32,7 @@ EFFECTS = (
     "load_dependent_friction:2",
     "torque_ripple:1",
     "spring:1",
-    "time_delay:2",
+    "power_law_friction:2",
     "nonlinear_viscous_friction:2",
     "position_dependent_friction:1",
     "thermal_coulomb_friction:2",

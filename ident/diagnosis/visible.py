@@ -51,8 +51,9 @@ class Visible:
 def smallest_visible(
     state: State, library: Library, tau: float, alpha: float, closed: frozenset[int] = frozenset()
 ) -> tuple[Visible, ...]:
-    """Every effect whose torque grows with its size, at every joint that is not `closed`, from the columns
-    that the search has kept; without those that no size shows."""
+    """Every effect that adds a torque of its own, growing with its size, at every joint that is not `closed`,
+    from the columns that the search has kept; without those that no size shows. Of delays and gears nothing
+    is said: what they leave in slow motion may pass for noise."""
     kept: dict[tuple, list[tuple[dict[str, float], tuple]]] = {}
     width = len(Term(library.places[0][0], library.places[0][1]).key) if library.places else 0
     for key in library.kept:
@@ -61,7 +62,7 @@ def smallest_visible(
     out = []
     for effect, place in library.places:
         term = Term(effect, place)
-        asked = effect.proportional and not (effect.changes_model or effect.replaces)
+        asked = effect.kind == "column" and effect.proportional and not effect.replaces
         if not asked or place.joint is None or place.joint in closed:
             continue
         if term.key in there or term.key not in kept or place.parts:
