@@ -22,7 +22,8 @@ class Excerpt:
     def take(self, block: Block) -> None:
         for start in range(0, len(block[0]), PIECE):
             if self._seen % self.every == 0:
-                self.pieces.append(tuple(part[start : start + PIECE] for part in block))  # type: ignore[arg-type]
+                rows = slice(start, start + PIECE)  # copied: a view would hold its whole block
+                self.pieces.append(tuple(part[rows].copy() for part in block))  # type: ignore[arg-type]
             self._seen += 1
         if len(self.pieces) > PIECES:
             self.pieces = self.pieces[::2]
