@@ -1,0 +1,122 @@
+"""`ident fit` beside figaroh (https://github.com/thanhndv212/figaroh) on the same run: time and memory.
+
+    python -m venv /tmp/figaroh && /tmp/figaroh/bin/pip install figaroh
+    python benchmarks/against_figaroh.py --figaroh /tmp/figaroh/bin/python [--seconds 90] [--repeat 3]
+
+Installs nothing; figaroh lives in an environment of its own. A KUKA iiwa 7 (seven joints, its URDF) is
+simulated at 1 kHz; both identify inertia, friction, rotor inertia and offset of all joints from motor
+torques. figaroh goes its documented way: low-pass filter, derivatives, `build_regressor_basic`, the columns
+that do nothing left out, decimation of every column, double QR, deviations; no plots and no page, which
+`ident fit` writes. Whole processes, medians.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+PEER = """
+import sys, warnings
+import numpy as np
+from scipy import signal
+from figaroh.tools.load_robot import load_robot
+from figaroh.tools.regressor import build_regressor_basic, build_regressor_reduced, get_index_eliminate
+from figaroh.tools.qrdecomposition import QRDecomposer
+from figaroh.identification.identification_tools import (
+    calculate_first_second_order_differentiation, low_pass_filter_data, relative_stdev)
+
+warnings.simplefilter("ignore")
+data, urdf, cutoff = np.load(sys.argv[1]), sys.argv[2], float(sys.argv[3])
+robot = load_robot(urdf, package_dirs=".")
+config = {"has_friction": True, "has_actuator_inertia": True, "has_joint_offset": True,
+          "is_joint_torques": True, "is_external_wrench": False, "force_torque": None,
+          "ts": 1e-3, "cut_off_frequency_butterworth": cutoff, "act_idxv": list(range(7))}
+q = low_pass_filter_data(data["q"], config)
+tau = low_pass_filter_data(data["tau"], config)
+q, dq, ddq = calculate_first_second_order_differentiation(robot.model, q, config)
+tau = tau[: len(q)]
+W = build_regressor_basic(robot, q, dq, ddq, config)
+names = [str(k) for k in range(W.shape[1])]
+gone, names = get_index_eliminate(W, dict(zip(names, np.ones(len(names)))), 1e-6)
+W = build_regressor_reduced(W, gone)
+N, n = q.shape
+rows = [np.column_stack([signal.decimate(W[j * N:(j + 1) * N, k], 10, zero_phase=True)
+                         for k in range(W.shape[1])]) for j in range(n)]
+Y = np.concatenate([signal.decimate(tau[:, j], 10, zero_phase=True) for j in range(n)])
+W = np.vstack(rows)
+found = QRDecomposer().double_decomposition(Y, W, names)
+base, phi = found[0], found[3]
+print(base.shape[1], float(np.linalg.norm(Y - base @ phi) / np.linalg.norm(Y)))
+"""
+
+
+def simulated(folder: Path, seconds: float) -> Path:
+    """study.yaml and run1.parquet for ident, run.npz for figaroh; -> the URDF."""
+    from ident.recordings.tables import open_table
+    from ident.twin.study import PlannedRun, simulate
+    from ident.twin.writing import write_simulation
+    from modelgen.geometry import robot_file
+
+    urdf = Path(robot_file.__file__).parents[1] / "robots" / "kuka_iiwa7.urdf"
+    write_simulation(simulate(str(urdf), "A", runs=(PlannedRun("run1", "identify", seconds, 44),)), folder)
+    table = open_table(folder / "run1.parquet")
+    values = np.concatenate(list(table.blocks(table.columns)))
+    at = {name: values[:, k] for k, name in enumerate(table.columns)}
+    both = {
+        kind: np.column_stack([at[f"{name}{j}"] for j in range(1, 8)])
+        for kind, name in (("q", "q"), ("tau", "tau_m"))
+    }
+    np.savez(folder / "run.npz", **both)
+    (folder / "peer.py").write_text(PEER)
+    return urdf
+
+
+def measured(command: list[str], repeat: int) -> tuple[float, float, float]:
+    """Median wall and CPU time [s], largest resident set [MB]."""
+    wall, cpu, peak = [], [], []
+    for _ in range(repeat):
+        start = time.perf_counter()
+        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        _, status, usage = os.wait4(child.pid, 0)
+        if status:
+            raise SystemExit(f"{' '.join(command[:4])} failed: {child.stderr.read().decode()[-2000:]}")
+        wall.append(time.perf_counter() - start)
+        cpu.append(usage.ru_utime + usage.ru_stime)
+        peak.append(usage.ru_maxrss / 1024)
+    return statistics.median(wall), statistics.median(cpu), max(peak)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--figaroh", required=True, help="a Python that has figaroh")
+    parser.add_argument("--seconds", type=float, default=90.0)
+    parser.add_argument("--repeat", type=int, default=3)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        urdf = simulated(folder, options.seconds)
+        fit = [sys.executable, "-m", "ident.command_line.cli", "fit", str(folder / "study.yaml")]
+        peer = [options.figaroh, str(folder / "peer.py"), str(folder / "run.npz"), str(urdf), "10"]
+        found = {
+            "ident fit": measured([*fit, "-o", str(folder / "out")], options.repeat),
+            "figaroh": measured(peer, options.repeat),
+        }
+    print(f"{'':12}{'wall s':>9}{'CPU s':>9}{'MB':>8}   (load {os.getloadavg()[0]:.1f})")
+    for label, figures in found.items():
+        print(f"{label:12}{figures[0]:9.2f}{figures[1]:9.2f}{figures[2]:8.0f}")
+    ours, theirs = found["ident fit"], found["figaroh"]
+    print("ratio       " + "".join(f"{b / a:8.1f}x" for a, b in zip(ours, theirs)))
+
+
+if __name__ == "__main__":
+    main()
