@@ -89,10 +89,10 @@ def _finding(f: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
     ]
     rivals = [a for a in f.equivalent if separable(document, _alternative(a))]
     if rivals:
-        told = [a.seconds for a in rivals if a.seconds is not None]
+        seconds = [a.seconds for a in rivals if a.seconds is not None]
         document["separate"] = {
             "command": separating_command(robot, document, [_alternative(a) for a in rivals], model),
-            "seconds": max(told) if told else None,
+            "seconds": max(seconds) if seconds else None,
         }
     return {**document, "alternatives": [_alternative(a) for a in f.equivalent], "equivalent": equal}
 

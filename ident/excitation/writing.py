@@ -95,7 +95,7 @@ def study_text(done: Experiment) -> str:
     source = done.request.robot
     robot = str(Path(source).resolve()) if Path(source).is_file() else source
     entries = [{"file": "recording.parquet", "use": "identify"}]
-    data = {"robot": robot, "model": done.request.model, "recordings": entries}
+    data: dict[str, Any] = {"robot": robot, "model": done.request.model, "recordings": entries}
     data |= {"exact": True} if done.request.exact else {}
     head = "# Put what the robot recorded on motion.parquet here as recording.parquet, then: ident diagnose\n"
     return head + yaml.safe_dump(data, sort_keys=False)
