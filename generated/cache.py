@@ -141,14 +141,14 @@ def _move(temporary: Path, place: Path) -> None:
 
 def _seal(path: Path) -> None:
     sums = {f.name: _sha256(f) for f in sorted(path.iterdir())}
-    (path / MANIFEST).write_text(json.dumps(sums))
+    (path / MANIFEST).write_text(json.dumps(sums), encoding="utf-8")
 
 
 def _whole(path: Path) -> bool:
     try:
         if os.name != "nt" and _problem(path):
             return False
-        sums: Mapping[str, str] = json.loads((path / MANIFEST).read_text())
+        sums: Mapping[str, str] = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
         return bool(sums) and all(_sha256(path / name) == value for name, value in sums.items())
     except (OSError, ValueError, AttributeError):
         return False

@@ -60,7 +60,7 @@ def shim(description: Mapping[str, Any], model_c: str, prefix: str) -> str:
         "TORQUE": f"{prefix}_inverse_dynamics",
     }
     defines = "".join(f"#define {name} {value}\n" for name, value in sizes.items())
-    vector, batch = ((HERE / name).read_text() for name in ("vector.h", "batch.c"))
+    vector, batch = ((HERE / name).read_text(encoding="utf-8") for name in ("vector.h", "batch.c"))
     return f"{vector}\n{defines}\n{model_c}\n{batch}"
 
 
@@ -90,7 +90,7 @@ def library(description: Mapping[str, Any], model_c: str) -> Path:
 
 def _compile(command: tuple[str, ...], flags: tuple[str, ...], text: str, place: Path) -> None:
     source = place / "kernel.c"
-    source.write_text(text)
+    source.write_text(text, encoding="utf-8")
     # relative names: the library must not depend on where it was made
     line = [*command, *flags, "-o", LIBRARY, source.name, "-lm"]
     try:
@@ -112,7 +112,7 @@ def cpu() -> str:
     """What -march=native depends on: the machine, and the CPU's features where the system tells them."""
     features = ""
     try:
-        for line in Path("/proc/cpuinfo").read_text().splitlines():
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.split(":")[0].strip() in ("flags", "Features", "model name", "CPU part"):
                 features += line
             if not line.strip():

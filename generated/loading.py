@@ -180,11 +180,11 @@ def _committed(question: Question) -> tuple[Mapping[str, Any], str] | None:
     place = HERE / name / stem
     if not re.fullmatch(r"[A-Za-z0-9_]+", name) or not place.with_suffix(".json").is_file():
         return None
-    description = json.loads(place.with_suffix(".json").read_text())
+    description = json.loads(place.with_suffix(".json").read_text(encoding="utf-8"))
     content = question.data.replace(b"\r\n", b"\n")
     if description["made_of"]["robot_sha256"] != hashlib.sha256(content).hexdigest():
         return None
-    return description, place.with_suffix(".c").read_text()
+    return description, place.with_suffix(".c").read_text(encoding="utf-8")
 
 
 def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
@@ -195,8 +195,8 @@ def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
 
         derived, robot = _derive(question)
         made_of = c_code.provenance(robot.source_sha256)
-        (place / "model.json").write_text(json.dumps(c_code.described(derived, made_of)))
-        (place / "model.c").write_text(c_code.source(derived, made_of))
+        (place / "model.json").write_text(json.dumps(c_code.described(derived, made_of)), encoding="utf-8")
+        (place / "model.c").write_text(c_code.source(derived, made_of), encoding="utf-8")
 
     q = question
     asked: tuple[bytes | str, ...] = (
@@ -209,7 +209,9 @@ def _derived(question: Question) -> tuple[Mapping[str, Any], str]:
         *(["exact"] if q.exact else []),
     )
     place = cache.entry("model-" + cache.key(*asked, _generator())[:40], build)
-    return json.loads((place / "model.json").read_text()), (place / "model.c").read_text()
+    return json.loads((place / "model.json").read_text(encoding="utf-8")), (place / "model.c").read_text(
+        encoding="utf-8"
+    )
 
 
 @lru_cache(maxsize=1)

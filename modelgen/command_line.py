@@ -8,6 +8,7 @@ raised. Nothing heavy is imported here, so that Ctrl-C is answered from the firs
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import signal
 import sys
@@ -26,6 +27,9 @@ MODELS = {
     "C": "both",
     "D": "their difference: the drive chain",
 }
+
+
+KEEN = ("strict", "surrogateescape")  # of a stream: what it cannot write is an error
 
 
 def leave_on_signals(name: str) -> None:
@@ -55,6 +59,11 @@ def leave_on_signals(name: str) -> None:
 
 def run(name: str, app: Callable[[], Any], arguments: list[str] | None = None) -> int:
     """Run the command line that `app()` imports; return its exit status instead of leaving."""
+    for stream in ("stdout", "stderr"):
+        if getattr(sys, stream) is None:  # closed by who called: `ident fit study.yaml >&-`
+            setattr(sys, stream, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(its := getattr(sys, stream), io.TextIOWrapper) and its.errors in KEEN:
+            its.reconfigure(errors="replace")  # a terminal of seven bits takes no degree sign
     try:
         status = app()(args=arguments, prog_name=name, standalone_mode=False) or 0
         if sys.stdout is not None:

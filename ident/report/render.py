@@ -17,8 +17,8 @@ def render(page: ReportPage) -> str:
     """The whole HTML text, about 5 MB, most of it plotly.js."""
     return _template("page.html").render(
         page=page,
-        style=(TEMPLATES / "page.css").read_text(),
-        script=(TEMPLATES / "page.js").read_text(),
+        style=(TEMPLATES / "page.css").read_text(encoding="utf-8"),
+        script=(TEMPLATES / "page.js").read_text(encoding="utf-8"),
         plotly=plotly_javascript(),
         filter_from_rows=FILTER_FROM_ROWS,
     )

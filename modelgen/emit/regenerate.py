@@ -183,7 +183,7 @@ def difference(files: Mapping[str, str], folder: Path, limit: int | None, comple
         names |= {p.name for p in folder.iterdir() if p.suffix in (".c", ".h", ".json")}
     for name in sorted(names):
         path = folder / name
-        old = path.read_text() if path.is_file() else ""
+        old = path.read_text(encoding="utf-8") if path.is_file() else ""
         new = files.get(name, "")
         if old == new and path.is_file() == (name in files):
             continue
