@@ -23,7 +23,7 @@ def page(done: Experiment) -> ReportPage:
         Fact(f"{done.condition:.3g}", "scaled condition number"),
         Fact(f"{done.seconds:.4g} s", "motion"),
     ]
-    if done.separated is not None:
+    if done.separated is not None and math.isfinite(done.separated.seconds):
         facts.append(Fact(f"{done.separated.seconds:.3g} s", "for a decision right in 99 of 100"))
     sections = [*_motion(done), _parameters(done)]
     if done.visible:
