@@ -205,7 +205,7 @@ def fit_systems(
     progress("least squares")
     full, _ = estimate_all(fitted, study, columns, extended.allowed, extended.held)
     its = refined(prepared, fitted, full, cutoff_hz, progress)
-    full, fitted = its.estimate, its.observed
+    full, fitted = its.estimate, list(its.observed)
     noises = channel_noises(fitted, full)
     full_covariance = its.covariance(full, noises)
     share = min(1.0, sum(noise.effective_rows for noise in noises) / full.rows)

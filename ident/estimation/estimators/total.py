@@ -107,6 +107,7 @@ def signal_noises(prepared: Prepared) -> list[tuple[float, float]]:
         values = np.concatenate(rows)
         high = values - zero_phase(values, stream.rate_hz, cutoff, study.filter.order)
         _, i, tau = stream.split(np.sqrt(np.mean(high**2, axis=0))[None])
+        assert i is not None and tau is not None  # model D has both
         motor.append(i[0])
         sensor.append(tau[0])
     i, tau = np.mean(motor, axis=0), np.mean(sensor, axis=0)
