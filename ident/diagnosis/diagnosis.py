@@ -36,7 +36,8 @@ from ident.recordings.study import Study
 from ident.signals.filtering import STEEPNESS, prepare
 from modelgen.effects import catalogue
 
-FAR_OFF = 3.0  # times the fitted error, from which on what is left on the judged runs is not called noise
+FAR_OFF = 3.0  # times what noise and parameters explain: an error of judged rows that is no noise
+FORETOLD = 5.0  # times what is new from row to row: an error that its past foretells is no drive's noise
 ESTABLISHED, PARTLY = "established", "partly"
 
 
@@ -158,7 +159,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     last = _extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
-    unexplained = unexplained or _not_predicted(last, findings)
+    unexplained += _beyond_noise(last, outcome.last, findings, unexplained)
     progress("done", 1.0)
     return Diagnosis(
         study,
@@ -394,23 +395,42 @@ def _unexplained(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
     )
 
 
-def _not_predicted(last: FitResult, findings: Sequence[Finding]) -> tuple[Unexplained, ...]:
-    """Channels that the model predicts worse than nothing would, somewhere, or on the runs that judge far
-    worse than on those it was fitted to: what is left there is no noise, whatever its rows look like."""
-    if findings:
-        return ()
-    errors, judged = last.full_rate_error, _judged(last)
-    out = []
-    for c, name in enumerate(last.columns.channels):
-        fitted = errors["identify"].get(name, 0.0)
-        beyond = judged.get(name, 0.0) > FAR_OFF * fitted
-        if beyond or max(percent.get(name, 0.0) for percent in errors.values()) > 100.0:
-            channel = last.columns.need.channels[c]
-            joint = last.columns.need.joints[channel.joint]
-            kind = name[: len(name.rstrip("0123456789"))]
-            share = 100.0 * (1.0 - (fitted / judged[name]) ** 2) if beyond else 100.0
+def _beyond_noise(
+    last: FitResult, state: State, findings: Sequence[Finding], told: Sequence[Unexplained]
+) -> tuple[Unexplained, ...]:
+    """Channels of which nothing was said, and whose residual is no noise all the same: its error on the rows
+    that judge is far beyond what noise and the parameters' uncertainty make there, or it goes its own way in
+    time, foretold by its own past (a vibration, a slosh, a drift)."""
+    known = {joint for item in (*findings, *told) for joint in item.joints}
+    everywhere = any(not item.joints for item in findings)
+    rows, out = state.rows, []
+    for c, channel in enumerate(last.columns.need.channels):
+        joint = last.columns.need.joints[channel.joint]
+        fitted, judged = (side & rows.use[c] for side in (rows.fitted, rows.judged))
+        if joint in known or everywhere or not fitted.any() or not judged.any():
+            continue
+        noise = np.mean(state.residual[c, fitted] ** 2)
+        expected = noise + np.mean(_parameter_variance(last, state, c, judged))
+        found = np.mean(state.residual[c, judged] ** 2)
+        new = state.whiteners[c].sigma ** 2
+        kind = last.columns.channels[c].rstrip("0123456789")
+        if found > FAR_OFF**2 * expected:
+            share = 100.0 * float(1.0 - expected / found)
             out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
+        elif noise > FORETOLD**2 * new:
+            nats = 0.5 * float(fitted.sum()) * float(np.log(noise / new))
+            share = 100.0 * float(1.0 - new / noise)
+            shown = picture(state, None, c, ("t",))
+            out.append(Unexplained((joint,), kind, ("t",), share, nats, None, False, shown))
     return tuple(out)
+
+
+def _parameter_variance(last: FitResult, state: State, c: int, where: np.ndarray) -> np.ndarray:
+    """(rows,) variance of a channel's model torque from the fit's covariance for coloured noise."""
+    places, values = state.rows.base[c]
+    mine = places < len(last.full_covariance)
+    X, C = values[where][:, mine], last.full_covariance[np.ix_(places[mine], places[mine])]
+    return np.asarray(np.einsum("ij,jk,ik->i", X, C, X))
 
 
 def _signal(variable: str, channel: str) -> str:

@@ -33,6 +33,15 @@ def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
     return metric(state.rows, design, B, least)
 
 
+def beside_function(state: State, c: int, column: np.ndarray, variables: tuple[str, ...]) -> Metric:
+    """The model's own columns, channel c in the noise that a function (M,) without a name leaves there."""
+    trial = solved(state.plus(Found(None, {c: column[:, None]}, np.ones(1), variables)))
+    use = state.rows.use[c]
+    own = whitener(state.rows, trial.noise[c], use & state.rows.usable, use)
+    design, B = state.design
+    return metric(state.rows, design, B, [own if k == c else w for k, w in enumerate(state.whiteners)])
+
+
 def _with(state: State, r: Refined) -> State:
     """The state with a hypothesis in it, as the fitted rows have both."""
     return solved(state.plus(Found(r.term, r.columns, r.sizes)))

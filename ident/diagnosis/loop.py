@@ -16,7 +16,7 @@ import numpy as np
 from ident.diagnosis.candidates import Library, Ranked, screen, white_metric, with_size
 from ident.diagnosis.events import Event, best_event, still_holds
 from ident.diagnosis.evidence import Evidence, Metric, weigh
-from ident.diagnosis.leading import leading_metric
+from ident.diagnosis.leading import beside_function, leading_metric
 from ident.diagnosis.nameless import Flexible, flexible
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import Found, State, converged, settled, solved, with_found, without
@@ -29,6 +29,7 @@ LEAST = 0.25  # share of a channel's whitened residual that is worth saying wher
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
 LAW = 4  # free numbers; a size, a shape and a phase are fewer
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
+FORETOLD = 0.25  # of a residual's power: less than this is new from row to row
 TOP_WAVE = 400.0  # 1/rad
 
 
@@ -264,6 +265,28 @@ def ask(
     return flexible(m, c, joint, state.segments, load, TOP_WAVE, wanted, only)
 
 
+def heard(state: State, c: int, tau: float) -> tuple[Flexible | None, Metric]:
+    """The best function of everything, and the noise that it was heard in: the one at hand, or, where most of
+    the residual can be foretold from its own past and would count as noise, what is left beside the best
+    function of plain rows."""
+    found = ask(state, state.metric, c, tau), state.metric
+    counted = state.rows.use[c] & state.rows.fitted & state.rows.usable
+    power = np.mean(state.residual[c, counted] ** 2) if counted.any() else 0.0
+    if state.whiteners[c].sigma ** 2 > FORETOLD * power:
+        return found
+    plain = ask(state, white_metric(state), c, tau)
+    if plain is None:
+        return found
+    m = beside_function(state, c, plain.column, plain.variables)
+    again = ask(state, m, c, tau)
+    here = -np.inf if found[0] is None else found[0].evidence.log_e
+    if again is None or (here > tau and here > again.evidence.log_e):
+        return found
+    if again.evidence.log_e < tau and "t" in again.variables:  # a course of time is what slow noise is, too
+        return found
+    return again, m
+
+
 def _settled_in(state: State, best: Refined, c: int, tau: float) -> State | None:
     """The state with the effect in it, if it is sufficient once dry friction's turn-over and all shapes were
     taken again beside it: what it was compared with before may have taken its place in part."""
@@ -359,16 +382,16 @@ def leftovers(
     for c in range(state.rows.channels):
         if not (state.rows.use[c] & state.rows.judged).any():
             continue
-        flex = ask(state, state.metric, c, tau)
+        flex, m = heard(state, c, tau)
         if flex is None:
             continue
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
-            wide = 1 - np.exp(-2 * flex.evidence.gain / state.metric.fitted.free[c])
+            wide = 1 - np.exp(-2 * flex.evidence.gain / m.fitted.free[c])
             if wide > LEAST and flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels):
                 told = flex.evidence  # its share is that of the rows that it was learned on, whitened
                 out.append(Unnamed(c, flex.variables, told.log_e, told.gain, wide, None, carries_over=False))
             continue
-        share = explained_share(state, state.metric, c, flex)
+        share = explained_share(state, m, c, flex)
         column = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
         for number, f in reversed(list(enumerate(state.found))):
             if f.term is None or f.term.place.joint is None or c not in f.columns:

@@ -13,7 +13,7 @@ is one column; what that says on the judged rows is compared with what an effect
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.fine import FineSegment
 
 LAMBDAS = np.geomspace(1e-4, 1e6, 41)
+HATS = 13
 WAVES = 3  # peaks of the residual's spectrum over the position
 CHUNK = 160  # columns made at a time
 
@@ -75,6 +76,23 @@ def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.nd
     return Signals(own, others, tuple(np.geomspace(max(low, 3e-3), 0.5, 4)))
 
 
+def _within(signals: Signals, m: Metric, segments: Sequence[FineSegment]) -> Signals:
+    """Held at the ends of what the fitted rows saw: a function says nothing of what lies beyond."""
+    ends = np.cumsum([s.rows for s in segments])
+    seen = [bool(m.fitted.mask[end - s.rows : end].any()) for s, end in zip(segments, ends)]
+
+    def held(parts: list[np.ndarray]) -> list[np.ndarray]:
+        known = [part for part, its in zip(parts, seen) if its] or parts
+        low, high = min(part.min() for part in known), max(part.max() for part in known)
+        return [np.clip(part, low, high) for part in parts]
+
+    return replace(
+        signals,
+        own={name: held(parts) for name, parts in signals.own.items()},
+        others={name: held(parts) for name, parts in signals.others.items()},
+    )
+
+
 def _memory(segments: Sequence[FineSegment], joint: int) -> dict[str, list[np.ndarray]]:
     """What a joint can remember of its last reversal: travel and age since then, each fading, with its
     sign."""
@@ -110,6 +128,12 @@ def _basis(name: str, x: np.ndarray, widths: Sequence[float]) -> np.ndarray:
     return np.polynomial.legendre.legvander(x, degree)[:, 1:]
 
 
+def _local(x: np.ndarray) -> np.ndarray:
+    """(N, HATS) hat functions over the range: what bends in one place, and says nothing beyond it."""
+    width = 2.0 / (HATS - 1)
+    return np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.linspace(-1.0, 1.0, HATS)) / width)
+
+
 def _groups(signals: Signals, joint: int) -> Iterator[tuple[tuple[str, ...], Callable[[int], np.ndarray]]]:
     """(signals, columns of a segment) of every group."""
     number = joint + 1
@@ -117,7 +141,7 @@ def _groups(signals: Signals, joint: int) -> Iterator[tuple[tuple[str, ...], Cal
     widths = signals.rate_widths
 
     def one(name: str) -> Callable[[int], np.ndarray]:
-        return lambda k: _basis(name, every[name][k], widths)
+        return lambda k: np.hstack([_basis(name, every[name][k], widths), _local(every[name][k])])
 
     def two(a: str, b: str) -> Callable[[int], np.ndarray]:
         def columns(k: int) -> np.ndarray:
@@ -180,7 +204,7 @@ def flexible(
 ) -> Flexible | None:
     """The function of the channel with the largest evidence on the fitted rows, of the signals in `only`
     where they are given; None below `wanted` nats."""
-    signals = signals_of(segments, joint, load)
+    signals = _within(signals_of(segments, joint, load), m, segments)
     groups = list(_groups(signals, joint))
     back = _spread(m, channel, joint, segments)
     name = f"q{joint + 1}"

@@ -1,12 +1,13 @@
 """The noise of every channel, and rows whitened by it, so that a gain in log-likelihood means what it says.
 
 Residuals of decimated torque are correlated: by the filter, by slow drives, by friction that no model has.
-Per channel an autoregression of the residual is taken from its autocovariance (Levinson and Durbin; order
-by BIC, memory at most `MEMORY_S`: without such a bound a drift could not be told from noise). Each used row
-minus its prediction from the nearest used rows before it in its piece (Vecchia's approximation, exact for
-an autoregression without gaps; A. V. Vecchia, J. R. Statist. Soc. B 50, 1988), over the standard deviation
-of that prediction, is a whitened row. Stretches of unusual power (a contact, a knock) do not enter the
-autocovariance, or they would become noise."""
+Per channel an autoregression of the residual is taken by Burg's method over the stretches between masked
+rows (order by BIC, memory at most `MEMORY_S`: without such a bound a drift could not be told from noise). An
+autocovariance of pairs has errors of its own at every lag where rows are masked, and asks for all orders.
+Each used row minus its prediction from the nearest used rows before it in its piece (Vecchia's approximation,
+exact for an autoregression without gaps; A. V. Vecchia, J. R. Statist. Soc. B 50, 1988), over the standard
+deviation of that prediction, is a whitened row. Stretches of unusual power (a contact, a knock) do not enter
+the noise model, or they would become noise."""
 
 from __future__ import annotations
 
@@ -43,9 +44,8 @@ def whitener(rows: Rows, residual: np.ndarray, counted: np.ndarray, use: np.ndar
     """Noise from the `counted` rows, whitening for every row of `use`."""
     longest = max(1, round(MEMORY_S / rows.hop))
     calm = counted & _calm(rows, residual, counted)
-    covariance, pairs = _autocovariance(residual, calm, rows.piece, longest)
-    coefficients, variance = _order_by_bic(covariance, pairs)
-    extended = _extend(covariance[: len(coefficients) + 1], coefficients, 2 * max(len(coefficients), 1))
+    coefficients, covariance, variance = burg(residual, calm, rows.piece, longest)
+    extended = _extend(covariance, coefficients, 2 * max(len(coefficients), 1))
     L = _vecchia(use, rows.piece, extended, len(coefficients))
     return Whitener(L, float(np.sqrt(variance)), coefficients)
 
@@ -67,38 +67,38 @@ def _calm(rows: Rows, residual: np.ndarray, counted: np.ndarray) -> np.ndarray:
     return ~loud[block]
 
 
-def _autocovariance(
+def burg(
     x: np.ndarray, mask: np.ndarray, piece: np.ndarray, longest: int
-) -> tuple[np.ndarray, int]:
-    """(longest + 1,) over pairs that both count, tapered to stay positive definite; number of rows."""
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Autoregression of x (M,) over the masked rows -> coefficients (p,), autocovariance (p + 1,), innovation
+    variance.
+
+    Each reflection coefficient is the correlation of forward and backward errors over the rows whose whole
+    past of that order counts (J. P. Burg, Maximum entropy spectral analysis, 1967, for segments); its gain
+    in likelihood is that of those rows, and BIC weighs it against one more parameter."""
     rows = int(mask.sum())
-    z = np.where(mask, x, 0.0)
-    z = z - np.where(mask, z[mask].mean() if rows else 0.0, 0.0)
-    out = np.zeros(longest + 1)
-    for lag in range(longest + 1):
-        same = piece[lag:] == piece[: len(piece) - lag]
-        both = mask[lag:] & mask[: len(mask) - lag] & same
-        count = both.sum()
-        if count == 0:
+    z = np.where(mask, x - (x[mask].mean() if rows else 0.0), 0.0)
+    error = max(float(z @ z) / max(rows, 1), 1e-24)
+    a, r = np.zeros(0), [error]
+    best, chosen = 0.0, (a, np.array(r), error)
+    criterion, forward, backward, whole = 0.0, z, z, mask
+    for order in range(1, longest + 1):
+        whole = whole[1:] & mask[: len(mask) - order] & (piece[order:] == piece[: len(piece) - order])
+        forward, backward = forward[1:], backward[:-1]
+        f, b = forward[whole], backward[whole]
+        power = float(f @ f + b @ b)
+        if len(f) < 2 * order or power <= 0:
             break
-        out[lag] = (z[lag:] * z[: len(z) - lag] * same).sum() / count * (1 - lag / max(rows, lag + 1))
-    out[0] = max(out[0], 1e-24)
-    return out, rows
-
-
-def _order_by_bic(r: np.ndarray, rows: int) -> tuple[np.ndarray, float]:
-    """Coefficients of the order that BIC prefers, and the innovation's variance."""
-    best, chosen = np.log(r[0]) * rows, (np.zeros(0), float(r[0]))
-    a, error = np.zeros(0), float(r[0])
-    for order in range(1, len(r)):
-        reflection = (r[order] - a @ r[order - 1 : 0 : -1]) / error if order > 1 else r[1] / error
+        reflection = 2 * float(f @ b) / power
         if not abs(reflection) < 0.9999:
             break
+        r.append(reflection * error + float(a @ np.array(r[:0:-1])))
         a = np.append(a - reflection * a[::-1], reflection)
         error *= 1 - reflection**2
-        criterion = rows * np.log(error) + order * np.log(max(rows, 2))
+        forward, backward = forward - reflection * backward, backward - reflection * forward
+        criterion += len(f) * np.log(1 - reflection**2) + np.log(max(rows, 2))
         if criterion < best:
-            best, chosen = criterion, (a.copy(), error)
+            best, chosen = criterion, (a.copy(), np.array(r), error)
     return chosen
 
 

@@ -230,6 +230,12 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
                 "nothing known explains it; fit longer, faster or more varied motion."
             )
         return f"{text}on some run the model predicts it worse than none would; nothing known explains it."
+    if item["depends_on"] == ["t"] and item.get("carries_over") is False:
+        return (
+            f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there follows a "
+            "course of its own in time: its past foretells it, and no signal of the robot does (a vibration, "
+            "a slosh, a drift)."
+        )
     text += (
         f"{percent(item['share_of_residual_percent'])} of what the model leaves there depends on "
         f"{joined(list(item['depends_on']))}, and no effect of the catalogue has that shape."

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ident.diagnosis.loop import heard
 from ident.diagnosis.nameless import _ridge, flexible, wave_peaks
 from ident.diagnosis.opening import opened
 from ident.equations.prepared import prepare_study
@@ -31,7 +32,8 @@ def test_nothing_in_noise(clean_arm):
 
 
 def test_the_signals_of_a_strange_shape(odd):
-    found = asked(odd, 1)
+    """Heard in the noise that it leaves: in that of the model without it, it is foretold by its own past."""
+    found, _ = heard(odd, 1, 5.0)
     assert found is not None and found.evidence.log_e > np.log(4000)
     assert set(found.variables) <= {"q1", "dq2", "dq1"} and "q1" in found.variables
     assert found.prior_evidence <= found.evidence.gain + 1.0
