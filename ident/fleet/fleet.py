@@ -61,6 +61,11 @@ def study_keys(robot: str, study: Path | None) -> dict[str, Any]:
     robot = str(Path(robot).resolve()) if Path(robot).is_file() else robot
     entries = [RecordingEntry(file="recording.parquet", use="identify")]
     checked = study_from({**known, "robot": robot, "recordings": entries}, folder / "the study of the fleet")
+    if checked.estimator != "wls" or checked.robust or checked.controller:
+        raise FleetError(
+            f"{study}: a fleet adds up summaries by weighted least squares; leave estimator, robust and "
+            "controller out"
+        )
     columns_of(checked)
     return {**known, "robot": robot}
 

@@ -140,6 +140,7 @@ def test_s3_gives_the_same_table_and_a_missing_bucket_a_sentence(plain, logs, tm
         (["TWINS/*/*/*.parquet"], "two robots are called arm0"),
         (["TWINS/*/{robot}/{day}.parquet"], "are both 2026-01-01 of arm0"),
         (["TABLE.csv"], "has no columns file and robot"),
+        (["LOGS/*/*.parquet", "--study", "TABLE.yaml"], "leave estimator, robust and controller out"),
         (["LOGS/*/*.parquet", "--scheduler", "nowhere"], "no Dask scheduler answers at nowhere"),
     ],
 )
@@ -150,6 +151,8 @@ def test_wrong_inputs_end_in_one_sentence(logs, tmp_path, arguments, said, capsy
         (tmp_path / place / "arm0").mkdir(parents=True)
         (tmp_path / place / "arm0" / "2026-01-01.parquet").write_bytes(b"x")
     (tmp_path / "TABLE.csv").write_text("path,arm\n")
+    study = {"robot": "kuka_lwr4p", "estimator": "irls", "recordings": [{"file": "x.parquet"}]}
+    (tmp_path / "TABLE.yaml").write_text(json.dumps(study))
     words = [
         word.replace("LOGS", str(logs)).replace("TWINS", str(tmp_path)).replace("TABLE", f"{tmp_path}/TABLE")
         for word in arguments
