@@ -22,6 +22,7 @@ from modelgen.effects.place import Layout, Place
 
 PER_METRIC = 6
 PER_EFFECT = 2  # places of one effect among them: those of pairs of joints would be all there is
+UNKEPT = 4e7  # bytes of columns beyond the library that wait to be scored
 SHARE = 0.25  # of the best one's gain in its metric
 
 
@@ -86,6 +87,9 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
     """The short list: at most PER_METRIC hypotheses of each metric, one shape each."""
     done = {term.key for term in state.terms}
     trials: list[tuple[Term, dict[int, np.ndarray]]] = []
+    metrics = (state.metric, white_metric(state))
+    bests: tuple[dict[tuple, Ranked], ...] = ({}, {})
+    held = 0
     for effect, place in library.places:
         if place.joint is not None and place.joint in closed:
             continue
@@ -98,12 +102,13 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
             columns = library.columns(state, term)
             if columns:
                 trials.append((term, columns))
+                held += sum(z.nbytes for z in columns.values() if z.dtype == np.float64)  # not the library's
+        if held > UNKEPT:
+            _weigh(metrics, trials, bests)
+            trials, held = [], 0
+    _weigh(metrics, trials, bests)
     out: dict[tuple, Ranked] = {}
-    for m in (state.metric, white_metric(state)):
-        best: dict[tuple, Ranked] = {}
-        for (term, _), gain in zip(trials, linear_gains(m, [columns for _, columns in trials], trials)):
-            if gain > best.get(term.key, Ranked(term, 0.0)).gain:
-                best[term.key] = Ranked(term, gain)
+    for best in bests:
         places: dict[str, int] = {}
         ordered = []
         for r in sorted(best.values(), key=lambda r: -r.gain):
@@ -114,6 +119,18 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
             if r.gain > SHARE * ordered[0].gain:
                 out.setdefault(r.term.key, r)
     return list(out.values())
+
+
+def _weigh(
+    metrics: Sequence[Metric],
+    trials: Sequence[tuple[Term, dict[int, np.ndarray]]],
+    bests: Sequence[dict[tuple, Ranked]],
+) -> None:
+    """Keep the best shape of every hypothesis in each metric; the columns may go."""
+    for m, best in zip(metrics, bests):
+        for (term, _), gain in zip(trials, linear_gains(m, [columns for _, columns in trials], trials)):
+            if gain > best.get(term.key, Ranked(term, 0.0)).gain:
+                best[term.key] = Ranked(term, gain)
 
 
 def white_metric(state: State) -> Metric:

@@ -21,6 +21,7 @@ from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed, trace
 from ident.diagnosis.opening import Opened, opened
 from ident.diagnosis.pictures import Picture, picture
+from ident.diagnosis.room import thrifty
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import Visible, smallest_visible
@@ -136,7 +137,7 @@ def diagnose_study(
     from threadpoolctl import threadpool_limits
 
     with threadpool_limits(1, "blas"):
-        return _diagnose(study, progress, study.alpha if alpha is None else alpha, memory)
+        return _diagnose(study, thrifty(progress), study.alpha if alpha is None else alpha, memory)
 
 
 def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | None) -> Diagnosis:

@@ -88,8 +88,12 @@ def trace(
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
     while len(steps) < max_steps:
-        progress(f"step {len(steps) + 1}: what could be missing", 0.15 + 0.75 * (1 - 0.75 ** len(steps)))
-        weighed = compared(state, screen(state, library, frozenset(closed)), tau, alpha)
+        done, step = 0.15 + 0.75 * (1 - 0.75 ** len(steps)), f"step {len(steps) + 1}"
+        progress(f"{step}: what could be missing", done)
+        listed = screen(state, library, frozenset(closed))
+        progress(f"{step}: weighing it", done)
+        weighed = compared(state, listed, tau, alpha)
+        progress(f"{step}: loads and contacts", done)
         event = best_event(state, library.events, library.layout, tau, alpha)
         if event is not None and _first(event, weighed):
             r = event.refined

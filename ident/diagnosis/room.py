@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from ident.diagnosis.fine import stride_of
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
+from ident.progress import Progress
 from ident.signals.decimation import kept_every
 
 MOST, LEAST = 7000, 1500  # rows of the fitted, and of the judged recordings
 COPIES = 6.0  # of the model's columns, whitened and not
 FINE = 10.0  # of the fine signals: what functions of them take while they are scored
-LIBRARY, LIBRARY_LEAST = 3e8, 3e7  # bytes of candidates' columns
+LIBRARY, LIBRARY_LEAST = 1.5e8, 3e7  # bytes of candidates' columns
 PROGRAM = 1.5e8  # bytes that opening and reporting add, whatever the study
 SHARE = 0.35  # of what is free beside the program
 FREE = 0.5  # of the machine's free memory, where no limit is given
@@ -69,6 +70,34 @@ def bytes_a_row(prepared: Prepared, cutoff_hz: float) -> float:
     )
     signals = 1 + 6 * len(columns.need.joints) + len(columns.channels)
     return 8.0 * (COPIES * len(pairs) + FINE * fine * signals)
+
+
+def thrifty(progress: Progress) -> Progress:
+    """The same, and at every new thing that is told what is free inside the process goes back to the system:
+    the C library keeps what lies between values that live, Arrow what it may need again."""
+    last = [""]
+
+    def tell(text: str, done: float | None = None) -> None:
+        if text != last[0]:
+            last[0] = text
+            _give_back()
+        progress(text, done)
+
+    return tell
+
+
+def _give_back() -> None:
+    import ctypes
+    import gc
+
+    import pyarrow as pa
+
+    gc.collect()
+    pa.default_memory_pool().release_unused()
+    try:
+        ctypes.CDLL(None).malloc_trim(0)  # glibc; other systems have none
+    except (AttributeError, OSError, TypeError):
+        return
 
 
 def _resident() -> float:

@@ -21,6 +21,7 @@ from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
 INSTANTS = 1500  # of the motions: enough for some hundred parameters
+HELD = 3e7  # bytes of columns that are multiplied at once
 RIDGE = 1e-9  # of the largest eigenvalue: parameters that no torque shows
 
 
@@ -96,9 +97,26 @@ def _products(
     names = [f"{kind}{row}" for row in range(1, len(robot.links) + 1) for kind in INERTIAL]
     weights = tuple(name for name in names if name.rstrip("0123456789") in GRAVITY)
     at = [names.index(name) for name in weights]
-    parts, torques = [], []
-    for m in motions:
-        pick = slice(None, None, every)
+    wide = len(names) + 4 * len(channels)
+    rms = _rms(motions, every)
+    most = max(16, int(HELD / (32 * robot.n * wide)))
+    gram, moment, square = np.zeros((4, 4, wide, wide)), np.zeros((4, wide)), 0.0
+    parts: list[Array] = []
+    torques: list[Array] = []
+
+    def added() -> None:
+        nonlocal gram, moment, square
+        y = (np.concatenate(torques) / rms).ravel()
+        flat = (np.concatenate(parts, axis=1) / rms[:, None]).reshape(4, -1, wide)
+        gram = gram + np.einsum("arp,brq->abpq", flat, flat, optimize=True)
+        moment = moment + np.einsum("arp,r->ap", flat, y)
+        square += float(y @ y)
+        parts.clear()
+        torques.clear()
+
+    begins = [(m, begin) for m in motions for begin in range(0, len(m.t[::every]), most)]
+    for m, begin in begins:
+        pick = slice(begin * every, (begin + most) * every, every)
         q, dq, ddq, sign = (x[pick] for x in (m.q, m.dq, m.ddq, m.sign_dq))
         assert m.measured is not None
         y = m.measured[pick]
@@ -106,7 +124,7 @@ def _products(
         blocks[0] = standard_columns(zero, q, dq, ddq)
         for axis in range(3):
             blocks[axis + 1][:, :, at] = gravity_columns(robot, q, np.eye(3)[axis], weights)
-        rows = np.zeros((4, len(q), len(channels), len(names) + 4 * len(channels)))
+        rows = np.zeros((4, len(q), len(channels), wide))
         for c, channel in enumerate(channels):
             if channel.side != "drive":
                 rows[:, :, c, : len(names)] = blocks[:, :, channel.joint]
@@ -116,12 +134,21 @@ def _products(
         good = np.isfinite(y).all(axis=1)
         parts.append(rows[:, good])
         torques.append(y[good])
-    y = np.concatenate(torques)
-    rms = np.maximum(np.sqrt(np.mean(y**2, axis=0)), 1e-9)
-    flat = (np.concatenate(parts, axis=1) / rms[:, None]).reshape(4, -1, parts[0].shape[3])
-    y = (y / rms).ravel()
-    gram = np.einsum("arp,brq->abpq", flat, flat, optimize=True)
-    return gram, np.einsum("arp,r->ap", flat, y), float(y @ y)
+        if sum(len(part) for part in torques) >= most:
+            added()
+    if torques:
+        added()
+    return gram, moment, square
+
+
+def _rms(motions: Sequence[Motion], every: int) -> Array:
+    """(C,) of the torques that are looked at."""
+    torques = []
+    for m in motions:
+        assert m.measured is not None
+        y = m.measured[::every]
+        torques.append(y[np.isfinite(y).all(axis=1)])
+    return np.maximum(np.sqrt(np.mean(np.concatenate(torques) ** 2, axis=0)), 1e-9)
 
 
 def _cost(products: tuple[Array, Array, float], g: Array) -> float:
