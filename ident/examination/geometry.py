@@ -189,6 +189,7 @@ def base_orientation(
             return
         best = carried
         now, after = errors(identify, validate, best)
+        assert held is not None and after is not None
         value, plain, now = gain(held, after), held, after
         where = " of the recordings that validate"
     else:

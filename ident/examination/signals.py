@@ -5,7 +5,7 @@ Every function is pure: what one pass counted goes in, checks come out.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -300,24 +300,3 @@ def units(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator
             f"like N mm ({listed(names)})",
             "if so write " + column_line(columns.maps, {name: {"scale": 0.001} for name in names}),
         )
-
-
-def of_table(
-    columns: Columns, mender: Mender, excerpt: Excerpt, lowest: np.ndarray, highest: np.ndarray, rows: int
-) -> Iterable[Check]:
-    """Every check of one table."""
-    from ident.examination import repeats
-
-    said, slow = repeats.held(columns, excerpt)
-    yield from lost_samples(columns, mender, rows)
-    yield from wraps(columns, mender)
-    yield from units(columns, lowest, highest)
-    yield from position_steps(columns, mender)
-    yield from dead_and_resting(columns, lowest, highest)
-    yield from flags(columns, excerpt)
-    yield from limits_hit(columns, excerpt, slow)
-    yield from said
-    yield from repeats.copies(columns, excerpt)
-    yield from repeats.standing(columns, excerpt, slow)
-    yield from repeats.unsigned(columns, excerpt)
-    yield from repeats.coarse(columns, excerpt, slow)

@@ -20,7 +20,8 @@ import numpy as np
 from ident.errors import StudyError
 from ident.examination.check import refuse, worst_first
 from ident.examination.clock import time_stamps, uniform_clock
-from ident.examination.signals import Columns, of_table
+from ident.examination.of_table import of_table
+from ident.examination.signals import Columns
 from ident.examination.velocity import velocity_agrees
 from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
