@@ -28,6 +28,7 @@ STEPS = 14  # effects at most
 LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
 LAW = 4  # free numbers; a size, a shape and a phase are fewer
+NEARLY = 0.97  # of what any function says, in nats: of a strong effect this leaves hardly more than its noise
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
 FORETOLD = 0.25  # of a residual's power: less than this is new from row to row
 TOP_WAVE = 400.0  # 1/rad
@@ -49,6 +50,7 @@ class Step:
     evidence: Evidence
     equivalent: tuple[Equivalent, ...]
     flexible: Flexible | None = None  # the function without a name of the same signals
+    passed: tuple[Term, ...] = ()  # what else could have been taken in then, on its channels
 
 
 @dataclass(frozen=True)
@@ -109,7 +111,7 @@ def trace(
         if not sufficient(best.term, evidence, flex, tau):
             settled_in = _settled_in(state, best, c, tau)
             if settled_in is not None:
-                steps.append(Step(best.term, evidence, (), flex))
+                steps.append(Step(best.term, evidence, (), flex, _passed(weighed, best)))
                 state = settled_in
                 continue
             pair = _pair(state, weighed, best, flex, tau, alpha)
@@ -132,9 +134,11 @@ def trace(
             for r, e in weighed.passed
             if set(r.columns) & set(best.columns) and not evidence.beats(e, tau, alpha)
         )
-        steps.append(Step(best.term, evidence, _rivals(state, best, equal), flex))
+        rivals = _rivals(state, best, equal)
+        steps.append(Step(best.term, evidence, rivals, flex, _passed(weighed, best)))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     progress("what is left", 0.92)
+    state, steps = reconsidered(state, steps, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
     state, steps, left = leftovers(state, steps, closed, tau, alpha)
     if steps or unnamed or any(u.carries_over for u in left):
@@ -245,8 +249,12 @@ def signals_read(term: Term) -> frozenset[str] | None:
 
 def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> bool:
     """A law of up to three numbers that says as much as any function of its signals, within the limit, is a
-    law; one with more numbers takes up smooth functions as they come, and has to say as much, or more."""
-    return flex is None or own.log_e > flex.evidence.log_e + _margin(term.free, tau)
+    law; one with more numbers takes up smooth functions as they come, and has to say as much, or more. What
+    an effect's columns are wrong by (filters, samples, the turn-over's shape) grows with the effect: NEARLY."""
+    if flex is None:
+        return True
+    asked = flex.evidence.log_e * (NEARLY if term.free <= LAW else 1.0)
+    return own.log_e > asked + _margin(term.free, tau)
 
 
 def _margin(numbers: int, tau: float) -> float:
@@ -353,6 +361,34 @@ def refined_together(state: State) -> State:
         found[number] = Found(term, best.columns, best.sizes)
         state = solved(replace(state, found=tuple(found)))
     return settled(converged(state), 1)
+
+
+def _passed(weighed: Weighed, best: Refined) -> tuple[Term, ...]:
+    return tuple(r.term for r, _ in weighed.passed if set(r.columns) & set(best.columns))
+
+
+def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
+    """Each effect weighed again against what could have stood in its place, beside all that was found since:
+    what was missing then can have made one explanation look better than it is, or a simpler one too poor."""
+    for number, f in enumerate(state.found):
+        at = next((k for k, s in enumerate(steps) if f.term is not None and s.term.key == f.term.key), None)
+        if f.term is None or at is None or not any(t.key != f.term.key for t in steps[at].passed):
+            continue
+        others = state.but(number)
+        trials = [f.term if t.key == f.term.key else t for t in steps[at].passed]
+        weighed = compared(others, [Ranked(t, 0.0) for t in trials], tau, alpha)
+        if not weighed.passed:
+            continue
+        best, evidence = simplest(weighed, tau)
+        flex = sufficiency(others, weighed.metric, best.term, main_channel(evidence, best.term, others), tau)
+        if best.term.key == f.term.key or not sufficient(best.term, evidence, flex, tau):
+            continue
+        equal = [Equivalent(r.term, e.log_e) for r, e in weighed.passed if not evidence.beats(e, tau, alpha)]
+        steps[at] = Step(best.term, evidence, _rivals(others, best, equal), flex, steps[at].passed)
+        found = list(state.found)
+        found[number] = Found(best.term, best.columns, best.sizes)
+        state = refined_together(replace(state, found=tuple(found)))
+    return state, steps
 
 
 def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
