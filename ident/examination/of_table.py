@@ -36,6 +36,8 @@ def of_table(
     yield from limits_hit(columns, excerpt, slow)
     yield from said
     yield from repeats.copies(columns, excerpt)
-    yield from repeats.standing(columns, excerpt, slow)
+    lost = sum((c for kind, c in mender.counts.items() if kind != "spike"), np.zeros(len(columns.signals)))
+    gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
+    yield from repeats.standing(columns, excerpt, slow | gone)
     yield from repeats.unsigned(columns, excerpt)
     yield from repeats.coarse(columns, excerpt, slow)
