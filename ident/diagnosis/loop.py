@@ -249,8 +249,9 @@ def signals_read(term: Term) -> frozenset[str] | None:
 
 def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> bool:
     """A law of up to three numbers that says as much as any function of its signals, within the limit, is a
-    law; one with more numbers takes up smooth functions as they come, and has to say as much, or more. What
-    an effect's columns are wrong by (filters, samples, the turn-over's shape) grows with the effect: NEARLY."""
+    law; one with more numbers takes up smooth functions as they come, and has to say as much, or more.
+    What an effect's columns are wrong by (filters, samples, the turn-over's shape) grows with the effect:
+    NEARLY."""
     if flex is None:
         return True
     asked = flex.evidence.log_e * (NEARLY if term.free <= LAW else 1.0)
