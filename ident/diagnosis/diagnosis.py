@@ -213,8 +213,9 @@ def _extended(
             entries.pop()
             continue
         told = found_effects(last)
-        lost = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
-        lost = lost or _worse(last, base, declared)
+        weak = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
+        weakest = max(weak, key=lambda k: (not told[k].essential, told[k].p_value), default=None)
+        lost = _worse(last, base, declared) if weakest is None else [weakest]  # two can hide each other
         if not lost:
             return _turned(last, outcome.last, known, progress)
         entries = [entry for k, entry in enumerate(entries) if k not in lost]

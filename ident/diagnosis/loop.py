@@ -30,6 +30,7 @@ WHOLE = 0.25  # by which the size of a change of the model may differ from one
 LAW = 4  # free numbers; a size, a shape and a phase are fewer
 NEARLY = 0.97  # of what any function says, in nats: of a strong effect this leaves hardly more than its noise
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
+SETTLED = 6  # explanations that are settled whole where the first one is not sufficient
 FORETOLD = 0.25  # of a residual's power: less than this is new from row to row
 TOP_WAVE = 400.0  # 1/rad
 
@@ -109,10 +110,10 @@ def trace(
         c = main_channel(evidence, best.term, state)
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
         if not sufficient(best.term, evidence, flex, tau):
-            settled_in = _settled_in(state, best, c, tau)
+            settled_in = _settled_in(state, weighed, best, c, tau, alpha)
             if settled_in is not None:
-                steps.append(Step(best.term, evidence, (), flex, _passed(weighed, best)))
-                state = settled_in
+                taken, evidence, state = settled_in
+                steps.append(Step(taken.term, evidence, (), flex, _passed(weighed, best)))
                 continue
             pair = _pair(state, weighed, best, flex, tau, alpha)
             if pair is None:
@@ -300,16 +301,30 @@ def heard(state: State, c: int, tau: float) -> tuple[Flexible | None, Metric]:
     return again, m
 
 
-def _settled_in(state: State, best: Refined, c: int, tau: float) -> State | None:
-    """The state with the effect in it, if it is sufficient once dry friction's turn-over and all shapes were
-    taken again beside it: what it was compared with before may have taken its place in part."""
-    trial = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
-    f = trial.found[-1]
-    assert f.term is not None
-    others = trial.but(len(trial.found) - 1)
-    m = leading_metric(others, [Refined(f.term, f.columns, f.sizes, 0.0)])
-    own, flex = weigh(m, f.columns), sufficiency(others, m, f.term, c, tau)
-    return trial if sufficient(f.term, own, flex, tau) else None
+def _settled_in(
+    state: State, weighed: Weighed, best: Refined, c: int, tau: float, alpha: float
+) -> tuple[Refined, Evidence, State] | None:
+    """Of the first explanations of the leading channels the one that predicts the judged rows best among
+    those that are sufficient once dry friction's turn-over, from all its range, and all shapes were taken
+    again beside it: what it was compared with before may have taken its place in part."""
+    out: tuple[float, Refined, Evidence, State] | None = None
+    likely = [(r, e) for r, e in weighed.all if e.log_e > tau and set(r.columns) & set(best.columns)]
+    for r, evidence in sorted(likely, key=lambda its: -its[1].log_e)[:SETTLED]:
+        joint = state.model.channels[c].joint
+        afresh = replace(state, turns={j: turn for j, turn in state.turns.items() if j != joint})
+        trial = refined_together(with_found(afresh, Found(r.term, r.columns, r.sizes)))
+        f = trial.found[-1]
+        assert f.term is not None
+        others = trial.but(len(trial.found) - 1)
+        whole = Refined(f.term, f.columns, f.sizes, 0.0)
+        m = leading_metric(others, [whole])
+        own, flex = weigh(m, f.columns), sufficiency(others, m, f.term, c, tau)
+        if not passes(others, whole, own, tau, alpha):
+            continue
+        error = float(np.mean(trial.residual[c, trial.rows.judged & trial.rows.use[c]] ** 2))
+        if sufficient(f.term, own, flex, tau) and (out is None or error < out[0]):
+            out = error, r, evidence, trial
+    return None if out is None else out[1:]
 
 
 def _pair(
