@@ -403,8 +403,8 @@ def _beyond_noise(
     """Channels of which nothing was said, and whose residual is no noise all the same: its error on the rows
     that judge is far beyond what noise and the parameters' uncertainty make there, or it goes its own way in
     time, foretold by its own past (a vibration, a slosh, a drift)."""
-    known = {joint for item in (*findings, *told) for joint in item.joints}
-    everywhere = any(not item.joints for item in findings)
+    known = {joint for f in findings for joint in f.joints} | {joint for u in told for joint in u.joints}
+    everywhere = any(not f.joints for f in findings)
     rows, out = state.rows, []
     for c, channel in enumerate(last.columns.need.channels):
         joint = last.columns.need.joints[channel.joint]

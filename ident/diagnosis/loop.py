@@ -109,7 +109,7 @@ def trace(
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
-        if not sufficient(best.term, evidence, flex, tau):
+        if flex is not None and not sufficient(best.term, evidence, flex, tau):
             settled_in = _settled_in(state, weighed, best, c, tau, alpha)
             if settled_in is not None:
                 taken, evidence, state = settled_in

@@ -94,6 +94,7 @@ def torques(
         }
         known |= {"tau_link": link[j]} if "tau_link" in effect.needs else {}
         if "friction" in effect.needs:
+            assert j is not None
             behind = term.place.side == "link"
             own = {its.kind: values[name] for name in values if (its := ParameterName.of(name))
                    and its.label == labels[j] and not its.payload}  # fmt: skip
