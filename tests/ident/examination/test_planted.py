@@ -20,6 +20,7 @@ from planted import (
 )
 
 from ident.equations.prepared import prepare_study
+from ident.errors import StudyError
 from ident.examination.examine import examine_fit, examine_tables, mended_study
 from ident.recordings.study import load_study
 
@@ -292,7 +293,7 @@ def test_positions_of_another_run(tmp_path):
 
 @pytest.mark.parametrize("size", [-98.1, -9810.0, -1.0])
 def test_gravity_of_the_wrong_size_is_refused(size):
-    with pytest.raises(ValueError, match="Earth's is"):
+    with pytest.raises(StudyError, match="Earth's is"):
         ur10e().with_(gravity=(0, 0, size))
 
 
