@@ -16,6 +16,7 @@ from ident.diagnosis.evidence import Metric, orthonormal, project
 from ident.diagnosis.terms import Scene, Term
 
 TURNS = 5
+STEEP = 1e100  # slopes beyond which a shape cannot be followed
 FACTORS = (-1.0, 0.5, 2.0, 4.0, 8.0)  # of the size that a tangent gives
 
 
@@ -155,8 +156,9 @@ def _step(
         plus, minus = scene.columns(at.term.at(**{name: up})), scene.columns(at.term.at(**{name: down}))
         for c in at.columns:
             zero = np.zeros_like(at.columns[c])
-            change = (plus.get(c, zero) - minus.get(c, zero)) @ at.sizes / max(up - down, 1e-300)
-            extra[c].append(change[:, None])
+            change = (plus.get(c, zero) - minus.get(c, zero)) @ at.sizes
+            slope = change / (up - down) if up > down else zero[:, 0]
+            extra[c].append(slope[:, None] if np.abs(slope).max(initial=0.0) < STEEP else zero[:, :1])
     wide = {c: np.hstack([at.columns[c], *extra[c]]) for c in at.columns}
     cross, own, right = project(m, m.fitted, m.whiten(wide))
     basis = orthonormal(own - cross.T @ cross)
