@@ -49,14 +49,20 @@ class Apart:
         size = (sample.weight * sample.Y**2).sum(axis=0)
         return np.sqrt(top / np.maximum(size, 1e-300))
 
-    def explains(self, sample: Sample, every: bool = True, enough: float = ENOUGH) -> bool:
+    def explains(self, sample: Sample, every: bool = True) -> bool:
         """Whether all odd channels (or all there are) are then as elsewhere."""
         live = [c for c in range(len(self.error)) if np.isfinite(self.error[c])] if every else list(self.odd)
-        most = np.fmax(AS_OTHERS * self.usual, enough)
+        most = np.fmax(AS_OTHERS * self.usual, ENOUGH)
         most = np.fmax(most, np.where(np.isin(np.arange(len(most)), self.odd), 0.0, 1.1 * self.error))
         left, odd = self.left(sample), list(self.odd)
         halved = np.mean(np.log(self.error[odd] / np.fmax(left[odd], 1e-6))) > HALVED
         return bool(halved and (left[live] < most[live]).all())
+
+    def beyond(self, sample: Sample) -> bool:
+        """Whether the odd channels keep, in the mean, more than what is usual elsewhere."""
+        odd = list(self.odd)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return bool(np.nanmean(np.log(self.left(sample)[odd] / self.usual[odd])) > np.log(AS_OTHERS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,14 +74,18 @@ class Cause:
     signals: tuple[str, ...]
     words: str
     remedy: str
-    enough: float = ENOUGH  # 0 where something ordinary looks alike: it has to leave no more than is usual
+    alike: bool = False  # something ordinary (a load) looks alike: it has to leave what is usual in the mean
 
 
 def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[Check]:
     """A warning for each recording that stands apart, with its cause where one explains it."""
     for apart in _apart(quick, how):
         causes = [*_torques(quick, apart, currents), *_positions(quick, apart)]
-        causes = [cause for cause in causes if apart.explains(cause.sample, enough=cause.enough)]
+        causes = [
+            cause
+            for cause in causes
+            if apart.explains(cause.sample) and not (cause.alike and apart.beyond(cause.sample))
+        ]
         here, there = (100 * float(np.nanmax(e[list(apart.odd)])) for e in (apart.error, apart.usual))
         if causes:
             best = min(causes, key=lambda cause: float(np.nansum(np.log(apart.left(cause.sample)))))
@@ -256,7 +266,7 @@ def _positions(quick: Quick, apart: Apart) -> Iterator[Cause]:
             words = f"q{label} starts from another zero, about {-offset:.2g} rad off"
             line = f"{own} with {{q{label}: {{offset: {offset:.3g}}}}}"
             made = moved(same, ones, np.where(same == j, offset, 0.0))
-            yield Cause(made, "position_zero", (f"q{label}",), words, line, 0.0)  # a load turns gravity, too
+            yield Cause(made, "position_zero", (f"q{label}",), words, line, alike=True)
     for a, b in combinations(range(n), 2):
         order = same.copy()
         order[[a, b]] = b, a
