@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.apart import seconds_apart
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed, trace
 from ident.diagnosis.opening import Opened, opened
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.room import thrifty
+from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import Visible, smallest_visible
@@ -38,7 +38,7 @@ from ident.signals.filtering import STEEPNESS, prepare
 from modelgen.effects import catalogue
 
 FAR_OFF = 3.0  # times what noise and parameters explain: an error of judged rows that is no noise
-FORETOLD = 5.0  # times what is new from row to row: an error that its past foretells is no drive's noise
+OWN_COURSE = 5.0  # times what is new from row to row: an error that its past foretells is no drive's noise
 ESTABLISHED, PARTLY = "established", "partly"
 
 
@@ -419,7 +419,7 @@ def _beyond_noise(
         if found > FAR_OFF**2 * expected:
             share = 100.0 * float(1.0 - expected / found)
             out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
-        elif noise > FORETOLD**2 * new:
+        elif noise > OWN_COURSE**2 * new:
             nats = 0.5 * float(fitted.sum()) * float(np.log(noise / new))
             share = 100.0 * float(1.0 - new / noise)
             shown = picture(state, None, c, ("t",))

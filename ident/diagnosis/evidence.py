@@ -76,11 +76,9 @@ class Evidence:
         return float(scipy.stats.binom.sf(int((told > 0).sum()) - 1, len(told), 0.5))
 
     def supported(self, alpha: float) -> bool:
-        """Enough blocks agree that chance does so at most at the rate alpha; of fewer than MANY blocks less
-        can be asked (ten of twelve have 2 %), and they only guard the likelihood, which has passed alpha
-        itself."""
+        """Enough blocks agree."""
         told = int((self.blocks != 0).sum())
-        return self.sign_p <= alpha * max(1.0, (MANY / max(told, 1)) ** 2)
+        return self.sign_p <= agreement(told, alpha)
 
     def beats(self, other: Evidence, tau: float, alpha: float) -> bool:
         """These data tell the two apart: the same comparison as against nothing, with the other as the null.
@@ -90,6 +88,13 @@ class Evidence:
         if self.blocks.shape != other.blocks.shape:
             return True  # a window's blocks are its own
         return replace(self, blocks=self.blocks - other.blocks).supported(alpha)
+
+
+def agreement(blocks: int, alpha: float) -> float:
+    """How often chance may make as many of so many blocks agree: at the rate alpha; of fewer than MANY less
+    can be asked (ten of twelve have 2 %), and they only guard the likelihood, which has passed alpha
+    itself."""
+    return alpha * max(1.0, (MANY / max(blocks, 1)) ** 2)
 
 
 def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:

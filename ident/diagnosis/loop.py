@@ -50,7 +50,6 @@ class Step:
     term: Term
     evidence: Evidence
     equivalent: tuple[Equivalent, ...]
-    flexible: Flexible | None = None  # the function without a name of the same signals
     passed: tuple[Term, ...] = ()  # what else could have been taken in then, on its channels
 
 
@@ -113,7 +112,7 @@ def trace(
             settled_in = _settled_in(state, weighed, best, c, tau, alpha)
             if settled_in is not None:
                 taken, evidence, state = settled_in
-                steps.append(Step(taken.term, evidence, (), flex, _passed(weighed, best)))
+                steps.append(Step(taken.term, evidence, (), _passed(weighed, best)))
                 continue
             pair = _pair(state, weighed, best, flex, tau, alpha)
             if pair is None:
@@ -130,13 +129,8 @@ def trace(
                 closed.add(state.model.channels[c].joint)
                 state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
                 continue
-        equal = tuple(
-            Equivalent(r.term, e.log_e)
-            for r, e in weighed.passed
-            if set(r.columns) & set(best.columns) and not evidence.beats(e, tau, alpha)
-        )
-        rivals = _rivals(state, best, equal)
-        steps.append(Step(best.term, evidence, rivals, flex, _passed(weighed, best)))
+        rivals = _rivals(weighed, best, evidence, tau, alpha)
+        steps.append(Step(best.term, evidence, rivals, _passed(weighed, best)))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, tau, alpha)
@@ -284,7 +278,7 @@ def heard(state: State, c: int, tau: float) -> tuple[Flexible | None, Metric]:
     the residual can be foretold from its own past and would count as noise, what is left beside the best
     function of plain rows."""
     found = ask(state, state.metric, c, tau), state.metric
-    counted = state.rows.use[c] & state.rows.fitted & state.rows.usable
+    counted = state.rows.use[c] & state.rows.fitted
     power = np.mean(state.residual[c, counted] ** 2) if counted.any() else 0.0
     if state.whiteners[c].sigma ** 2 > FORETOLD * power:
         return found
@@ -346,11 +340,19 @@ def _pair(
     return None
 
 
-def _rivals(state: State, best: Refined, equal: Sequence[Equivalent]) -> tuple[Equivalent, ...]:
-    """Without those that only add parameters to it and gain nothing by them."""
-    own = max((e.log_e for e in equal if e.term.key == best.term.key), default=0.0)
+def _rivals(
+    weighed: Weighed, best: Refined, evidence: Evidence, tau: float, alpha: float
+) -> tuple[Equivalent, ...]:
+    """What passed on its channels and is not beaten by it, without those that only add parameters to it and
+    gain nothing by them."""
+    own = max((e.log_e for r, e in weighed.passed if r.term.key == best.term.key), default=0.0)
     return tuple(
-        e for e in equal if e.term.key != best.term.key and (e.term.free <= best.term.free or e.log_e > own)
+        Equivalent(r.term, e.log_e)
+        for r, e in weighed.passed
+        if set(r.columns) & set(best.columns)
+        and not evidence.beats(e, tau, alpha)
+        and r.term.key != best.term.key
+        and (r.term.free <= best.term.free or e.log_e > own)
     )
 
 
@@ -399,8 +401,8 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
         flex = sufficiency(others, weighed.metric, best.term, main_channel(evidence, best.term, others), tau)
         if best.term.key == f.term.key or not sufficient(best.term, evidence, flex, tau):
             continue
-        equal = [Equivalent(r.term, e.log_e) for r, e in weighed.passed if not evidence.beats(e, tau, alpha)]
-        steps[at] = Step(best.term, evidence, _rivals(others, best, equal), flex, steps[at].passed)
+        rivals = _rivals(weighed, best, evidence, tau, alpha)
+        steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
         found = list(state.found)
         found[number] = Found(best.term, best.columns, best.sizes)
         state = refined_together(replace(state, found=tuple(found)))

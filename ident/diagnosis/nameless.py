@@ -23,7 +23,6 @@ from ident.diagnosis.fine import FineSegment
 LAMBDAS = np.geomspace(1e-4, 1e6, 41)
 HATS = 13
 WAVES = 3  # peaks of the residual's spectrum over the position
-CHUNK = 160  # columns made at a time
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ import numpy as np
 import scipy.stats
 
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import MANY, Metric, block_sums, orthonormal, project
+from ident.diagnosis.evidence import Metric, agreement, block_sums, orthonormal, project
 from ident.diagnosis.loop import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -235,9 +235,8 @@ def _blocks(m: Metric, white: Mapping[int, np.ndarray]) -> np.ndarray:
 
 def _enough(blocks: int, alpha: float) -> int:
     """How many of so many blocks must agree (Evidence.supported)."""
-    limit = alpha * max(1.0, (MANY / max(blocks, 1)) ** 2)
     counts = np.arange(blocks + 1)
-    good = scipy.stats.binom.sf(counts - 1, blocks, 0.5) <= limit
+    good = scipy.stats.binom.sf(counts - 1, blocks, 0.5) <= agreement(blocks, alpha)
     return int(counts[good].min()) if good.any() else blocks + 1
 
 

@@ -18,13 +18,13 @@ import yaml
 
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
-from ident.examination.apart import recordings_apart
 from ident.examination.check import Check, column_line, listed, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
 from ident.examination.geometry import base_orientation, joint_axes, parts_of
 from ident.examination.limits import beyond_limits
 from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
+from ident.examination.recordings_apart import recordings_apart
 from ident.examination.signals import TURNS
 from ident.examination.torques import (
     CLEARLY,

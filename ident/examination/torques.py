@@ -390,6 +390,10 @@ def _one_of_two(
     return Hypothesis(other.gain_over(fit), how, check)
 
 
+def _unrelated(names: tuple[str, ...], message: str, remedy: str) -> Check:
+    return Check("unrelated_torque", "", names, None, "warned", message, remedy)
+
+
 def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
     """Channels, or all of them, of which the model explains nothing; validate runs that nothing predicts."""
     seen = np.flatnonzero(np.isfinite(fit.error))
@@ -413,15 +417,10 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         return
     if empty and len(seen) > 1:
         names = tuple(signal_of(quick, c, currents) for c in empty)
-        yield Check(
-            "unrelated_torque",
-            "",
+        yield _unrelated(
             names,
-            None,
-            "warned",
             f"the model explains nothing of {listed(names)}: noise, another signal, or a joint that "
-            "carries next to "
-            "no torque",
+            "carries next to no torque",
             "check the columns, or leave them out with channels: [...]",
         )
     usual = float(np.median(error))
@@ -434,12 +433,8 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
     ]
     if some and len(seen) > 2:
         names = tuple(signal_of(quick, c, currents) for c in some)
-        yield Check(
-            "unrelated_torque",
-            "",
+        yield _unrelated(
             names,
-            None,
-            "warned",
             f"the model explains only a part of {listed(names)} (errors of "
             f"{listed(f'{100 * fit.error[c]:.0f} %' for c in some)}, the other torques about "
             f"{100 * usual:.0f} %): noise, another signal for a while, a magnitude without its sign, or "

@@ -103,9 +103,10 @@ class Projector:
         for channel, part in found.items():
             out[:, channel] = part
         if term.effect.changes_model:
-            changes = term.effect.regressor_change(term.place, term.theta, self.motion, self.known)
-            change = sum(self.known.chi[number] * W for number, W in changes.items())
-            out = np.concatenate((out, np.broadcast_to(change, out.shape[:2])[..., None]), axis=2)
+            change = term.effect.torque_change(
+                term.place, term.theta, self.motion, self.known, self.known.chi
+            )
+            out = np.concatenate((out, change[..., None]), axis=2)
         return self.seen(out)
 
 

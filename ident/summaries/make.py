@@ -17,6 +17,7 @@ from ident.equations.build import build
 from ident.equations.columns import Columns
 from ident.equations.observation import DecimatedSegment, GrowingFactor, RecordingSystem
 from ident.equations.prepared import Prepared, prepare_study
+from ident.estimation.estimators.recursive import WINDOW_S
 from ident.estimation.least_squares import channel_sigma, weighted_least_squares
 from ident.examination.check import worst_first
 from ident.examination.examine import examine_fit, examine_tables
@@ -27,7 +28,6 @@ from ident.signals.filtering import FilteredBlock
 from ident.summaries.file import Header, Summary
 from ident.summaries.window import Window
 
-WINDOW_S = 900.0
 LAGS = 13  # of residual products, from lag 0
 WARMING_S = 1800.0
 

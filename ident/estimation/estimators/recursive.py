@@ -15,7 +15,7 @@ import numpy as np
 
 from ident.equations.observation import ChannelFactor, GrowingFactor, RecordingSystem
 
-WINDOW_S = 900.0  # as summaries have it
+WINDOW_S = 900.0  # of a summary, too
 
 
 def weights(systems: Sequence[RecordingSystem], forgetting: float) -> list[list[np.ndarray]]:

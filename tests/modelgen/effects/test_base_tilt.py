@@ -32,6 +32,7 @@ def test_the_changed_regressor_is_that_of_turned_gravity(roll, pitch):
     turned = replace(model, robot=with_gravity(model.robot, tilted(DOWN, roll, pitch)))
     assert seen == pytest.approx(turned.torque(m) - model.torque(m), abs=1e-10)
     assert added(model, m, E, place_of(model), v) == pytest.approx(seen, abs=1e-10)
+    assert E.torque_change(place_of(model), v, m, model, np.array(chi)) == pytest.approx(seen, abs=1e-10)
 
 
 @pytest.mark.parametrize("roll, pitch", ANGLES)

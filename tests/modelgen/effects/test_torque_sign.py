@@ -18,8 +18,10 @@ def test_the_changed_regressor_is_the_flipped_one():
     assert np.array_equal(total[:, 1], -W[:, 1])
     assert np.array_equal(np.delete(total, 1, axis=1), np.delete(W, 1, axis=1))
     assert all(c.shape == (len(m.t), 0) for c in E.columns(place, {}, None, m, model).values())
+    chi = np.array(list(model.standard.values()))
+    assert E.torque_change(place, {}, m, model, chi) == pytest.approx((total - W) @ chi, abs=1e-9)
     truth = recorded(model, simulated(model, m, E, place, {}))
-    assert truth == pytest.approx(total @ np.array(list(model.standard.values())), abs=1e-9)
+    assert truth == pytest.approx(total @ chi, abs=1e-9)
 
 
 def test_a_flipped_sensor_leaves_the_motor_alone():
