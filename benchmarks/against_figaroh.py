@@ -14,14 +14,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import statistics
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import numpy as np
+from child import measured
 
 PEER = """
 import sys, warnings
@@ -77,21 +75,6 @@ def simulated(folder: Path, seconds: float) -> Path:
     np.savez(folder / "run.npz", **both)
     (folder / "peer.py").write_text(PEER)
     return urdf
-
-
-def measured(command: list[str], repeat: int) -> tuple[float, float, float]:
-    """Median wall and CPU time [s], largest resident set [MB]."""
-    wall, cpu, peak = [], [], []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        child = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-        _, status, usage = os.wait4(child.pid, 0)
-        if status:
-            raise SystemExit(f"{' '.join(command[:4])} failed: {child.stderr.read().decode()[-2000:]}")
-        wall.append(time.perf_counter() - start)
-        cpu.append(usage.ru_utime + usage.ru_stime)
-        peak.append(usage.ru_maxrss / 1024)
-    return statistics.median(wall), statistics.median(cpu), max(peak)
 
 
 def main() -> None:

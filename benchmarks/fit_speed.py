@@ -8,17 +8,13 @@ Model C of the paper's robot with payload, decimation cut-off 0.8 Hz; results, p
 from __future__ import annotations
 
 import argparse
-import os
-import statistics
-import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+from child import measured
 
 from ident.twin.study import PlannedRun, simulate
 from ident.twin.writing import write_simulation
@@ -44,27 +40,9 @@ def lengthen(source: Path, target: Path, times: int) -> None:
 
 
 def measure(study: Path, repeat: int) -> tuple[float, float, float]:
-    """Median wall and CPU time [s], largest resident set [MB] of the process."""
-    walls, cpus, peaks = [], [], []
-    for _ in range(repeat):
-        start = time.perf_counter()
-        command = [
-            sys.executable,
-            "-m",
-            "ident.command_line.cli",
-            "fit",
-            str(study),
-            "-o",
-            str(study.parent / "out"),
-        ]
-        child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        _, status, usage = os.wait4(child.pid, 0)
-        if status:
-            raise SystemExit(f"ident fit failed with status {status}")
-        walls.append(time.perf_counter() - start)
-        cpus.append(usage.ru_utime + usage.ru_stime)
-        peaks.append(usage.ru_maxrss / 1024)
-    return statistics.median(walls), statistics.median(cpus), float(np.max(peaks))
+    """Median wall and CPU time [s], largest resident set [MB] of `ident fit`."""
+    output = study.parent / "out"
+    return measured([sys.executable, "-m", "ident", "fit", str(study), "-o", str(output)], repeat)
 
 
 def main() -> None:
