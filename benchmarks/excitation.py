@@ -43,15 +43,16 @@ def compare(name: str, count: int) -> None:
     known, bounds = known_robot(robot, name), bounds_of(robot)
     holding, basis = known.holding(bounds), basis_for(10.0)
     sigma = None
-    for criterion in ("d", "condition"):
-        begin = time.perf_counter()
+    for criterion in ("balanced", "d", "condition"):
+        begin, cpu = time.perf_counter(), time.process_time()
         done = excite(Request(name, criterion=criterion, sensitivity=False))
-        took = time.perf_counter() - begin
+        took = f"{time.perf_counter() - begin:.1f} s ({time.process_time() - cpu:.1f} s of processor)"
         sigma = done.sigma
         A = rows(known, done.motion, sigma)
         print(
             f"{name} {criterion}: condition {scaled_condition(A):.2f}, log det {information(A):.3f}, "
-            f"{took:.1f} s, largest use of a limit {100 * done.largest_use[0]:.1f} %"
+            f"{took}, largest use of a limit {100 * done.largest_use[0]:.1f} %",
+            flush=True,
         )
     assert sigma is not None
     rng = np.random.default_rng(1)
@@ -60,7 +61,7 @@ def compare(name: str, count: int) -> None:
     for _ in range(count):
         A = rows(known, random_motion(holding, basis, rest, 10.0, rng, False), sigma)
         best = min(best[0], scaled_condition(A)), max(best[1], information(A))
-    print(f"{name} best of {count} random: condition {best[0]:.2f}, log det {best[1]:.3f}")
+    print(f"{name} best of {count} random: condition {best[0]:.2f}, log det {best[1]:.3f}", flush=True)
 
 
 def violations(count: int, name: str) -> None:

@@ -320,8 +320,9 @@ def excite(
     ] = "A",
     duration: Annotated[float, typer.Option("--duration", help="Seconds.")] = 10.0,
     criterion: Annotated[
-        str, typer.Option("--criterion", help="d (information), condition, or worst (relative deviation).")
-    ] = "d",
+        str,
+        typer.Option("--criterion", help="balanced, d (information), condition, worst (relative deviation)."),
+    ] = "balanced",
     motion: Annotated[str, typer.Option("--motion", help="fourier or point_to_point.")] = "fourier",
     limit: Annotated[
         list[str] | None,

@@ -12,7 +12,7 @@ import numpy as np
 from ident.equations.terms import plain
 from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.holding import Holding
-from ident.excitation.information import Rows, condition, d_optimal, scaled_condition, worst
+from ident.excitation.information import CRITERIA, Rows, criteria, scaled_condition
 from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot
 from ident.excitation.limits import Bounds, ExcitationError, bounds_of
 from ident.excitation.motion import Planned, basis_for
@@ -31,7 +31,6 @@ from modelgen.geometry.robot_file import load_robot
 
 Array = np.ndarray
 DURATION = (2.0, 600.0)  # s
-CRITERIA = ("d", "condition", "worst")
 MOTIONS = ("fourier", "point_to_point")
 TURN_OVER = 0.05  # of the top speed, of the smooth sign while designing
 
@@ -43,7 +42,7 @@ class Request:
     robot: str
     model: str = "A"
     duration: float = 10.0
-    criterion: str = "d"
+    criterion: str = "balanced"
     kind: str = "fourier"
     limits: tuple[str, ...] = ()
     start: tuple[float, ...] | None = None
@@ -198,7 +197,7 @@ def _designed(  # type: ignore[no-untyped-def]
 ) -> Optimum:
     t = (np.arange(max(12 * basis.harmonics, 80)) + 0.5) * basis.period / max(12 * basis.harmonics, 80)
     rows, B = Rows(known.model, sigma, TURN_OVER * bounds.dq), basis.at(t)[:3]
-    criterion = {"d": d_optimal, "condition": condition, "worst": worst(known.chi)}[request.criterion]
+    criterion = criteria(known.chi)[request.criterion]
 
     def objective(x: Array) -> tuple[float, Array]:
         q, dq, ddq = (b @ x.T for b in B)

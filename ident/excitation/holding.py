@@ -20,6 +20,8 @@ from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
 NEAR = 0.1  # m from a box at which its use begins to count
+COARSE = 20  # one sample in so many is looked at while searching
+LESS = np.array([1.0, 0.998, 0.99, 0.95, 0.8, 0.5, 0.2])
 
 
 @dataclass(frozen=True)
@@ -104,18 +106,16 @@ class Holding:
         still = np.zeros_like(x)
         still[:, 0] = rest
 
-        def at(s: float) -> FourierMotion:
-            return FourierMotion(basis, still + s * (x - still), duration)
+        def holds(share: float, every: int) -> bool:
+            states = tuple(B[::every] @ (still + share * (x - still)).T for B in basis.fine)
+            touches = final and self.bodies is not None and self.bodies.touching(states[0]) is not None
+            return self._use(states)[0] <= 1 and not touches
 
-        def holds(s: float) -> bool:
-            return self.holds(at(s)) if final else self.use(at(s))[0] <= 1
-
-        low, high = 0.0, 1.0
-        if holds(1.0):
-            return at(1.0)
-        for _ in range(30):
-            middle = (low + high) / 2
-            low, high = (middle, high) if holds(middle) else (low, middle)
-            if high - low < 1e-4:
-                break
-        return at(low)
+        share = 1.0
+        if not holds(1.0, 1):
+            low, high = 0.0, 1.0
+            for _ in range(14):  # on a few samples, then a little less until all of them hold
+                middle = (low + high) / 2
+                low, high = (middle, high) if holds(middle, COARSE) else (low, middle)
+            share = next((s for s in low * LESS if holds(s, 1)), 0.0)
+        return FourierMotion(basis, still + share * (x - still), duration)

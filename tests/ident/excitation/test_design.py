@@ -9,7 +9,7 @@ from ident.diagnosis.loop import threshold
 from ident.diagnosis.requests import request_of, separating_command
 from ident.equations.terms import Term
 from ident.excitation.diagnosed import split_requests
-from ident.excitation.information import Rows, condition, d_optimal, worst
+from ident.excitation.information import CRITERIA, Rows, criteria
 from ident.excitation.known import as_motion, known_robot, term_of
 from ident.excitation.limits import ExcitationError, bounds_of
 from ident.excitation.motion import Basis
@@ -37,11 +37,11 @@ def planned(basis, x, rate=FINE_HZ):
     return as_motion([B @ x.T for B in basis.at(t)], t)
 
 
-@pytest.mark.parametrize("name", ["d", "condition", "worst"])
+@pytest.mark.parametrize("name", CRITERIA)
 def test_gradients_are_those_of_differences(arm, name):
     known, bounds, basis, x = arm
     rng = np.random.default_rng(2)
-    criterion = {"d": d_optimal, "condition": condition, "worst": worst(known.chi)}[name]
+    criterion = criteria(known.chi)[name]
     rows, B = (
         Rows(known.model, rng.uniform(0.5, 2, 7), 0.1 * bounds.dq),
         basis.at(np.arange(0, 10, 0.125))[:3],
