@@ -74,6 +74,17 @@ class Model:
         """Labels of the joints whose q is a length, as channel names bear them: ("3",)."""
         return tuple(joint["label"] for joint in self._description["joints"] if joint["prismatic"])
 
+    @property
+    def geometry(self) -> Mapping[str, Any]:
+        """The robot's MDH table and gravity in floats, see `modelgen.geometry.kinematics.Geometry.of`."""
+        geometry: Mapping[str, Any] = self._description["geometry"]
+        return geometry
+
+    @property
+    def limits(self) -> tuple[Mapping[str, Any], ...]:
+        """Per joint what the robot file states of {"q": (low, high), "dq", "ddq", "tau"}; SI units."""
+        return tuple(joint.get("limits", {}) for joint in self._description["joints"])
+
     def __repr__(self) -> str:
         payload = f", payload={self.payload!r}" if self.payload else ""
         effects = f", effects={self.effects!r}" if self.effects else ""

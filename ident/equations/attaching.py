@@ -27,7 +27,7 @@ from ident.recordings.recording import RecordingStream
 from ident.signals.decimation import Decimator, folded, kept_every
 from ident.signals.filtering import FilterBank, FilteredBlock, LowPass, filter_stream
 from ident.signals.neighbours import by_segment, first_samples, wide_blocks
-from modelgen.effects.place import Motion
+from modelgen.geometry.place import Motion
 
 Streams = Mapping[str, tuple[RecordingStream, FilterBank]]
 

@@ -11,14 +11,17 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ident.equations.columns import Columns
 from ident.signals.filtering import FilteredBlock
-from modelgen.effects.place import Motion
 from modelgen.geometry.names import Channel, ParameterName
-from modelgen.geometry.robot import Robot
+from modelgen.geometry.place import Motion
+
+if TYPE_CHECKING:
+    from modelgen.geometry.robot import Robot
 
 BEFORE_THE_GEAR = ("Iam", "Fvm", "Fcm", "Offm")
 

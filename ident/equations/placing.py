@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ident.equations.columns import Columns
 from ident.equations.terms import Term
 from ident.errors import StudyError
 from ident.recordings.study import EffectEntry, Study
-from modelgen.effects.effect import Effect, EffectError
-from modelgen.effects.place import Layout, Place
+from modelgen.errors import ModelgenError
 from modelgen.geometry.names import ParameterName
+from modelgen.geometry.place import Layout, Place
+
+if TYPE_CHECKING:
+    from modelgen.effects.effect import Effect
 
 
 def layout_of(study: Study, columns: Columns, travel: Sequence[float] = ()) -> Layout:
@@ -36,7 +39,7 @@ def terms_of(study: Study, columns: Columns, layout: Layout) -> tuple[Term, ...]
     for number, entry in enumerate(study.effects, 1):
         try:
             terms.append(_term(study, entry, columns, layout))
-        except (EffectError, ValueError) as error:
+        except (ModelgenError, ValueError) as error:
             raise StudyError(str(study.file), f"effects[{number}]", str(error)) from None
     names = [_name(term, columns) for term in terms]
     counts = [names[:k].count(name) + 1 for k, name in enumerate(names)]

@@ -14,16 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ident.equations.columns import Columns
 from ident.equations.fitted import FittedModel
-from modelgen.effects.effect import Effect, LinearParameter, NonlinearParameter
-from modelgen.effects.place import Motion, Place
-from modelgen.effects.truth import STAGES
 from modelgen.geometry.names import unit_of
+from modelgen.geometry.place import Motion, Place
+
+if TYPE_CHECKING:  # importing effects imports SymPy, which a study without them does not need
+    from modelgen.effects.effect import Effect, LinearParameter, NonlinearParameter
 
 STEP = 1e-5  # of differences over parameters, relative
 PROBE = 64  # samples on which linearity in the size is seen
@@ -84,6 +85,8 @@ class Term:
 
 def plain(term: Term) -> bool:
     """Linear in its size and independent of the model: its terms are its columns."""
+    from modelgen.effects.effect import Effect
+
     return type(term.effect).columns is Effect.columns and "tau_link" not in term.effect.needs
 
 
@@ -228,4 +231,6 @@ def _other_shape(term: Term, name: str) -> tuple[Term, float]:
 
 
 def _stage(term: Term) -> int:
+    from modelgen.effects.truth import STAGES
+
     return STAGES.index(term.effect.stages(term.place)[0])

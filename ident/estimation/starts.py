@@ -23,7 +23,7 @@ from ident.estimation.solving import estimate_all
 from ident.recordings.study import Study
 from ident.signals.filtering import filter_stream
 from ident.signals.neighbours import first_samples
-from modelgen.effects.place import Motion
+from modelgen.geometry.place import Motion
 
 CANDIDATES = 48  # starts that are screened together
 

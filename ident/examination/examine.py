@@ -168,17 +168,11 @@ def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> I
 def _geometry(
     prepared: Prepared, quick: Quick, how: Assignment, prior: float, axes: bool
 ) -> Iterable[Hypothesis]:
-    """Gravity and the axes of the table; asked last because they need the robot file read again."""
-    from modelgen.errors import ModelgenError
-    from modelgen.geometry.kinematics import geometry
-    from modelgen.geometry.robot_file import load_robot
+    """Gravity and the axes of the table; asked last because they cost most."""
+    from modelgen.geometry.kinematics import Geometry
 
     study, columns = prepared.study, prepared.columns
-    try:
-        robot = load_robot(study.robot_source, study.exact)
-    except (ModelgenError, OSError):
-        return
-    table = geometry(robot)
+    table = Geometry.of(columns.model.geometry)
     loads = [s.payload for s in quick.samples]
     usual = max(set(loads), key=loads.count)
     samples = [s for s in quick.samples if s.payload == usual]

@@ -6,16 +6,14 @@ Limits in files are often chosen with care for software, not for steel, so that 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 
 from ident.equations.prepared import Prepared
 from ident.examination.check import Check
 from ident.recordings.recording import RecordingStream
-from modelgen.errors import ModelgenError
-from modelgen.geometry.robot import Limits
-from modelgen.geometry.robot_file import load_robot
 
 BEYOND = 0.05  # of the joint's range, and 0.1 rad at least
 LEAST = 0.1
@@ -27,12 +25,7 @@ def beyond_limits(prepared: Prepared, torques: bool = True) -> Iterator[Check]:
     """A warning for each recording and kind of signal, joints together; `torques`: whether these are known to
     be torques."""
     study, need = prepared.study, prepared.columns.need
-    try:
-        robot = load_robot(study.robot_source, study.exact)
-    except (ModelgenError, OSError):
-        return
-    by_label = dict(zip(robot.joint_labels, (robot.link(j).limits or Limits() for j in robot.moving)))
-    limits = [by_label.get(str(joint), Limits()) for joint in need.joints]
+    limits = list(prepared.columns.model.limits)
     prismatic = [str(joint) in prepared.columns.model.prismatic for joint in need.joints]
     for stream in prepared.streams:
         yield from _positions(stream, limits, prismatic)
@@ -40,18 +33,22 @@ def beyond_limits(prepared: Prepared, torques: bool = True) -> Iterator[Check]:
             yield from _torques(stream, limits)
 
 
-def _positions(stream: RecordingStream, limits: list[Limits], prismatic: list[bool]) -> Iterator[Check]:
+def _positions(
+    stream: RecordingStream, limits: list[Mapping[str, Any]], prismatic: list[bool]
+) -> Iterator[Check]:
     low, high = stream.survey.lowest, stream.survey.highest
     told, names = [], []
     for k, (joint, its) in enumerate(zip(stream.need.joints, limits)):
-        if its.q is None:
+        if "q" not in its:
             continue
-        margin = max(BEYOND * (its.q[1] - its.q[0]), 0.0 if prismatic[k] else LEAST)
+        margin = max(BEYOND * (its["q"][1] - its["q"][0]), 0.0 if prismatic[k] else LEAST)
         turns = [0.0] if prismatic[k] else [0.0, *TURNS]  # a zero that is whole turns away changes nothing
-        beyond = [_beyond(low[k] + turn, high[k] + turn, its.q) for turn in turns]
+        beyond = [_beyond(low[k] + turn, high[k] + turn, its["q"]) for turn in turns]
         if min(by for by, _ in beyond) > margin:
             names.append(f"q{joint}")
-            told.append(f"q{joint} reaches {beyond[0][1]:.3g} (limits {its.q[0]:.3g} to {its.q[1]:.3g})")
+            told.append(
+                f"q{joint} reaches {beyond[0][1]:.3g} (limits {its['q'][0]:.3g} to {its['q'][1]:.3g})"
+            )
     if told:
         yield _check(stream, names, told, "the unit, the zero and the order of the joints")
 
@@ -61,14 +58,14 @@ def _beyond(low: float, high: float, limits: tuple[float, float]) -> tuple[float
     return max((limits[0] - low, low), (high - limits[1], high))
 
 
-def _torques(stream: RecordingStream, limits: list[Limits]) -> Iterator[Check]:
+def _torques(stream: RecordingStream, limits: list[Mapping[str, Any]]) -> Iterator[Check]:
     n, need = len(stream.need.joints), stream.need
     places = [(k, f"tau_m{need.joints[k]}") for k in need.motor]
     places += [(k, f"tau_l{need.joints[k]}") for k in need.sensor]
     largest = np.maximum(np.abs(stream.survey.lowest), np.abs(stream.survey.highest))[n:]
     told, names = [], []
     for (k, name), reached in zip(places, largest):
-        most = limits[k].tau
+        most = limits[k].get("tau")
         if most is not None and reached > TIMES * most:
             names.append(name)
             told.append(f"{name} reaches {reached:.3g} (limit {most:.3g})")

@@ -27,12 +27,11 @@ from ident.errors import IdentError
 from ident.estimation.fit import FitResult
 from ident.estimation.noise import ChannelNoise
 from ident.recordings.study import Study, study_from
-from modelgen.geometry.robot import Robot
-from modelgen.geometry.robot_file import load_robot
 
 if TYPE_CHECKING:
     from ident.equations.comparison import Fitted
     from ident.equations.terms import Term
+    from modelgen.geometry.robot import Robot
 
 TextTable = tuple[tuple[str, ...], list[tuple[str, ...]]]  # header, rows
 
@@ -90,6 +89,8 @@ class SavedFit:
 
     def load_robot(self) -> Robot:
         """The robot as it was, with the study's gravity."""
+        from modelgen.geometry.robot_file import load_robot
+
         robot = load_robot(self.robot, self.study.exact)
         return robot if self.study.gravity is None else robot.with_gravity(self.study.gravity)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import sympy as sp
@@ -12,12 +12,13 @@ from modelgen.base_parameters.rules import Rules, derive_rules
 from modelgen.base_parameters.rules_text import regroups
 from modelgen.dynamics.newton_euler import INERTIAL
 from modelgen.emit.effect_columns import effect_columns
-from modelgen.geometry.robot import Robot
+from modelgen.geometry.kinematics import geometry
+from modelgen.geometry.robot import Limits, Robot
 from modelgen.programs.cheapest import SIGNALS, Columns, columns_program, torque_program
 from modelgen.programs.graph import Operations, Program
 
 CHEAP_SUM = 3  # terms; a column of its own costs five operations a row and more
-FORMAT = 1  # of the description; a cache entry of another format is rebuilt
+FORMAT = 2  # of the description; a cache entry of another format is rebuilt
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +117,7 @@ def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:
         "nonzeros": sorted(nonzeros, key=lambda entry: (entry[0], entry[1])),
         "extra_inputs": list(dict.fromkeys(name for column in added for name in column.extra_inputs)),
         "operations": {**_count(columns.operations), "torque": _count(torque.operations)},
+        "geometry": geometry(robot).document(),
         **({"standard_values": dict(robot.standard_values)} if robot.standard_values else {}),
         **({"notes": list(robot.notes)} if robot.notes else {}),
     }
@@ -123,13 +125,22 @@ def derive_from_rules(rules: Rules, effects: Sequence[str] = ()) -> Derived:
 
 
 def _joints(robot: Robot) -> list[dict[str, Any]]:
-    """Label and kind of each moving joint, and its own name where the robot file gives one."""
+    """Label and kind of each moving joint; its own name and its limits where the robot file gives them."""
     found: list[dict[str, Any]] = []
     for j, k, name in zip(robot.moving, robot.joint_labels, robot.joint_names):
         own: dict[str, Any] = {} if name == f"q{k}" else {"name": name}
         if own and k != str(j):
             own["row"] = j
-        found.append({"label": k, "prismatic": robot.link(j).sigma == 1, **own})
+        stated = asdict(robot.link(j).limits or Limits())
+        limits = {name: value for name, value in stated.items() if value is not None}
+        found.append(
+            {
+                "label": k,
+                "prismatic": robot.link(j).sigma == 1,
+                **own,
+                **({"limits": limits} if limits else {}),
+            }
+        )
     return found
 
 

@@ -7,13 +7,14 @@ built here holds no multiplication by the zeros and ones of the robot's geometry
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import sympy as sp
+if TYPE_CHECKING:
+    import sympy as sp
 
-from modelgen.geometry.robot import Robot
+    from modelgen.geometry.robot import Robot
 
 Number = Any
 Vector = tuple[Number, Number, Number]
@@ -113,6 +114,16 @@ class Geometry:
         """Indices (from 0) of the moving rows, in the order of q."""
         return tuple(j for j, row in enumerate(self.rows) if row.sigma != 2)
 
+    @classmethod
+    def of(cls, written: Mapping[str, Any]) -> Geometry:
+        """What `document` wrote."""
+        return cls(tuple(Row(*row) for row in written["rows"]), tuple(written["gravity"]))
+
+    def document(self) -> dict[str, Any]:
+        """A geometry of floats as plain values; integers stay integers."""
+        rows = [[getattr(row, f.name) for f in fields(Row)] for row in self.rows]
+        return {"rows": rows, "gravity": list(self.gravity)}
+
     def mapped(self, convert: Callable[[Number], Number]) -> Geometry:
         """The same geometry in another number type; structural integers stay as they are."""
 
@@ -188,6 +199,8 @@ def symbolic_geometry(robot: Robot, number: Callable[[sp.Expr], Number] = lambda
 
 
 def _geometry(robot: Robot, lift: Callable[[sp.Expr], Number]) -> Geometry:
+    import sympy as sp  # not at the top: who has the numbers (`Geometry.of`) needs no symbols
+
     rows = tuple(
         Row(
             antecedent=link.antecedent - 1,  # counted from 0 here; the base is -1
