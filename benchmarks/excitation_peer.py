@@ -1,16 +1,24 @@
-"""A designed motion of a UR10 against the one that figaroh's own optimiser found: the same robot, joint
-ranges, length and top rates.
+"""Designed motions against those that figaroh's own optimiser finds: the same robot, limits and length.
 
     python benchmarks/excitation_peer.py
+    python -m venv /tmp/figaroh && /tmp/figaroh/bin/pip install figaroh cyipopt-wheels
+    python benchmarks/excitation_peer.py --figaroh /tmp/figaroh/bin/python [--seconds 10] [--seed 0]
 
-figaroh's motion is published: examples/ur10/data/truth/train_waypoints.json of thanhndv212/figaroh-examples
-(commit 98345176771fc29980a6b68806449b5439c8c05d), the best of sixteen seeds of its IPOPT optimiser, condition
-number 61.7 by its own count; rest to rest in cubics of two seconds. Both motions are judged by the same
-regressor at 50 Hz, by the condition number as it is and with columns of unit length, and by log det.
+Without an option, a UR10 against figaroh's published motion: examples/ur10/data/truth/train_waypoints.json of
+thanhndv212/figaroh-examples (commit 98345176771fc29980a6b68806449b5439c8c05d), the best of sixteen seeds of
+its IPOPT optimiser, condition number 61.7 by its own count; rest to rest in cubics of two seconds.
+
+With --figaroh its optimiser runs here, with the settings of its own UR10 example (one segment, a waypoint
+every two seconds, 20 Hz, at most 100 iterations), on the KUKA iiwa 7 of this repository; ours gets the limits
+that it drew from the URDF, and for accelerations the largest that its motion takes. Motions are judged by the
+same regressor at as many instants, by the condition number as it is and with columns of unit length, and by
+log det.
 """
 
 from __future__ import annotations
 
+import argparse
+import subprocess
 import tempfile
 import time
 from pathlib import Path
@@ -18,8 +26,10 @@ from pathlib import Path
 import numpy as np
 
 import generated
-from ident.excitation.experiment import Request, excite
-from ident.excitation.information import scaled_condition
+from ident.excitation.experiment import TURN_OVER, Request, excite
+from ident.excitation.information import Rows, along, scaled_condition
+from ident.excitation.motion import basis_for
+from ident.excitation.optimal import optimise
 
 UR10 = """\
 name: ur10
@@ -66,38 +76,141 @@ def theirs(t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     )
 
 
-def main() -> None:
+PEER = """
+import sys, time, warnings
+import numpy as np, yaml
+from figaroh.optimal.base_optimal_trajectory import BaseOptimalTrajectory, BaseTrajectoryIPOPTProblem
+from figaroh.tools.robot import load_robot
+
+warnings.simplefilter("ignore")
+
+class Optimiser(BaseOptimalTrajectory):
+    def create_ipopt_problem(self, *given):
+        return BaseTrajectoryIPOPTProblem(self, *given)
+
+urdf, out, seconds, seed = sys.argv[1], sys.argv[2], float(sys.argv[3]), int(sys.argv[4])
+np.random.seed(seed)
+robot = load_robot(urdf, package_dirs=".", load_by_urdf=True)
+names = [name for name in robot.model.names if name != "universe"]
+parts = {"friction": False, "joint_offset": False, "actuator_inertia": False}
+tasks = {
+    "identification": {"enabled": True, "problem": {"use_joint_torques": True, "model_components": parts}},
+    "optimal_trajectory": {
+        "enabled": True,
+        "problem": {"soft_lim": 0.1, "max_attempts": 500, "max_iterations": 100},
+        "trajectory": {"waypoints": round(seconds / 2) + 1, "frequency": 20, "segment_duration": 2.0}}}
+joints = {"joints": {"active_joints": names}, "mechanics": {}}
+with open(out + ".yaml", "w") as file:
+    yaml.safe_dump({"robot": {"name": "peer", "properties": joints}, "tasks": tasks}, file)
+wall, cpu = time.perf_counter(), time.process_time()
+search = Optimiser(robot, names, out + ".yaml")
+ids = [search.model.getJointId(name) for name in names]
+found = [search.model.joints[k] for k in ids]
+search.identif_config.update(
+    active_joints=names, act_Jid=ids, act_J=found,
+    act_idxq=[j.idx_q for j in found], act_idxv=[j.idx_v for j in found])
+search.initialize()
+results = search.solve(stack_reps=1)
+took = time.perf_counter() - wall, time.process_time() - cpu
+q, dq, ddq = (np.vstack(results[key]) for key in ("P_F", "V_F", "A_F"))
+own = np.linalg.cond(search._stack_base_regressors(q, dq, ddq))
+np.savez(out, q=q, dq=dq, ddq=ddq, took=took, own=own, low=search.CB.lower_q, high=search.CB.upper_q,
+         rate=search.CB.upper_dq, effort=search.CB.upper_effort)
+"""
+
+
+def bodies_of(model: generated.Model) -> np.ndarray:
+    """(b,) parameters that figaroh designs for."""
+    return np.array([not name.startswith(("Ia", "Fv", "Fc", "Off")) for name in model.parameters])
+
+
+def told(model: generated.Model, name: str, states: tuple[np.ndarray, ...], took: str = "") -> None:
+    """A line on all columns, and one on those of the bodies alone."""
+    W = model.regressor(*states[:3])
+    bodies = bodies_of(model)
+    for kind, columns in (("all", bodies | True), ("bodies alone", bodies)):
+        A = W[:, :, columns].reshape(-1, columns.sum())
+        value = np.linalg.slogdet(A.T @ A)[1] / A.shape[1]
+        print(
+            f"{name}, {kind}: condition {np.linalg.cond(A):.1f}, of unit columns "
+            f"{scaled_condition(A):.1f}, log det per parameter {value:.2f}{took}",
+            flush=True,
+        )
+
+
+def ours(robot: str, seconds: float, limits: list[str], t: np.ndarray) -> None:
+    """Our motions of the same length under the same limits."""
+    model = generated.load(robot, "A")
+    for criterion in ("balanced", "d", "condition"):
+        begin, cpu = time.perf_counter(), time.process_time()
+        done = excite(
+            Request(robot, duration=seconds, limits=tuple(limits), criterion=criterion, sensitivity=False)
+        )
+        took = f", {time.perf_counter() - begin:.0f} s ({time.process_time() - cpu:.1f} s of processor)"
+        told(model, f"designed ({criterion})", done.motion.states(t), took)
+    begin, cpu = time.perf_counter(), time.process_time()
+    rows = Rows(model, np.ones(model.n), TURN_OVER * done.bounds.dq)
+    basis, bodies = basis_for(seconds), bodies_of(model)
+
+    def its(A: np.ndarray) -> tuple[float, np.ndarray]:
+        """log of the condition number of the bodies' columns as they are, by p-norms."""
+        U, s, V = np.linalg.svd(A[:, bodies], full_matrices=False)
+        up, down = (s / s[0]) ** 24, (s[-1] / s) ** 24
+        slope = np.zeros_like(A)
+        slope[:, bodies] = (U * ((up / up.sum() - down / down.sum()) / s)) @ V
+        return float(np.log(s[0] / s[-1]) + (np.log(up.sum()) + np.log(down.sum())) / 24), slope
+
+    found = optimise(done.known.holding(done.bounds), basis, seconds, along(rows, basis, its))
+    took = f", {time.perf_counter() - begin:.0f} s ({time.process_time() - cpu:.1f} s of processor)"
+    told(model, "designed by figaroh's own measure", found.motion.states(t), took)
+
+
+def published() -> None:
     robot = Path(tempfile.mkdtemp()) / "ur10.yaml"
     robot.write_text(UR10)
-    model = generated.load(str(robot), "A")
     t = np.arange(0.0, EVERY * (len(WAYPOINTS) - 1), 0.02)
     peer = theirs(t)
     rate, acceleration = (np.abs(part).max() for part in peer[1:])
     limits = [f"q:{k}={a}..{b}" for k, (a, b) in enumerate(zip(LOW, HIGH), 1)]
     limits += [f"dq={rate:.4g}", f"ddq={acceleration:.4g}", "jerk=1000"]
     print(f"{t[-1]:.0f} s, at most {rate:.2f} rad/s and {acceleration:.2f} rad/s^2 on every joint")
+    told(generated.load(str(robot), "A"), "figaroh, best of 16 seeds", peer)
+    ours(str(robot), EVERY * (len(WAYPOINTS) - 1), limits, t)
 
-    bodies = np.array([not name.startswith(("Ia", "Fv", "Fc", "Off")) for name in model.parameters])
 
-    def tell(name: str, states: tuple[np.ndarray, ...], took: str) -> None:
-        W = model.regressor(*states[:3])
-        for kind, columns in (("all", bodies | True), ("bodies alone", bodies)):
-            A = W[:, :, columns].reshape(-1, columns.sum())
-            told = np.linalg.slogdet(A.T @ A)[1] / A.shape[1]
-            print(
-                f"{name}, {kind}: condition {np.linalg.cond(A):.1f}, of unit columns "
-                f"{scaled_condition(A):.1f}, log det per parameter {told:.2f}{took}",
-                flush=True,
-            )
+def live(python: str, seconds: float, seed: int) -> None:
+    from modelgen.geometry import robot_file
 
-    tell("figaroh, best of 16 seeds", peer, "")
-    for criterion in ("d", "condition"):
-        begin, cpu = time.perf_counter(), time.process_time()
-        done = excite(
-            Request(str(robot), duration=24.0, limits=tuple(limits), criterion=criterion, sensitivity=False)
-        )
-        took = f", {time.perf_counter() - begin:.0f} s ({time.process_time() - cpu:.0f} s of processor)"
-        tell(f"designed ({criterion})", done.motion.states(t), took)
+    robot = str(Path(robot_file.__file__).parents[1] / "robots" / "kuka_iiwa7.urdf")
+    folder = Path(tempfile.mkdtemp())
+    (folder / "peer.py").write_text(PEER)
+    command = [python, str(folder / "peer.py"), robot, str(folder / "out"), str(seconds), str(seed)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    peer = np.load(folder / "out.npz")
+    top = float(np.abs(peer["ddq"]).max())
+    limits = [f"q:{k}={a}..{b}" for k, (a, b) in enumerate(zip(peer["low"], peer["high"]), 1)]
+    for key, name in (("dq", "rate"), ("tau", "effort")):
+        limits += [f"{key}:{k}={value}" for k, value in enumerate(peer[name], 1)]
+    limits += [f"ddq={top:.4g}", "jerk=1000"]
+    wall, cpu = peer["took"]
+    print(f"iiwa 7, {seconds:g} s, at most {top:.2f} rad/s^2; its own condition {float(peer['own']):.1f}")
+    states = tuple(peer[name] for name in ("q", "dq", "ddq"))
+    told(generated.load(robot, "A"), "figaroh", states, f", {wall:.0f} s ({cpu:.1f} s of processor)")
+    ours(robot, seconds, limits, np.linspace(0.0, seconds, len(peer["q"])))
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--figaroh", default=None, help="a Python that has figaroh and cyipopt")
+    parser.add_argument("--seconds", type=float, default=10.0)
+    parser.add_argument("--seed", type=int, default=0)
+    given = parser.parse_args()
+    if given.figaroh:
+        live(given.figaroh, given.seconds, given.seed)
+    else:
+        published()
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import numpy as np
 from ident.equations.terms import plain
 from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.holding import Holding
-from ident.excitation.information import CRITERIA, Rows, criteria, scaled_condition
+from ident.excitation.information import CRITERIA, Rows, along, criteria, scaled_condition
 from ident.excitation.known import ROWS_HZ, Known, as_motion, known_robot
 from ident.excitation.limits import Bounds, ExcitationError, bounds_of
 from ident.excitation.motion import Planned, basis_for
@@ -195,17 +195,8 @@ def _planned(motion: Planned, rate_hz: float = FINE_HZ) -> Any:
 def _designed(  # type: ignore[no-untyped-def]
     request, holding, known: Known, bounds, basis, sigma, separation, start, progress, stop
 ) -> Optimum:
-    t = (np.arange(max(12 * basis.harmonics, 80)) + 0.5) * basis.period / max(12 * basis.harmonics, 80)
-    rows, B = Rows(known.model, sigma, TURN_OVER * bounds.dq), basis.at(t)[:3]
+    rows = Rows(known.model, sigma, TURN_OVER * bounds.dq)
     criterion = criteria(known.chi)[request.criterion]
-
-    def objective(x: Array) -> tuple[float, Array]:
-        q, dq, ddq = (b @ x.T for b in B)
-        A = rows(q, dq, ddq)
-        value, slope = criterion(A.reshape(-1, A.shape[2]))
-        back = rows.back(q, dq, ddq, slope.reshape(A.shape))
-        return value, sum(g.T @ b for g, b in zip(back, B))
-
     if request.kind == "point_to_point":
 
         def value(motion: PointMotion) -> float:
@@ -218,8 +209,8 @@ def _designed(  # type: ignore[no-untyped-def]
         quick = all(plain(term) for term in separation.terms)
         starts, iterations = (starts, min(iterations, 30)) if quick else (1, min(iterations, 8))
     return optimise(
-        holding, basis, request.duration, separation or objective, start=start, seed=request.seed,
-        starts=starts, iterations=iterations, progress=progress, stop=stop,
+        holding, basis, request.duration, separation or along(rows, basis, criterion), start=start,
+        seed=request.seed, starts=starts, iterations=iterations, progress=progress, stop=stop,
     )  # fmt: skip
 
 
