@@ -160,7 +160,7 @@ def ours(robot: str, seconds: float, limits: list[str], t: np.ndarray) -> None:
         slope[:, bodies] = (U * ((up / up.sum() - down / down.sum()) / s)) @ V
         return float(np.log(s[0] / s[-1]) + (np.log(up.sum()) + np.log(down.sum())) / 24), slope
 
-    found = optimise(done.known.holding(done.bounds), basis, seconds, along(rows, basis, its))
+    found = optimise(done.known.holding(done.bounds), basis, seconds, along(rows, basis, its), starts=1)
     took = f", {time.perf_counter() - begin:.0f} s ({time.process_time() - cpu:.1f} s of processor)"
     told(model, "designed by figaroh's own measure", found.motion.states(t), took)
 
