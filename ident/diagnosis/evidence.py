@@ -210,11 +210,15 @@ def _rss(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.nda
     return np.einsum("cm,cm->c", residual, residual)
 
 
-def block_sums(rows: Rows, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Sums of values (M,) over blocks of the masked rows; half-empty blocks are left out."""
+def block_numbers(rows: Rows, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(masked rows,) number of each one's block, and (blocks,) which are not half empty."""
     seconds = min(BLOCK_S, max(mask.sum() * rows.hop / FEWEST, 4 * rows.hop))
     number = rows.piece[mask] * 1_000_000 + np.floor(rows.t[mask] / seconds).astype(int)
     _, block = np.unique(number, return_inverse=True)
-    count = np.bincount(block)
-    total = np.bincount(block, values[mask])
-    return total[count > 0.5 * seconds / rows.hop] if len(total) else total
+    return block, np.bincount(block) > 0.5 * seconds / rows.hop
+
+
+def block_sums(rows: Rows, values: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Sums of values (M,) over blocks of the masked rows; half-empty blocks are left out."""
+    block, kept = block_numbers(rows, mask)
+    return np.bincount(block, values[mask], minlength=len(kept))[kept]

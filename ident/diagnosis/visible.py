@@ -2,9 +2,12 @@
 
 An effect of linear parameters a (p,) has the whitened columns Z beside the model on the judged rows. The
 fitted rows tell a + d, d normal with the covariance A^-1, A the product of its columns there. With unit noise
-u_k in each block k of judged rows, and G_k = Z_k'Z_k,
+u_k in each block k of judged rows, G_k = Z_k'Z_k, and b = a + d,
 
-    gain of block k = (a'G_k a - d'G_k d) / 2 + sqrt((a + d)'G_k (a + d)) u_k
+    gain of block k = b'G_k a - b'G_k b / 2 + sqrt(b'G_k b) u_k
+
+where dry friction's turn-over takes up nothing; what it does take up is in absorbed.py.
+
 
 The effect is seen where the sum, and the gain on the fitted rows, are more than tau, enough blocks agree (the
 loop's own rule), and the last fit finds its sizes to be other than zero, its shape free (a Wald test). Draws
@@ -15,12 +18,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 import scipy.stats
 
+from ident.diagnosis.absorbed import Dryness, dryness, products
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import Metric, agreement, block_sums, orthonormal, project
+from ident.diagnosis.evidence import Metric, agreement, orthonormal, project
 from ident.diagnosis.loop import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -29,9 +34,9 @@ from modelgen.effects.place import Place
 
 POWER = 0.95
 DRAWS = 250
-HALVINGS = 6
+HALVINGS = 7
 LEAST = 1e-5  # share of a column that the model must leave
-WIDE = (0.3, 4.0)  # of the size that the expected gain alone asks for
+WIDE = (0.3, 12.0)  # of the size that the expected gain alone asks for
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +64,7 @@ def smallest_visible(
     for key in library.kept:
         kept.setdefault(key[:width], []).append((dict(key[width]), key))
     there = {term.key for term in state.terms}
+    dry = cache(partial(dryness, state))
     out = []
     for effect, place in library.places:
         term = Term(effect, place)
@@ -67,7 +73,7 @@ def smallest_visible(
             continue
         if term.key in there or term.key not in kept or place.parts:
             continue
-        found = _visible(state, effect, place, kept[term.key], library, tau, alpha)
+        found = _visible(state, effect, place, kept[term.key], library, tau, alpha, dry(place.joint))
         if found is not None:
             out.append(found)
     return tuple(out)
@@ -81,6 +87,7 @@ def _visible(
     library: Library,
     tau: float,
     alpha: float,
+    dry: Dryness | None,
 ) -> Visible | None:
     own = {f"{k}": state.model.number(f"{k}m", place.joint or 0) or 1.0 for k in ("Fc", "Fv")}
     context = effect.context_of(place, state.model)
@@ -97,7 +104,7 @@ def _visible(
     ]
     if not np.any(v) or next(iter(columns.values())).shape[1] != len(v):
         return None
-    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha, turned)
+    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha, turned, dry)
     if size is None:
         return None
     limits = {p.name: max(abs(p.low), abs(p.high)) for p in effect.linear}
@@ -131,41 +138,42 @@ def seen_from(
     tau: float,
     alpha: float,
     turned: Sequence[Mapping[int, np.ndarray]] = (),
+    dry: Dryness | None = None,
 ) -> float | None:
     """The factor of v (p,) from which on an effect of these columns is seen with POWER; None: from none.
 
-    turned: how its torque at v changes with each shape, {channel: (M,)}, to any scale."""
+    turned: how its torque at v changes with each shape, {channel: (M,)}, to any scale. dry: the
+    joint's turn-over, which may take up some of it."""
     white = m.whiten(columns)
     A, free_shape = _alone(m, columns, turned)
     own = project(m, m.fitted, white)[1]
     if not v @ A @ v > LEAST * (v @ own @ v):
         return None
-    G = _blocks(m, white)
-    per_block = np.einsum("i,kij,j->k", v, G, v)
-    whole = float(per_block.sum())
-    if not whole > 0 or len(G) == 0:
+    both = products(m, white, dry)
+    plain = both.left(v, 0.0)
+    whole = float(np.einsum("i,kij,j->", v, plain.G, v))
+    if not whole > 0 or len(plain.G) == 0:
         return None
     rng = np.random.default_rng([17, len(v), shapes])
-    values, V = np.linalg.eigh(A / np.sqrt(np.outer(np.diag(A), np.diag(A))))
-    good = values > 1e-6
-    root = V[:, good] / np.sqrt(values[good]) / np.sqrt(np.diag(A))[:, None]
-    d = rng.normal(size=(DRAWS, good.sum())) @ root.T
-    u = rng.normal(size=(DRAWS, len(G)))
+    draws = rng.normal(size=(DRAWS, len(v)))
+    u = rng.normal(size=(DRAWS, len(plain.G)))
     searched = rng.chisquare(shapes, DRAWS) / 2 if shapes else np.zeros(DRAWS)
-    lost = np.einsum("ri,kij,rj->rk", d, G, d) / 2
-    lost += searched[:, None] * per_block / float(v @ A @ v)
-    enough = _enough(len(G), alpha)
+    enough = _enough(len(plain.G), alpha)
     asked = scipy.stats.chi2.isf(alpha / BUDGET, len(v))
     free = float(sum(m.judged.free[c] for c in columns))
+    last = draws @ _root(A).T
 
     def power(size: float) -> float:
-        a = size * v
-        b = a + d
-        spread = np.sqrt(np.maximum(np.einsum("ri,kij,rj->rk", b, G, b), 0.0))
-        each = np.einsum("i,kij,j->k", a, G, a) / 2 - lost + spread * u
+        left = both.left(v, size)
+        root = _root(left.A)
+        b = (root @ root.T @ left.own) + draws @ root.T
+        own = np.einsum("ri,kij,rj->rk", b, left.G, b)
+        lost = searched[:, None] * np.einsum("i,kij,j->k", v, left.G, v) / max(float(v @ left.A @ v), 1e-300)
+        each = np.einsum("ri,ki->rk", b, left.own_blocks) - own / 2 - lost + np.sqrt(np.maximum(own, 0.0)) * u
         told = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / free, -0.99))
-        gain = np.einsum("ri,ij,rj->r", b, A, b) / 2 + searched
-        fitted = np.einsum("ri,ij,rj->r", b, free_shape, b) > asked
+        gain = np.einsum("ri,ij,rj->r", b, left.A, b) / 2 + searched
+        settled = size * v + last
+        fitted = np.einsum("ri,ij,rj->r", settled, free_shape, settled) > asked
         agree = (each > 0).sum(axis=1) >= enough
         return float(np.mean((told > tau) & (gain > tau) & agree & fitted))
 
@@ -212,25 +220,14 @@ def _neighbours(
     return out
 
 
-def _blocks(m: Metric, white: Mapping[int, np.ndarray]) -> np.ndarray:
-    """(blocks, p, p) products of the columns beside the model, block by block of the judged rows."""
-    cross, _, _ = project(m, m.judged, white)
-    beta = m.judged.basis @ cross
-    p = cross.shape[1]
-    total = np.zeros((len(m.rows.t), p, p))
-    for c, (places, values) in enumerate(m.X):
-        on = m.judged.mask & m.rows.use[c]
-        left = -values[on] @ beta[places]
-        if c in white:
-            left = left + white[c][on]
-        total[on] += left[:, :, None] * left[:, None, :]
-    return np.stack(
-        [
-            np.stack([block_sums(m.rows, total[:, i, j], m.judged.mask) for j in range(p)], axis=-1)
-            for i in range(p)
-        ],
-        axis=-2,
-    )
+def _root(A: np.ndarray) -> np.ndarray:
+    """(p, r) whose square is the inverse of A, without directions that A does not see."""
+    d = np.sqrt(np.maximum(np.diag(A), 1e-300))
+    values, V = np.linalg.eigh(A / np.outer(d, d))
+    good = values > 1e-6
+    root = np.zeros_like(A)
+    root[:, good] = V[:, good] / np.sqrt(values[good]) / d[:, None]
+    return root
 
 
 def _enough(blocks: int, alpha: float) -> int:

@@ -1,0 +1,127 @@
+"""What dry friction's turn-over takes up of an effect that the model lacks.
+
+The widths of the turn-over are fitted before anything is looked for (turn_over.py). A torque a Z v that is
+missing moves them from s(w0) to the s(w) that imitates it best, and what is left to be seen is
+
+    a Z v + Fc (s(w0) - s(w))   off the model with s(w) in place of s(w0)
+
+W holds the columns Z and the joint's sign for a ladder of widths, first the width at hand, all off the model
+without that sign. All products that decide are in the Gram matrices of W: of the fitted rows, and block by
+block of the judged ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.diagnosis.evidence import Metric, block_numbers, project
+from ident.diagnosis.state import State
+from ident.diagnosis.turn_over import grids, sign_column, with_column
+
+EVERY = 2  # of the ladder's widths
+
+
+@dataclass(frozen=True)
+class Dryness:
+    """A metric without one joint's sign, the signs {channel: (M, K)} whitened, and that joint's Fc [N m]."""
+
+    metric: Metric
+    signs: Mapping[int, np.ndarray]
+    friction: float
+
+
+@dataclass(frozen=True)
+class Left:
+    """What is left of an effect of size one, and of its columns (p) when they are fitted: on the fitted rows
+    A (p, p), own (p,); on each of k judged blocks G (k, p, p), own (k, p)."""
+
+    A: np.ndarray
+    own: np.ndarray
+    G: np.ndarray
+    own_blocks: np.ndarray
+
+
+def dryness(state: State, joint: int) -> Dryness | None:
+    """None where the joint's sign has no width to settle."""
+    found = [d for d in state.problem.dry if d.joint == joint and joint in state.turns]
+    if len(found) != 1 or len({place for _, place in found[0].places}) != 1:
+        return None
+    channels = [channel for channel, _ in found[0].places]
+    none = {channel: np.zeros(len(state.rows.t)) for channel in channels}
+    friction = abs(float(state.beta[found[0].places[0][1]]))
+    turn = state.turns[joint]
+    widths = [float(w) for w in grids(state.segments, joint)["rate"][::EVERY]]
+    turns = [turn, *(replace(turn, rate=w) for w in widths)]
+    signs = {
+        c: state.whiteners[c]
+        @ np.stack([sign_column(state.segments, state.rows, joint, c, t) for t in turns], axis=1)
+        for c in channels
+    }
+    without = replace(state, rows=with_column(state.rows, found[0], none))
+    return Dryness(without.metric, signs, friction)
+
+
+@dataclass(frozen=True)
+class Products:
+    """Gram matrices of W, the first p columns an effect's: fitted (w, w), judged blocks (k, w, w)."""
+
+    p: int
+    friction: float
+    fitted: np.ndarray
+    blocks: np.ndarray
+
+    def left(self, v: np.ndarray, size: float) -> Left:
+        """Of size * Z v beside the width that imitates it best. v (p,)."""
+        F, B, p = self.fitted, self.blocks, self.p
+        mean = np.zeros(len(F))
+        mean[:p] = size * v
+        if len(F) > p:
+            mean[p] = self.friction
+            told = np.maximum(np.diag(F)[p:], 1e-300)
+            k = p + int(np.argmax((F[p:] @ mean) ** 2 / told))
+            F = F - np.outer(F[k], F[k]) / F[k, k]
+            total = B.sum(axis=0)
+            take = total[k] / total[k, k]
+            B = (
+                B - take[None, :, None] * B[:, None, k, :] - B[:, :, k, None] * take[None, None, :]
+                + B[:, k, k, None, None] * np.outer(take, take)
+            )  # fmt: skip
+        return Left(F[:p, :p], F[:p] @ mean, B[:, :p, :p], B[:, :p] @ mean)
+
+
+def products(m: Metric, white: Mapping[int, np.ndarray], dry: Dryness | None = None) -> Products:
+    """Of whitened columns {channel: (M, p)} beside the model of `m`, and beside its turn-over where one is
+    given."""
+    p = next(iter(white.values())).shape[1]
+    W, friction = dict(white), 0.0
+    if dry is not None:
+        m, friction = dry.metric, dry.friction
+        K, M = next(iter(dry.signs.values())).shape[1], len(m.rows.t)
+        W = {
+            c: np.hstack((white.get(c, np.zeros((M, p))), dry.signs.get(c, np.zeros((M, K)))))
+            for c in {*white, *dry.signs}
+        }
+    cross, own, _ = project(m, m.fitted, W)
+    return Products(p, friction, own - cross.T @ cross, judged_blocks(m, W))
+
+
+def judged_blocks(m: Metric, white: Mapping[int, np.ndarray]) -> np.ndarray:
+    """(blocks, w, w) products of the columns beside the model, block by block of the judged rows."""
+    cross, _, _ = project(m, m.judged, white)
+    beta = m.judged.basis @ cross
+    number, kept = block_numbers(m.rows, m.judged.mask)
+    out = np.zeros((len(kept), cross.shape[1], cross.shape[1]))
+    order = np.argsort(number, kind="stable")
+    ends = np.cumsum(np.bincount(number, minlength=len(kept)))
+    for c, (places, values) in enumerate(m.X):
+        on = m.judged.mask
+        left = -values[on] @ beta[places]
+        if c in white:
+            left = left + white[c][on]
+        left = np.where(m.rows.use[c][on][:, None], left, 0.0)[order]
+        for k, end in enumerate(ends):
+            part = left[(ends[k - 1] if k else 0) : end]
+            out[k] += part.T @ part
+    return out[kept]
