@@ -18,6 +18,7 @@ class Excerpt:
     pieces: list[Block] = field(default_factory=list)
     every: int = 1
     _seen: int = 0
+    _columns: np.ndarray | None = None
 
     def take(self, block: Block) -> None:
         for start in range(0, len(block[0]), PIECE):
@@ -30,5 +31,18 @@ class Excerpt:
             self.every *= 2
 
     def column(self, k: int) -> np.ndarray:
-        """(N,) of all pieces."""
-        return np.concatenate([values[:, k] for _, _, values in self.pieces])
+        """(N,) of all pieces, as taken up to the first question; not to be written into."""
+        if self._columns is None:  # column by column in memory, and the pieces views of it
+            ends = np.cumsum([len(rows) for rows, _, _ in self.pieces])
+            self._columns = np.empty((self.pieces[0][2].shape[1], ends[-1]))
+            for place, (end, (rows, t, values)) in enumerate(zip(ends, self.pieces)):
+                own = self._columns[:, end - len(rows) : end]
+                own[:] = values.T
+                self.pieces[place] = rows, t, own.T
+        column: np.ndarray = self._columns[k]
+        return column
+
+    def fewer(self, k: int, count: int) -> bool:
+        """Whether a column holds fewer than `count` different values; a part of it usually says no."""
+        x = self.column(k)
+        return len(np.unique(x[:PIECE])) < count and len(np.unique(x)) < count

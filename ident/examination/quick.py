@@ -182,16 +182,18 @@ def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
     scale = np.where(seen, 1.0 / np.maximum(size, 1e-300), 0.0)
     chi, inverse, error = np.zeros(b), np.zeros((b, b)), np.full(C, np.nan)
     for turn in range(3):
-        G = np.einsum("c,cij->ij", scale, identify.G)
+        G = np.tensordot(scale, identify.G, 1)
         v = sum(scale[c] * f * identify.v[c, k] for c, (k, f) in enumerate(zip(how.order, how.factor)))
         live = np.diag(G) > 1e-20 * np.diag(G).max()  # a joint at rest shows nothing of itself
         length = np.where(live, np.sqrt(np.maximum(np.diag(G), 0.0)), np.inf)
         normal = G / np.outer(length, length) + np.diag(np.where(live, RIDGE, 1.0))
-        inverse = np.linalg.inv(normal) / np.outer(length, length)
-        chi = inverse @ v
-        error = identify.errors(chi, how)
         if turn < 2:
+            chi = np.linalg.solve(normal, v / length) / length
+            error = identify.errors(chi, how)
             scale = np.where(seen, 1.0 / (np.maximum(size, 1e-300) * np.fmax(error, 0.02) ** 2), 0)
+    inverse = np.linalg.inv(normal) / np.outer(length, length)
+    chi = inverse @ v
+    error = identify.errors(chi, how)
     return Fit(chi, error, validate.errors(chi, how) if validate else None, inverse, scale)
 
 
@@ -264,7 +266,12 @@ def regressor(
     )
     places = model_columns(columns, payload)
     W = np.zeros((len(columns.channels), len(q), len(places)))
-    for (row, k), c, p in zip(where, channel, column):
-        if p >= 0:
-            W[c, :, np.searchsorted(places, p)] += dense[:, row, k]
+    there = column >= 0
+    to = channel[there], np.searchsorted(places, column[there])
+    entries = dense[:, where[there, 0], where[there, 1]].T
+    if len({*zip(*(part.tolist() for part in to))}) == len(entries):
+        W[to[0], :, to[1]] = entries
+    else:
+        for c, p, values in zip(*to, entries):
+            W[c, :, p] += values
     return W

@@ -58,7 +58,7 @@ def _runs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
     """Torques that keep one value for a while in which their joint moves; slow: held anyway."""
     for k in range(columns.n, len(columns.signals)):
-        if k in slow or len(np.unique(excerpt.column(k))) < FEW:
+        if k in slow or excerpt.fewer(k, FEW):
             continue
         j = int(columns.joint[k])
         low, high = (f(excerpt.column(k)) for f in (np.min, np.max))
@@ -75,6 +75,8 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
                 inside = low < x < high or np.abs(sides - x).max() > 5 * usual
                 if moved and inside and t[own][-1] - t[own][0] > STILL_S:
                     found.append((int(length[at]), int(rows[own][0]) + 1, int(rows[own][-1]) + 1, float(x)))
+        if not found:
+            continue
         every = np.concatenate(lengths)
         most = STILL_TIMES * np.quantile(np.repeat(every, every)[_others(every, found)], 0.99, method="lower")
         found = [run for run in found if run[0] >= most]
@@ -103,7 +105,7 @@ def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         state = np.where(size < NEAR_ZERO, 0, np.where(size > AWAY, 1, -1))
         visits = state[state >= 0]
         count = int(((visits[:-1] == 1) & (visits[1:] == 0)).sum())
-        if count >= VISITS and len(np.unique(x)) >= FEW:
+        if count >= VISITS and not excerpt.fewer(k, FEW):
             name = columns.signals[k]
             yield Check(
                 "unsigned_torque", columns.recording, (name,), None, "warned",
@@ -124,6 +126,10 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
     """Signals that change only every so many rows; their columns."""
     slow: dict[int, tuple[float, int]] = {}
     for k in range(len(columns.signals)):
+        x = excerpt.column(k)
+        changes = np.count_nonzero(x[1:] != x[:-1]) - 2 * len(excerpt.pieces)
+        if len(x) < (1 + HELD_ROWS) / 2 * changes:  # half of the runs cannot be of HELD_ROWS
+            continue
         gaps, steps = [], []
         for _, t, values in excerpt.pieces:
             gaps.append(_runs(values[:, k])[1][1:-1])
@@ -152,16 +158,19 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
     """Signals whose range holds few steps of their resolution."""
     told: dict[str, float] = {}
     for k, name in enumerate(columns.signals):
-        x = excerpt.column(k)
+        x, levels = excerpt.column(k), LEVELS if k < columns.n else TORQUE_LEVELS
         steps = np.abs(np.diff(x))
+        small = np.count_nonzero(steps < np.ptp(x) / levels) - np.count_nonzero(steps == 0)
+        if small > 0.02 * len(steps) + 2:  # the quantile below is one of these, so that enough of them fit
+            continue
         steps = steps[steps > 0]
-        if len(steps) < 20 or k in slow or len(np.unique(x)) <= 2:  # a switch is told by itself
+        if len(steps) < 20 or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
             continue
         step = float(np.quantile(steps, 0.02))
         multiples = (x - x[0]) / step
         if np.mean(np.abs(multiples - np.rint(multiples)) < 1e-3) < 0.99:
             continue
-        if np.ptp(x) / step < (LEVELS if k < columns.n else TORQUE_LEVELS):
+        if np.ptp(x) / step < levels:
             told[name] = step
     if told:
         yield Check(

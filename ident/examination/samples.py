@@ -143,7 +143,7 @@ class Mender:
         self, rows: np.ndarray, t: np.ndarray, values: np.ndarray, begun: int, done: int
     ) -> tuple[Block, np.ndarray]:
         """Rows begun..done of a block in its context, mended; and the whole block, for its next turn."""
-        values = values.copy()
+        values = values.copy(order="F")  # column by column, as it is read
         fresh = np.zeros(len(t), bool)
         fresh[begun:done] = True
         empty = ~np.isfinite(values)
@@ -214,7 +214,9 @@ class Mender:
         for k in range(self.n):
             d = np.diff(x[:, k])
             around = np.pad(d, 2, mode="edge")
-            off = np.abs(d - np.median([around[:-4], around[1:-3], around[3:-1], around[4:]], axis=0)) * usual
+            off = np.abs(d - _median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:])) * usual
+            if not off.max() > LEAST_STEP:
+                continue
             scale = max(np.quantile(off, 0.99), 0.5 * np.quantile(np.abs(d), 0.95), LEAST_STEP / STEP)
             for at in np.flatnonzero(off > STEP * scale):
                 near = np.concatenate([off[max(0, at - 25) : max(0, at - 1)], off[at + 2 : at + 27]])
@@ -257,9 +259,10 @@ def no_measurement(
     known (m,): the range of the signals in what came before.
     """
     with np.errstate(all="ignore"):
-        out = np.abs(np.nan_to_num(x, nan=0.0, posinf=0.0, neginf=0.0)) > ABSURD
-        clean = np.where(out, np.nan, x)
-        if not out.any() and np.isfinite(clean).all():
+        whole = bool((np.abs(x) <= ABSURD).all())  # and every number finite
+        out = np.zeros(x.shape, bool) if whole else np.isfinite(x) & (np.abs(x) > ABSURD)
+        clean = x if whole else np.where(out, np.nan, x)
+        if whole:
             low, middle, high = np.percentile(clean[:: max(1, len(x) // 4000)], [5, 50, 95], axis=0)
         else:
             live = np.isfinite(clean).any(axis=0)
@@ -270,8 +273,9 @@ def no_measurement(
         reach = np.maximum(high - low, 1e-12)
         far = away > 5 * reach
         raw = np.abs((clean - offset) / factor)
+        marks = _marks(raw, clean, away > MARK * reach)
         if not far.any():
-            return out | _marks(raw, clean, away > MARK * reach), far & False
+            return out | marks, far & False
         sentinel = np.zeros_like(out)
         for value in SENTINELS:
             sentinel |= np.abs(raw - value) < 1e-6 * value
@@ -279,7 +283,7 @@ def no_measurement(
         smallest = np.where(changes > 0, changes, np.inf).min(axis=0, initial=np.inf)
         changes = np.nan_to_num(smallest, posinf=0.0)
         gross = away > np.maximum(GROSS * np.maximum(reach, np.maximum(known, 1e-3)), 12 * changes)
-    out = out | (far & sentinel) | _marks(raw, clean, away > MARK * reach)
+    out = out | (far & sentinel) | marks
     return out, np.column_stack([_short(g, c) for g, c in zip((gross & ~out).T, clean.T)])
 
 
@@ -287,8 +291,12 @@ def dropouts(x: np.ndarray) -> np.ndarray:
     """(N,) bool: single rows of a torque (N,) that read one and the same number far from their neighbours,
     as where a message was lost and the field stayed empty."""
     none = np.zeros(len(x), bool)
-    values, counts = np.unique(x[np.isfinite(x)], return_counts=True)
-    if len(values) < 20 or counts.max() < max(DROPOUTS, 0.003 * len(x)):
+    finite = np.sort(x[np.isfinite(x)])
+    many = int(np.ceil(max(DROPOUTS, 0.003 * len(x))))
+    if not (finite[many - 1 :] == finite[: len(finite) - many + 1]).any():  # no number so often
+        return none
+    values, counts = np.unique(finite, return_counts=True)
+    if len(values) < 20:
         return none
     mine = x == values[int(np.argmax(counts))]
     good = np.flatnonzero(~mine & np.isfinite(x))
@@ -308,9 +316,11 @@ def dropouts(x: np.ndarray) -> np.ndarray:
 def _marks(raw: np.ndarray, x: np.ndarray, away: np.ndarray) -> np.ndarray:
     """A logger's mark inside a large signal's reach: exactly its number, begun and ended by a leap."""
     out = np.zeros(x.shape, bool)
-    for k in np.flatnonzero((away & np.isin(raw, SENTINELS)).any(axis=0)):
-        mine = away[:, k] & np.isin(raw[:, k], SENTINELS)
-        out[:, k] = _short(mine, x[:, k])
+    for k in np.flatnonzero(away.any(axis=0)):
+        mine = away[:, k].copy()
+        mine[mine] = np.isin(raw[mine, k], SENTINELS)
+        if mine.any():
+            out[:, k] = _short(mine, x[:, k])
     return out
 
 
@@ -334,9 +344,12 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
     none = np.zeros(len(x), bool)
     if len(x) < 20:
         return none
-    a, b, c, d, e = (np.pad(x, 2, mode="edge")[k : k + len(x)] for k in range(5))
+    wide = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
+    a, b, c, d, e = (wide[k : k + len(x)] for k in range(5))
     off = np.abs(c - _median_of_five(a, b, c, d, e))
     reach = 0.0
+    if not off.max() > (LEAST_SPIKE if position else TORQUE_RANGE * known):
+        return none
     if not position:
         low, high = np.percentile(x, [0.5, 99.5])
         reach = TORQUE_RANGE * max(high - low, known)
@@ -356,6 +369,12 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
     return none
 
 
+def _median_of_four(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
+    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
+    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
+    return np.asarray(0.5 * (low + high))
+
+
 def _median_of_five(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, e: np.ndarray) -> np.ndarray:
     low = np.maximum(np.minimum(a, b), np.minimum(c, d))
     high = np.minimum(np.maximum(a, b), np.maximum(c, d))
@@ -364,9 +383,9 @@ def _median_of_five(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, 
 
 def _filled(t: np.ndarray, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
     """Values with the bad ones interpolated by cubics; held beyond the last good one."""
+    out = values.copy(order="K")
     if not bad.any():
-        return values.copy()
-    out = values.copy()
+        return out
     time = t + 1e-12 * np.arange(len(t)) if (np.diff(t) <= 0).any() else t
     for k in np.flatnonzero(bad.any(axis=0)):
         good = ~bad[:, k]

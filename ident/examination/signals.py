@@ -234,12 +234,14 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
         for sign, word in ((1.0, "largest"), (-1.0, "smallest")):
             y = sign * x
             top = y == y.max()
+            moving = np.abs(np.diff(q, append=q[-1:])) > 0
+            count = int((top & moving).sum())
+            if count < 4 * CLIPPED_RUN or y.max() == 0:
+                continue
             steps = np.abs(np.diff(x))
             smallest = np.quantile(steps[steps > 0], 0.1) if (steps > 0).any() else 0.0
             below = (y >= y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x))) & ~top
-            moving = np.abs(np.diff(q, append=q[-1:])) > 0
-            count = int((top & moving).sum())
-            if count < 4 * CLIPPED_RUN or count < CLIPPED_EXCESS * max(below.sum(), 1) or y.max() == 0:
+            if count < CLIPPED_EXCESS * max(below.sum(), 1):
                 continue
             edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
             if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:

@@ -64,6 +64,7 @@ def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
     none = np.zeros_like(q)
     at_rest = regressor(columns, s.payload, q, none, none, none)
     places = model_columns(columns, s.payload)
+    moved: dict[int, np.ndarray] = {}
     for c in range(C):
         if not quick.identify.rows[c] > 10:
             continue
@@ -75,10 +76,12 @@ def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
         if np.any(power):
             value, std = functional(quick, fit, how, power)
             friction[c] = value / max(std, 1e-300)
-        ddq = none.copy()
-        ddq[:, j] = 1.0
+        if j not in moved:
+            ddq = none.copy()
+            ddq[:, j] = 1.0
+            moved[j] = (regressor(columns, s.payload, q, none, ddq, none) - at_rest).mean(axis=1)
         h = np.zeros(b)
-        h[places] = (regressor(columns, s.payload, q, none, ddq, none) - at_rest)[c].mean(axis=0)
+        h[places] = moved[j][c]
         if np.any(h):
             value, std = functional(quick, fit, how, h)
             inertia[c] = value / max(std, 1e-300)
