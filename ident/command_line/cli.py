@@ -6,6 +6,7 @@ import sys
 from modelgen import command_line
 
 os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # gives back what a recording's blocks took
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "1")  # a search through every installed package for none
 
 
 def _app() -> object:

@@ -136,14 +136,13 @@ def numbers(file: str, name: str, column: Any, origins: dict[str, Any]) -> np.nd
 
 
 def _plain(column: Any) -> np.ndarray:
-    """(rows,) of integers or floats by Arrow's own buffer: `to_numpy` would import pandas, 40 MB."""
-    import pyarrow as pa
-
-    column = column.cast(pa.float64(), safe=False)
+    """(rows,) of integers or floats by Arrow's own buffer: `to_numpy` would import pandas, 40 MB, `cast`
+    pyarrow.compute."""
     validity, data = column.buffers()
     if data is None:
         return np.zeros(0)
-    out = np.frombuffer(data, np.float64)[column.offset : column.offset + len(column)]
+    here = slice(column.offset, column.offset + len(column))
+    out = np.frombuffer(data, column.type.to_pandas_dtype())[here].astype(float, copy=False)
     if not column.null_count:
         return out
     bits = np.unpackbits(np.frombuffer(validity, np.uint8), bitorder="little")
