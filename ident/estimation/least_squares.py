@@ -13,7 +13,7 @@ rest is identified, and each dropped parameter is told with the combination it w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg
@@ -54,10 +54,23 @@ class Estimate:
     R: np.ndarray  # (b + 1, b + 1) weighted factor of all columns and Y
     rss: float  # ||Y - W chi||^2 weighted
     rows: int
-    condition_number: float
     dependent: tuple[Dependence, ...] = ()
-    weak: tuple[str, ...] = ()
     held: np.ndarray | None = None  # (b,); None: zeros
+
+    @property
+    def condition_number(self) -> float:
+        """Of the columns in the fit, scaled to length one."""
+        return self._conditioning[0]
+
+    @property
+    def weak(self) -> tuple[str, ...]:
+        """Parameters of combinations that are hardly excited."""
+        return self._conditioning[1]
+
+    @property
+    def _conditioning(self) -> tuple[float, tuple[str, ...]]:
+        names = tuple(np.array(self.parameters)[self.active])
+        return _conditioning(self.R[:, : len(self.active)][:, self.active], names)
 
     @property
     def std(self) -> np.ndarray:
@@ -174,29 +187,13 @@ def weighted_least_squares(
         )
     active, dependent = _independent(R[:, :b], names, allowed)
     chi, covariance, rss = solve(R, active, held)
-    condition, weak = _conditioning(R[:, :b][:, active], tuple(np.array(names)[active]))
-    return Estimate(names, chi, covariance, active, sigma, R, rss, rows, condition, dependent, weak, held)
+    return Estimate(names, chi, covariance, active, sigma, R, rss, rows, dependent, held)
 
 
 def restrict(estimate: Estimate, active: np.ndarray) -> Estimate:
     """The same equations with fewer parameters."""
     chi, covariance, rss = solve(estimate.R, active, estimate.held)
-    names = tuple(np.array(estimate.parameters)[active])
-    condition, weak = _conditioning(estimate.R[:, :-1][:, active], names)
-    return Estimate(
-        estimate.parameters,
-        chi,
-        covariance,
-        active,
-        estimate.sigma,
-        estimate.R,
-        rss,
-        estimate.rows,
-        condition,
-        estimate.dependent,
-        weak,
-        estimate.held,
-    )
+    return replace(estimate, chi=chi, covariance=covariance, active=active, rss=rss)
 
 
 def _independent(

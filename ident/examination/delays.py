@@ -29,6 +29,8 @@ def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
     if asked and len(seen) > 1:
         asked.append(seen)
     for which in asked:
+        if not _worth_asking(quick, fit, how, which):
+            continue
         fits = [_at(quick, how, which, k) for k in range(len(LAGS))]
         best = int(np.argmax([other.gain_over(fit) for other in fits]))
         other, each = fits[best], OWN if len(which) == 1 else TOGETHER
@@ -59,6 +61,27 @@ def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
                 Y[:, how.order[c]] = s.late[best][:, how.order[c]]
             samples.append(replace(s, Y=Y))
         yield Hypothesis(other.gain_over(fit), how, check, quick.of(samples))
+
+
+def _worth_asking(quick: Quick, fit: Fit, how: Assignment, which: Sequence[int]) -> bool:
+    """Whether any lag could bring the gain that is asked for: no channel's error in a fit of all is below
+    that of a fit of its own, whose normal matrix is solved once for all lags."""
+    gain = np.zeros(len(LAGS))
+    for c in which:
+        k, G, size = how.order[c], quick.identify.G[c], np.zeros(len(LAGS))
+        v = np.zeros((len(G), len(LAGS)))
+        for s in quick.fitted:
+            late = s.late[:, :, k] * np.sqrt(s.weight[:, c])
+            v += (s.W[c] * np.sqrt(s.weight[:, c : c + 1])).T @ late.T
+            size += (late**2).sum(axis=1)
+        length = np.sqrt(np.maximum(np.diag(G), 1e-300))
+        v = v / length[:, None]
+        normal = G / np.outer(length, length) + np.diag(np.where(np.diag(G) > 0, 1e-12, 1.0))
+        left = size - (v * np.linalg.solve(normal, v)).sum(axis=0)
+        best = np.sqrt(np.maximum(left, 0.0) / np.maximum(size, 1e-300))
+        gain += [gain_of(fit.error[[c]], best[m : m + 1]) for m in range(len(LAGS))]
+    far = np.abs(LAGS) >= LEAST_S
+    return bool(gain[far].max() / len(which) >= (OWN if len(which) == 1 else TOGETHER))
 
 
 def _at(quick: Quick, how: Assignment, which: Sequence[int], lag: int) -> Fit:

@@ -108,8 +108,9 @@ def standard(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, free: b
     c, s = np.cos(q + shift), np.sin(q + shift)
     for part in range(len(out)):
         gravity = tuple(1.0 if part == k + 1 else 0 for k in range(3)) if free else table.gravity
-        motion = (dq.T, ddq.T) if part == 0 else (np.zeros((n, 1)), np.zeros((n, 1)))
-        state = State(tuple(c.T), tuple(s.T), tuple(q.T), tuple(motion[0]), tuple(motion[1]))
+        rest = (0,) * n  # structural zeros, which nothing is multiplied with
+        motion = (tuple(dq.T), tuple(ddq.T)) if part == 0 else (rest, rest)
+        state = State(tuple(c.T), tuple(s.T), tuple(q.T), *motion)
         made = regressor(replace(table, gravity=gravity), state, wanted)
         for k, column in enumerate(wanted):
             for i, value in enumerate(made[column]):

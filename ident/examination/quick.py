@@ -197,18 +197,20 @@ def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
     return Fit(chi, error, validate.errors(chi, how) if validate else None, inverse, scale)
 
 
-def functional(quick: Quick, fit: Fit, how: Assignment, h: np.ndarray) -> tuple[float, float]:
-    """(h' chi, its standard deviation from the scatter of the scores between stretches of the recordings)."""
-    meat = 0.0
-    direction = fit.inverse @ h
+def functionals(quick: Quick, fit: Fit, how: Assignment, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(F,) H' chi of the columns of H (b, F), and their standard deviations from the scatter of the scores
+    between stretches of the recordings."""
+    meat = np.zeros(H.shape[1])
+    directions = np.column_stack([fit.chi, fit.inverse @ H])
     for s in quick.fitted:
-        score = np.zeros(len(s.q))
+        scores = np.zeros((len(s.q), H.shape[1]))
         for c, (k, f) in enumerate(zip(how.order, how.factor)):
-            left = f * s.Y[:, k] - s.W[c] @ fit.chi
-            score += fit.scale[c] * s.weight[:, c] * left * (s.W[c] @ direction)
-        pieces = np.array_split(score, max(2, CLUSTERS // len(quick.fitted)))
-        meat += sum(float(piece.sum()) ** 2 for piece in pieces)
-    return float(h @ fit.chi), float(np.sqrt(meat))
+            seen = s.W[c] @ directions
+            left = f * s.Y[:, k] - seen[:, 0]
+            scores += (fit.scale[c] * s.weight[:, c] * left)[:, None] * seen[:, 1:]
+        pieces = np.array_split(scores, max(2, CLUSTERS // len(quick.fitted)))
+        meat += sum(piece.sum(axis=0) ** 2 for piece in pieces)
+    return H.T @ fit.chi, np.sqrt(meat)
 
 
 def take(
@@ -231,13 +233,19 @@ def take(
 def _sample(
     stream: RecordingStream, columns: Columns, blocks: Sequence[FilteredBlock], stride: int
 ) -> Sample:
+    ends = np.cumsum([len(b.t) for b in blocks])
+
     def thin(parts: Sequence[np.ndarray]) -> np.ndarray:
-        return np.concatenate(parts)[::stride]
+        """Every stride-th row of all blocks together."""
+        begins = -(ends - [len(part) for part in parts]) % stride
+        return np.concatenate([part[begin::stride] for begin, part in zip(begins, parts)])
 
     signals = ("t", "q", "dq", "ddq", "sign_dq")
     t, q, dq, ddq, sign = (thin([getattr(b, name) for b in blocks]) for name in signals)
-    W = np.zeros((len(columns.channels), len(q), len(columns.parameters)))
-    W[:, :, model_columns(columns, stream.payload)] = regressor(columns, stream.payload, q, dq, ddq, sign)
+    W, places = regressor(columns, stream.payload, q, dq, ddq, sign), model_columns(columns, stream.payload)
+    if len(places) < len(columns.parameters):
+        own, W = W, np.zeros((*W.shape[:2], len(columns.parameters)))
+        W[:, :, places] = own
     for extra in columns.extras:
         W[extra.channel, :, extra.column] += thin([extra.values(b) for b in blocks])
     weight = thin([b.certain for b in blocks])[:, columns.joint_of]

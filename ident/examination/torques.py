@@ -14,7 +14,7 @@ from itertools import combinations, product
 import numpy as np
 
 from ident.examination.check import Check, column_line, listed, turned_sign
-from ident.examination.quick import Assignment, Fit, Quick, functional, model_columns, regressor
+from ident.examination.quick import Assignment, Fit, Quick, functionals, model_columns, regressor
 from modelgen.geometry.names import ParameterName
 
 CLEARLY = 0.7  # gain: one channel's error is halved
@@ -65,6 +65,7 @@ def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
     at_rest = regressor(columns, s.payload, q, none, none, none)
     places = model_columns(columns, s.payload)
     moved: dict[int, np.ndarray] = {}
+    asked: list[tuple[np.ndarray, int, np.ndarray]] = []  # where the answer goes to, and to which vector
     for c in range(C):
         if not quick.identify.rows[c] > 10:
             continue
@@ -73,18 +74,17 @@ def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
         for sample in quick.fitted:
             weight = sample.weight[:, c] * sample.dq[:, j]
             power += np.where(rubbing, weight @ sample.W[c], 0.0)
-        if np.any(power):
-            value, std = functional(quick, fit, how, power)
-            friction[c] = value / max(std, 1e-300)
         if j not in moved:
             ddq = none.copy()
             ddq[:, j] = 1.0
             moved[j] = (regressor(columns, s.payload, q, none, ddq, none) - at_rest).mean(axis=1)
         h = np.zeros(b)
         h[places] = moved[j][c]
-        if np.any(h):
-            value, std = functional(quick, fit, how, h)
-            inertia[c] = value / max(std, 1e-300)
+        asked += [(its, c, vector) for its, vector in ((friction, power), (inertia, h)) if np.any(vector)]
+    if asked:
+        values, stds = functionals(quick, fit, how, np.column_stack([vector for _, _, vector in asked]))
+        for (its, c, _), z in zip(asked, values / np.maximum(stds, 1e-300)):
+            its[c] = z
     return Evidence(friction, inertia)
 
 
