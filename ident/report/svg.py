@@ -123,10 +123,10 @@ def _range(ax: Axes, axis: int, margin: float) -> tuple[float, float]:
 
 def _path(x: np.ndarray, y: np.ndarray) -> str:
     """`M` before the first point and after every gap, points in whole units."""
-    known = np.isfinite(x) & np.isfinite(y)
-    begins = known & ~np.concatenate([[False], known[:-1]])
-    points = np.rint(np.stack([x[known], y[known]], axis=1)).astype(int).tolist()
-    return "".join(f"{'M' if begin else 'L'}{a} {b}" for (a, b), begin in zip(points, begins[known].tolist()))
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
+    points = np.rint(np.stack([x[known], y[known]], axis=1)).astype(int)
+    runs = np.split(points, np.flatnonzero(np.diff(known) > 1) + 1)
+    return "".join("M" + " ".join(map(str, run.ravel().tolist())) for run in runs if len(run))
 
 
 def ticks(low: float, high: float, most: int) -> Iterable[float]:
