@@ -3,7 +3,8 @@
     python benchmarks/excitation.py [--robots kuka_lwr4p ur10e staubli_tx40] [--random 2000] [--designs 0]
 
 Every random motion is feasible and as large as its limits allow; ten seconds each. `--designs N` counts
-violations of limits at 1 kHz in N designs of one robot with few iterations, limits and boxes drawn at random.
+violations of limits at 1 kHz in N designs of one robot with few iterations: limits, lengths, criteria,
+starts, kinds of motion and boxes are drawn at random.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import time
 
 import numpy as np
 
-from ident.excitation.experiment import Request, excite
+from ident.excitation.experiment import Experiment, Request, excite
 from ident.excitation.information import scaled_condition
 from ident.excitation.known import known_robot
 from ident.excitation.limits import ExcitationError, bounds_of
@@ -64,38 +65,59 @@ def compare(name: str, count: int) -> None:
     print(f"{name} best of {count} random: condition {best[0]:.2f}, log det {best[1]:.3f}", flush=True)
 
 
-def violations(count: int, name: str) -> None:
-    """Designs with limits, starts and boxes drawn at random that are violated somewhere at 1 kHz."""
-    robot = load_robot(name)
-    rng, found, refused, largest = np.random.default_rng(2), 0, 0, 0.0
-    usual = {"dq": 2.0, "ddq": 8.0, "jerk": 80.0, "tau": 500.0}
-    for seed in range(count):
-        limits = [f"{key}={value * rng.uniform(0.2, 1):.3g}" for key, value in usual.items()]
-        low = rng.uniform(-3, 0, robot.n)
-        limits += [f"q:{k}={a:.3g}..{a + rng.uniform(1, 3):.3g}" for k, a in zip(robot.joint_labels, low)]
-        corner = rng.uniform(-0.6, 0.4, 3)
-        box = ",".join(f"{a:.3g}..{a + 0.3:.3g}" for a in corner)
-        request = Request(
-            name, duration=6.0, limits=tuple(limits), seed=seed, starts=1, iterations=8, sensitivity=False,
-            keep_out=(f"box={box}",) if seed % 2 else (),
-        )  # fmt: skip
+def drawn_request(name: str, seed: int) -> tuple[Request, np.ndarray | None]:
+    """Limits, length, kind, start and a box (its lower corner) at random."""
+    robot, rng = load_robot(name), np.random.default_rng([2, seed])
+    usual = {"dq": 2.0, "ddq": 8.0, "jerk": 80.0, "tau": 150.0}
+    limits = [f"{key}={value * rng.uniform(0.1, 1):.3g}" for key, value in usual.items()]
+    low = rng.uniform(-3, 0, robot.n)
+    high = low + rng.uniform(1, 3, robot.n)
+    limits += [f"q:{k}={a:.3g}..{b:.3g}" for k, a, b in zip(robot.joint_labels, low, high)]
+    corner = rng.uniform(-0.6, 0.4, 3) if seed % 2 else None
+    box = () if corner is None else ("box=" + ",".join(f"{a:.6g}..{a + 0.3:.6g}" for a in corner),)
+    start = tuple((low + rng.uniform(0.1, 0.9, robot.n) * (high - low)).tolist()) if seed % 3 == 0 else None
+    long = 27.0 if seed % 10 == 4 else 6.0
+    return Request(
+        name, duration=round(long * rng.uniform(0.7, 1), 2), limits=tuple(limits),
+        kind="point_to_point" if seed % 20 == 9 else "fourier", seed=seed, starts=1, iterations=6,
+        criterion=("balanced", "d", "condition", "worst")[seed % 4], start=start, keep_out=box,
+        sensitivity=False,
+    ), corner  # fmt: skip
+
+
+def largest_use(done: Experiment, corner: np.ndarray | None) -> tuple[float, str]:
+    """(share of a limit that is used at 1 kHz over the whole motion, which one); 2 inside the box."""
+    t = np.arange(0.0, done.motion.duration, 1e-3)
+    q, dq, ddq, jerk = done.motion.states(t)
+    b = done.bounds
+    tau = done.known.holding(b).torque((q, dq, ddq, jerk))
+    share = {"dq": np.abs(dq) / b.dq, "ddq": np.abs(ddq) / b.ddq, "jerk": np.abs(jerk) / b.jerk}
+    share |= {"tau": np.abs(tau) / b.tau, "q": np.abs(q - b.middle) / b.half}
+    if corner is not None:
+        end = frames(done.robot, q).p[:, -1]
+        share["box"] = 2.0 * np.all((corner < end) & (end < corner + 0.3), axis=1)
+    return max((float(part.max()), key) for key, part in share.items())
+
+
+def violations(count: int, name: str, first: int = 0) -> None:
+    """Designs under random limits that are violated somewhere at 1 kHz."""
+    found, refused, worst = [], 0, (0.0, "")
+    for seed in range(first, first + count):
+        request, corner = drawn_request(name, seed)
         try:
-            done = excite(request)
+            used = largest_use(excite(request), corner)
         except ExcitationError:
             refused += 1
             continue
-        q, dq, ddq, jerk = done.motion.states(np.arange(0.0, 6.0, 1e-3))
-        b = done.bounds
-        tau = done.known.holding(b).torque((q, dq, ddq, jerk))
-        share = [np.abs(dq) / b.dq, np.abs(ddq) / b.ddq, np.abs(jerk) / b.jerk, np.abs(tau) / b.tau]
-        share.append(np.abs(q - (b.low + b.high) / 2) / ((b.high - b.low) / 2))
-        worst = max(float(part.max()) for part in share)
-        end = frames(robot, q).p[:, -1]
-        inside = seed % 2 and np.any(np.all((corner < end) & (end < corner + 0.3), axis=1))
-        found += worst > 1 + 1e-9 or bool(inside)
-        largest = max(largest, worst)
-    print(f"{found} of {count - refused} designs violate a limit at 1 kHz, largest use {largest:.6f}; "
-          f"{refused} requests that no motion holds were refused")  # fmt: skip
+        worst = max(worst, used)
+        if used[0] > 1 + 1e-9:
+            found.append(seed)
+            print(f"seed {seed}: {100 * used[0]:.4f} % of {used[1]}", flush=True)
+    print(
+        f"{name}: {len(found)} of {count - refused} designs violate a limit at 1 kHz, largest use "
+        f"{worst[0]:.6f} of {worst[1]}; {refused} requests that no motion holds were refused",
+        flush=True,
+    )
 
 
 def main() -> None:
@@ -104,11 +126,12 @@ def main() -> None:
     parser.add_argument("--random", type=int, default=2000)
     parser.add_argument("--designs", type=int, default=0)
     parser.add_argument("--design-robot", default="scara")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first design")
     given = parser.parse_args()
     for name in given.robots:
         compare(name, given.random)
     if given.designs:
-        violations(given.designs, given.design_robot)
+        violations(given.designs, given.design_robot, given.first)
 
 
 if __name__ == "__main__":

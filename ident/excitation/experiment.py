@@ -116,12 +116,13 @@ def excite(
         texts = found.suspects()
     holding = _holding(request, known, bounds, progress)
     start = None if request.start is None else np.array(request.start)
-    remarks = _remarks(bounds, known, holding)
+    remarks = _remarks(bounds, known, holding, request.evaluate is None)
     if request.evaluate is not None:
         motion: Any = recorded_motion(request.robot, request.model, request.evaluate, progress, request.exact)
         sigma, optimum, separation = known.sigma(motion.planned, noise), None, None
     else:
         basis = basis_for(request.duration, request.harmonics)
+        bounds.check_room(basis.period)
         rng = np.random.default_rng([request.seed, 13])
         rest = holding.rest(start, rng)
         trial = random_motion(holding, basis, rest, request.duration, rng, start is not None)
@@ -229,17 +230,19 @@ def _expected(known: Known, planned: Any, sigma: Array, seconds: float) -> tuple
     return np.sqrt(np.diag(inverse) / weight) / length, number
 
 
-def _remarks(bounds: Bounds, known: Known, holding: Holding) -> tuple[str, ...]:
+def _remarks(bounds: Bounds, known: Known, holding: Holding, designed: bool) -> tuple[str, ...]:
     out = []
+    if known.assumed:
+        held = " torque limits and" if designed and np.isfinite(bounds.tau).any() else ""
+        out.append(
+            f"{known.assumed}:{held} expected deviations hold for such a robot; --parameters FILE tells"
+        )
+    if not designed:
+        return tuple(out)
     if bounds.assumed:
         keys = ", ".join(bounds.assumed)
         out.append(
             f"limits of {keys} are not stated for all joints; usual ones were assumed, --limit gives them"
-        )
-    if known.assumed:
-        held = " torque limits and" if np.isfinite(bounds.tau).any() else ""
-        out.append(
-            f"{known.assumed}:{held} expected deviations hold for such a robot; --parameters FILE tells"
         )
     if not np.isfinite(bounds.tau).any():
         out.append("no torque limit is known and none was held; --limit tau:1=... gives them")

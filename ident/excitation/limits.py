@@ -24,6 +24,8 @@ ASSUMED = {  # where the robot file states nothing: of a joint that turns, of on
     "jerk": (100.0, 30.0),
 }
 
+LEAST = 1e-3  # rad, m: amplitude that shows something
+
 
 class ExcitationError(IdentError):
     """A motion that cannot be designed as asked."""
@@ -63,6 +65,18 @@ class Bounds:
         key = max(worst, key=worst.__getitem__)
         joint = int(np.argmax(used[key].max(axis=0)))
         return worst[key], self.told(key, joint)
+
+    def check_room(self, period: float) -> None:
+        """Raises ExcitationError where a limit leaves a joint less than LEAST of a sine of that period, s."""
+        w = 2 * math.pi / period
+        room = {key: getattr(self, key) / w**k for k, key in enumerate(("half", "dq", "ddq", "jerk"))}
+        key = min(room, key=lambda key: float(room[key].min()))
+        joint = int(np.argmin(room[key]))
+        if room[key][joint] < LEAST:
+            told, unit = self.told("q" if key == "half" else key, joint), "m" if self.slides[joint] else "rad"
+            raise ExcitationError(
+                f"{told}, leaves it {2 * room[key][joint]:.1g} {unit} to move in; that shows nothing."
+            )
 
     def told(self, key: str, joint: int) -> str:
         """'dq of joint 3, at most 2 rad/s'."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ident.excitation.experiment import Experiment
+from ident.excitation.sensitivity import Visible
 from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPage, Section, Table, Trace
 from modelgen.effects.frames import frames
 
@@ -79,17 +80,31 @@ def _visible(done: Experiment) -> Section:
     )
     rows = []
     for its in done.visible:
-        if its.values is None:
-            told, share = "is not expected to show", Cell("", math.inf)
-        else:
-            told = its.told
-            tone = "good" if its.share < 0.01 else "" if its.share < 0.05 else "bad"
-            share = Cell(f"{100 * its.share:.2g}", its.share, tone)
-        rows.append((Cell(its.effect), Cell(", ".join(its.joints)), Cell(told), share))
+        told = its.told if its.values is not None else "is not expected to show"
+        rows.append((Cell(its.effect), Cell(", ".join(its.joints)), Cell(told), _share(its)))
     text = (
         "Sizes that this motion shows with 95 % power at the noise assumed, at usual shapes of the effects."
     )
-    return Section("What would be seen", (Table("", columns, tuple(rows)),), text)
+    return Section("What would be seen", (_map(done), Table("", columns, tuple(rows))), text)
+
+
+def _map(done: Experiment) -> Table:
+    """Effects by joints: per cent of the joint's torque from which on an effect shows."""
+    labels = done.bounds.labels
+    by_place = {(its.effect, its.joints[0]): its for its in done.visible if len(its.joints) == 1}
+    columns = (Column("effect"), *(Column(f"joint {label}", number=True) for label in labels))
+    rows = tuple(
+        (Cell(name), *(_share(by_place.get((name, label))) for label in labels))
+        for name in dict.fromkeys(name for name, _ in by_place)
+    )
+    return Table("% of the joint's torque that shows", columns, rows)
+
+
+def _share(its: Visible | None) -> Cell:
+    if its is None or its.values is None:
+        return Cell("", math.inf)
+    tone = "good" if its.share < 0.01 else "" if its.share < 0.05 else "bad"
+    return Cell(f"{100 * its.share:.2g}", its.share, tone)
 
 
 def _number(value: float) -> Cell:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class PointMotion:
     plan: Motion
     first: Array
     share: float = 1.0
+    whole: tuple[Array, ...] = ()  # states of the plan at FINE_HZ, of every share
 
     @property
     def duration(self) -> float:
@@ -37,18 +38,24 @@ class PointMotion:
 
     def states(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """q, dq, ddq, jerk (N, n); jerk by differences over a tenth of a millisecond."""
-        q, dq, ddq = self.plan.at(np.asarray(t, dtype=float))
-        jerk = (self.plan.at(np.asarray(t) + 1e-4)[2] - ddq) / 1e-4
+        return self._drawn(*_states(self.plan, t))
+
+    @property
+    def fine(self) -> tuple[Array, Array, Array, Array]:
+        return self._drawn(*(self.whole or _states(self.plan, np.arange(0.0, self.period, 1 / FINE_HZ))))
+
+    def _drawn(self, q: Array, dq: Array, ddq: Array, jerk: Array) -> tuple[Array, Array, Array, Array]:
         s = self.share
         return self.first + s * (q - self.first), s * dq, s * ddq, s * jerk
 
     @property
-    def fine(self) -> tuple[Array, Array, Array, Array]:
-        return self.states(np.arange(0.0, self.period, 1 / FINE_HZ))
-
-    @property
     def motion(self) -> Motion:
         return Motion("point_to_point", self.duration, lambda t: self.states(t)[:3])
+
+
+def _states(plan: Motion, t: Array) -> tuple[Array, Array, Array, Array]:
+    q, dq, ddq = plan.at(np.asarray(t, dtype=float))
+    return q, dq, ddq, (plan.at(np.asarray(t) + 1e-4)[2] - ddq) / 1e-4
 
 
 def best_of_random(
@@ -73,12 +80,13 @@ def best_of_random(
             break
         progress("point to point", k / DRAWS)
         plan = point_to_point(space, max(round(duration / MOVE_S) - 1, 1), duration, rng)
-        motion = PointMotion(plan, space.centre)
+        whole = _states(plan, np.arange(0.0, plan.duration, 1 / FINE_HZ))
+        motion = PointMotion(plan, space.centre, whole=whole)
         for _ in range(12):
             used = holding.use(motion)[0]
             if used <= 1:
                 break
-            motion = PointMotion(plan, space.centre, motion.share * min(0.999 / used, 0.9))
+            motion = replace(motion, share=motion.share * min(0.999 / used, 0.9))
         else:
             continue  # gravity at its first posture is too much already
         found = value(motion)

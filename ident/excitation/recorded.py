@@ -30,6 +30,8 @@ def recorded_motion(
     robot: str, model: str, file: Path, progress: Progress = silent, exact: bool = False
 ) -> Recorded:
     """Raises IdentError for a file that cannot be read as a recording of this robot."""
+    if not file.is_file():
+        raise ExcitationError(f"--evaluate {file}: is no file; name a recording.")
     entry = {"file": str(file.resolve()), "use": "identify"}
     where = str(Path(robot).resolve()) if Path(robot).is_file() else robot
     keys = {"robot": where, "exact": exact, "model": model, "recordings": [entry]}

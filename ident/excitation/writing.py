@@ -144,6 +144,8 @@ def sentences(done: Experiment) -> list[str]:
     """What the command prints."""
     b = len(done.names)
     out = [f"{b} base parameters, scaled condition number {done.condition:.3g}, {done.seconds:g} s."]
+    if not np.isfinite(done.condition):
+        out.append("It does not show all of them: give it more time, or wider limits.")
     if done.largest_use[1]:
         out.append(f"Largest use of a limit: {100 * done.largest_use[0]:.1f} % of {done.largest_use[1]}.")
     if done.separated is not None:

@@ -72,6 +72,7 @@ def test_two_suspects_and_how_long(arm, capsys):
     [
         (["--duration", "43200"], "2 to 600 s"),
         (["--limit", "dq=0"], "may not move"),
+        (["--limit", "jerk:2=1e-9"], "shows nothing"),
         (["--separate", "stribeck:1,hysteresis:1"], "did you mean stribeck_friction"),
         (["--separate", "coulomb_friction:1,hysteresis:1"], "cannot be told from the model's own"),
         (["--start", "9,0"], "start"),
