@@ -27,7 +27,7 @@ def fleet(
     from ident.fleet.page import page
     from ident.fleet.trends import WATCH
     from ident.output import staged
-    from ident.report.render import render
+    from ident.report.render import write
 
     keys = study_keys(robot, study)
     inputs = [study] if study else []
@@ -37,7 +37,7 @@ def fleet(
         done = run_fleet(source, keys, output, scheduler, diagnose, progress)
         with staged(output, "ident fleet", overwrite=overwrite, inputs=inputs, complete=False) as stage:
             (stage / "fleet.parquet").write_bytes(done.table)
-            (stage / "report.html").write_text(render(page(done)), encoding="utf-8")
+            write(page(done), stage / "report.html")
     for job in done.jobs:
         if job in done.reasons:
             print(f"warning: {job.robot}, {job.day}: {done.reasons[job]}", file=sys.stderr)

@@ -17,7 +17,7 @@ from ident.report.diagnosis_plots import draw_all
 from ident.report.diagnosis_result import page_of
 from ident.report.diagnosis_words import before_and_after
 from ident.report.files import fit_document, write_csv, write_document
-from ident.report.render import render
+from ident.report.render import write
 from modelgen.errors import ModelgenError
 
 OPENING = "# The study with what was found as its effects: ident fit on it gives the errors after again.\n"
@@ -36,7 +36,7 @@ def write_diagnosis(diagnosis: Diagnosis, document: Mapping[str, Any], folder: P
     except ModelgenError as error:  # what was found stays, whatever the generator makes of it
         (folder / "model_not_written.txt").write_text(f"{error}\n", encoding="utf-8")
     draw_all(diagnosis, document, folder / "plots")
-    (folder / "report.html").write_text(render(page_of(diagnosis, document)), encoding="utf-8")
+    write(page_of(diagnosis, document), folder / "report.html")
 
 
 def extended_text(diagnosis: Diagnosis) -> str:

@@ -169,7 +169,7 @@ def reduction_section(document: Mapping[str, Any]) -> Section:
     return Section("Model reduction", tuple(blocks), text=text, folded=True)
 
 
-def comparison_html(results: Mapping[str, FitResult]) -> str:
+def comparison_page(results: Mapping[str, FitResult]) -> ReportPage:
     """Several models of the same recordings side by side: the paper's Table II, then each model's errors."""
     documents = {model: fit_document(result) for model, result in results.items()}
     first = next(iter(documents.values()))
@@ -227,7 +227,7 @@ def comparison_html(results: Mapping[str, FitResult]) -> str:
         warnings=warnings,
         footer=f"dynident {version('dynident')}. Each model has a folder with a report of its own.",
     )
-    return render(page_with_names(page, names_of(first)))
+    return page_with_names(page, names_of(first))
 
 
 def _titled(model: str, curve: Curve) -> Plot:

@@ -6,19 +6,20 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ident.estimation.fit import FitResult
-from ident.report.files import write_comparison, write_into
-from ident.report.fit_result import comparison_html, fit_html
+from ident.report.files import fit_document, write_comparison, write_into
+from ident.report.fit_result import comparison_page, page_of
+from ident.report.render import write
 
 
 def write_fit(result: FitResult, folder: Path) -> None:
     """fit.json, tables, plots/, report.html."""
     write_into(result, folder)
-    (folder / "report.html").write_text(fit_html(result), encoding="utf-8")
+    write(page_of(result, fit_document(result)), folder / "report.html")
 
 
 def write_fits(results: Mapping[str, FitResult], folder: Path) -> None:
     """A folder a model, comparison.csv, report.html."""
     write_comparison(results, folder)
     for model, result in results.items():
-        (folder / model / "report.html").write_text(fit_html(result), encoding="utf-8")
-    (folder / "report.html").write_text(comparison_html(results), encoding="utf-8")
+        write(page_of(result, fit_document(result)), folder / model / "report.html")
+    write(comparison_page(results), folder / "report.html")
