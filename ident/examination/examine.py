@@ -28,8 +28,12 @@ from ident.examination.recordings_apart import recordings_apart
 from ident.examination.signals import TURNS
 from ident.examination.torques import (
     CLEARLY,
+    EXPLAINED,
+    NOTHING,
+    SURE,
     Hypothesis,
     all_signs,
+    evidence,
     one_sign,
     other_orders,
     scaled_positions,
@@ -128,7 +132,24 @@ def _best(
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
         found += _geometry(prepared, quick, how, best, axes=bad)
-    return max(found, key=lambda h: h.gain, default=None)
+    return max((h for h in found if _believed(quick, h)), key=lambda h: h.gain, default=None)
+
+
+def _believed(quick: Quick, h: Hypothesis) -> bool:
+    """Whether the model explains the signals that the hypothesis blames once it is taken: where a large
+    torque is missing in the model (a cable over two joints), one wrong sign or order may leave less than
+    another without being the cause. A joint of its own may be known by its friction alone."""
+    taken = h.quick or quick
+    fit = taken.fit(h.how)
+    blamed = {"".join(filter(str.isdigit, name)) for name in h.check.signals}
+    if any(name.startswith("q") for name in h.check.signals):  # a position moves what stands in every torque
+        blamed = {str(joint) for joint in quick.columns.need.joints}
+    labels = [str(quick.columns.need.joints[j]) for j in quick.columns.joint_of]
+    left = {c: e for c, e in enumerate(fit.error) if labels[c] in blamed}
+    if not any(e > EXPLAINED for e in left.values()):
+        return True
+    rubbing = evidence(taken, fit, h.how).friction
+    return all(e <= EXPLAINED or (e < NOTHING and rubbing[c] > SURE) for c, e in left.items())
 
 
 def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> Iterator[Hypothesis]:

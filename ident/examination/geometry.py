@@ -19,7 +19,7 @@ import numpy as np
 from ident.equations.columns import Columns
 from ident.examination.check import Check
 from ident.examination.quick import FLOOR, Assignment, Sample
-from ident.examination.torques import Hypothesis
+from ident.examination.torques import EXPLAINED, Hypothesis
 from modelgen.geometry.names import INERTIAL, ParameterName
 
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
@@ -195,6 +195,8 @@ def base_orientation(
         where = " of the recordings that validate"
     else:
         where = ""
+    if np.nanmax(errors(identify, None, best)[0]) > EXPLAINED:  # something else is missing
+        return
     line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
     angle, norm = _angle(assumed, best), float(np.linalg.norm(best))
     turned = f"turned by {angle:.0f} degrees against the robot file's" if norm else "absent"
@@ -333,7 +335,7 @@ def joint_axes(
     if not found:
         return
     best = max(found, key=lambda item: item[0])
-    if best[0] < prior:
+    if best[0] < prior or np.nanmax(best[3]) > EXPLAINED:
         return
     equal = [text for value, _, text, _ in found if value > 0.97 * best[0] and text != best[2]]
     also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""

@@ -23,6 +23,7 @@ SURE = 5.0  # standard deviations
 FRICTION = ("Fvm", "Fcm", "Fvl", "Fcl", "Fvc", "Fcc")
 FACTOR = 3.0
 NOTHING = 0.85  # error of a channel that the model does not explain
+EXPLAINED = 0.5  # error of a torque above which no fault of it is believed: something else is missing
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 CONFIGURATIONS = 40
 POSITION_FACTORS = (0.1, 0.5, 2.0, 10.0, 180 / np.pi)
