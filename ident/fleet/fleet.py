@@ -18,7 +18,7 @@ import numpy as np
 
 from ident.fleet import work
 from ident.fleet.jobs import FleetError, Job, find, robots_of
-from ident.fleet.rows import point, table
+from ident.fleet.rows import fitted, point, table
 from ident.fleet.run import connected, run
 from ident.fleet.trends import Trends, trends
 from ident.output import write_file
@@ -96,11 +96,15 @@ def run_fleet(
             raise FleetError(f"none of {len(jobs)} recordings could be used; the first: {first}")
         head = _apart(kept, summaries, reasons)
         progress("trends")
-        points = [p for job in kept if job in summaries and (p := point(job, summaries[job]))]
+        fits = {
+            job: [fitted(window, summary.header.parameters) for window in summary.windows]
+            for job, summary in summaries.items()
+        }
+        points = [p for job in kept if job in fits and (p := point(job, summaries[job], fits[job]))]
         found = trends(points, head.parameters, head.joints, a_year(points)) if points else None
         findings = _findings(jobs, summaries, found, keys, client, progress) if diagnose and found else {}
     progress("writing the table")
-    data = table(jobs, summaries, reasons, findings)
+    data = table(jobs, summaries, reasons, findings, fits)
     return Fleet(jobs, summaries, reasons, findings, data, found)
 
 

@@ -17,6 +17,7 @@ from ident.summaries.window import Window, merged
 
 FIRST = ("robot", "day", "recording", "start", "stop", "seconds", "rows", "error_percent")
 LAST = ("checks", "findings", "reason")
+Fitted = SummaryFit | IdentError
 
 
 def table(
@@ -24,8 +25,9 @@ def table(
     summaries: Mapping[Job, Summary],
     reasons: Mapping[Job, str],
     findings: Mapping[Job, Sequence[str]],
+    fits: Mapping[Job, Sequence[Fitted]],
 ) -> bytes:
-    """fleet.parquet: the same bytes for the same summaries, whoever made them."""
+    """fleet.parquet: the same bytes for the same summaries, whoever made them; `fits` of each window."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
@@ -38,7 +40,7 @@ def table(
             rows.append(who)
             continue
         who["checks"] = list(summary.header.checks)
-        rows += [who | _row(window, summary) for window in summary.windows]
+        rows += [who | _row(window, fit, summary) for window, fit in zip(summary.windows, fits[job])]
     names = [name for summary in summaries.values() for name in _names(summary)]
     order = [*FIRST, *dict.fromkeys(names), *LAST]
     texts = {"robot": pa.string(), "day": pa.string(), "recording": pa.string(), "reason": pa.string()}
@@ -59,16 +61,14 @@ def _names(summary: Summary) -> list[str]:
     return names + [f"{kind}.{joint}" for kind in ("heat", "speed", "load") for joint in head.joints]
 
 
-def _row(window: Window, summary: Summary) -> dict[str, Any]:
+def _row(window: Window, fit: Fitted, summary: Summary) -> dict[str, Any]:
     head = summary.header
     row: dict[str, Any] = {name: getattr(window, name) for name in ("start", "stop", "seconds", "rows")}
     for kind in ("heat", "speed", "load"):
         means = getattr(window, kind) / max(window.seconds, 1e-12)
         row |= {f"{kind}.{joint}": float(mean) for joint, mean in zip(head.joints, means)}
-    try:
-        fit = fit_window(window, head.parameters)
-    except IdentError as error:
-        return row | {"reason": str(error)}
+    if isinstance(fit, IdentError):
+        return row | {"reason": str(fit)}
     row["error_percent"] = error_of(fit, window)
     row |= {f"error_percent.{name}": float(e) for name, e in zip(head.channels, fit.error_percent)}
     for kind, values in (("value", fit.values), ("std", fit.std)):
@@ -86,12 +86,19 @@ def error_of(fit: SummaryFit, window: Window) -> float:
     return float(100 * np.sqrt(above / max(sum(squares), 1e-300)))
 
 
-def point(job: Job, summary: Summary) -> Point | None:
-    """One recording as one point of its robot's trend; None where it carries no fit."""
-    whole = merged(summary.windows)
+def fitted(window: Window, parameters: tuple[str, ...]) -> Fitted:
+    """The fit of a window, or why it carries none."""
     try:
-        fit = fit_window(whole, summary.header.parameters)
-    except IdentError:
+        return fit_window(window, parameters)
+    except IdentError as error:
+        return error
+
+
+def point(job: Job, summary: Summary, fits: Sequence[Fitted]) -> Point | None:
+    """One recording (`fits` of its windows) as a point of its robot's trend; None where it carries no fit."""
+    whole = merged(summary.windows)
+    fit = fits[0] if len(fits) == 1 else fitted(whole, summary.header.parameters)
+    if isinstance(fit, IdentError):
         return None
     seconds = max(whole.seconds, 1e-12)
     motion = (whole.heat / seconds, whole.speed / seconds, whole.load / seconds)

@@ -161,3 +161,40 @@ def test_wrong_inputs_end_in_one_sentence(logs, tmp_path, arguments, said, capsy
     assert run(["fleet", *words, *robot, "-o", str(tmp_path / "out")]) == 2
     error = capsys.readouterr().err.strip()
     assert said in error and len(error.splitlines()) == 1
+
+
+def test_without_permission_or_scheduler_what_was_done_stays(plain, logs, monkeypatch, capsys):
+    from fsspec.implementations.memory import MemoryFileSystem
+
+    from ident.command_line.cli import run
+
+    def refused(*_, **__):
+        raise PermissionError("Access Denied")
+
+    monkeypatch.setattr(MemoryFileSystem, "glob", refused)
+    before = {path: path.read_bytes() for path in sorted(plain.rglob("*.parquet"))}
+    for arguments, said in (
+        (["memory://bucket/{robot}/{day}.parquet"], "check the address and the permission to read it"),
+        ([f"{logs}/*/*.parquet", "--scheduler", "nowhere"], "no Dask scheduler answers at nowhere"),
+    ):
+        status = run(["fleet", *arguments, "-o", str(plain), "--robot", "kuka_lwr4p"])
+        told = capsys.readouterr().err
+        assert status == 2 and told.count("\n") == 1 and said in told, told
+    assert before == {path: path.read_bytes() for path in sorted(plain.rglob("*.parquet"))}
+
+
+def test_a_recording_that_may_not_be_read_is_a_row(monkeypatch, tmp_path):
+    import fsspec
+    from fsspec.implementations.memory import MemoryFileSystem
+
+    from ident.fleet.jobs import Job
+    from ident.fleet.work import summarised
+
+    def refused(*_, **__):
+        raise PermissionError("Forbidden")
+
+    with fsspec.open("memory://fleet/arm0/1.parquet", "wb") as out:
+        out.write(b"x")
+    monkeypatch.setattr(MemoryFileSystem, "get_file", refused)
+    done = summarised(Job("arm0", "1", "memory://fleet/arm0/1.parquet", "k"), {}, str(tmp_path))
+    assert "permission" in done.reason and not done.data
