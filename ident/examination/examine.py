@@ -21,7 +21,7 @@ from ident.errors import IdentError
 from ident.examination.check import Check, column_line, listed, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.geometry import base_orientation, joint_axes, parts_of
+from ident.examination.geometry import base_orientation, joint_axes, parts_of, unseen
 from ident.examination.limits import beyond_limits
 from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
@@ -48,6 +48,7 @@ from ident.recordings.study import Study
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
+FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
 BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
 DEGREES, HALF = np.pi / 180, 0.5
 UNDONE = ("torque_sign", "torque_scale", "swapped_signals", "position_sign", "base_orientation", "angle_unit")
@@ -90,7 +91,10 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     last = quick.fit(how)
     alone = [] if found else list(recordings_apart(quick, how, currents))
     found += motor_signs(quick, last, maps, "i" if currents else "tau_m")
-    return (*_joined(found, maps), *alone, *(() if alone else unexplained(quick, last, currents)))
+    beside = alone or list(unexplained(quick, last, currents))
+    if not found and not beside and 1 < len(columns.need.joints) <= FEW:
+        beside += _unseen(prepared, quick, how)
+    return (*_joined(found, maps), *beside)
 
 
 def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
@@ -190,6 +194,24 @@ def _geometry(
     prepared: Prepared, quick: Quick, how: Assignment, prior: float, axes: bool
 ) -> Iterable[Hypothesis]:
     """Gravity and the axes of the table; asked last because they cost most."""
+    made = _parts(prepared, quick, how)
+    if made is None:
+        return
+    table, samples, gravity, identify, validate = made
+    alone = prior == 0 and how == quick.plain()
+    tilted = list(base_orientation(identify, validate, gravity, how, alone))
+    yield from tilted
+    if axes and not tilted:
+        yield from joint_axes(table, prepared.columns, samples, gravity, how, prior)
+
+
+def _unseen(prepared: Prepared, quick: Quick, how: Assignment) -> Iterable[Check]:
+    made = _parts(prepared, quick, how)
+    return () if made is None else unseen(made[3], made[4], made[2])
+
+
+def _parts(prepared: Prepared, quick: Quick, how: Assignment) -> tuple[Any, ...] | None:
+    """Table, samples of the usual load, gravity (3,) as the study has it, parts of identify and validate."""
     from modelgen.geometry.kinematics import Geometry
 
     study, columns = prepared.study, prepared.columns
@@ -197,19 +219,14 @@ def _geometry(
     loads = [s.payload for s in quick.samples]
     usual = max(set(loads), key=loads.count)
     samples = [s for s in quick.samples if s.payload == usual]
-    fitted = [s for s in samples if s.role == "identify"]
+    fitted, held = ([s for s in samples if s.role == role] for role in ("identify", "validate"))
     if not fitted or len([row for row in table.rows if row.sigma != 2]) != quick.samples[0].q.shape[1]:
-        return
+        return None
     gravity = np.array(study.gravity if study.gravity is not None else [float(g) for g in table.gravity])
     identify = parts_of(table, columns, fitted, how)
     if identify is None:
-        return
-    validate = parts_of(table, columns, [s for s in samples if s.role == "validate"], how)
-    alone = prior == 0 and how == quick.plain()
-    tilted = list(base_orientation(identify, validate, gravity, how, alone))
-    yield from tilted
-    if axes and not tilted:
-        yield from joint_axes(table, columns, samples, gravity, how, prior)
+        return None
+    return table, samples, gravity, identify, parts_of(table, columns, held, how)
 
 
 def _joined(found: list[Check], maps: Mapping[str, Any]) -> list[Check]:

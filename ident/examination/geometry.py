@@ -27,6 +27,7 @@ SAMPLES = 260
 AXES_SAMPLES = 160
 DIRECTIONS = 120
 CARRIED, KEPT = 2.5, 0.3  # gain on validate alone, and what identify may lose by it
+UNSEEN = 0.5  # gain of the gravity that is assumed over another, below which neither is known
 LEAST_ANGLE = 8.0  # degrees; smaller tilts are the diagnosis's effect base_tilt
 ROUND_ANGLE = 4.0  # within it an axis of the base is meant
 RIDGE = 1e-9
@@ -219,6 +220,30 @@ def base_orientation(
             line,
         ),
     )
+
+
+def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iterator[Check]:
+    """Said where another axis of the base could as well be upright: what few joints feel of gravity, first
+    moments make up for, and only their part in the inertia contradicts. A base told wrongly is not named."""
+    plain, held = errors(identify, validate, assumed)
+    told = []
+    for axis in np.linalg.norm(assumed) * np.vstack([np.eye(3), -np.eye(3)]):
+        now, after = errors(identify, validate, axis)
+        alike = gain(now, plain) < UNSEEN and (held is None or gain(after, held) < UNSEEN)
+        if alike and _angle(assumed, axis) > ROUND_ANGLE:
+            told.append((_angle(assumed, axis), now))
+    if told and np.any(assumed):
+        angle, now = max(told, key=lambda its: its[0])
+        yield Check(
+            "poor_excitation",
+            "",
+            (),
+            None,
+            "warned",
+            f"these motions do not show how the base is mounted: with gravity turned by {angle:.0f} degrees "
+            f"the model explains the torques about as well (errors of {_span(now)}, not {_span(plain)})",
+            "gravity is taken as the robot file has it, make sure that it is",
+        )
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> float:
