@@ -20,6 +20,7 @@ import numpy as np
 from ident.equations.columns import Columns
 from ident.recordings.recording import RecordingStream
 from ident.signals.filtering import FilterBank, FilteredBlock, filter_stream
+from ident.signals.neighbours import joined, picked
 
 ROWS = 1500  # samples of all recordings of a role together
 BLOCKS = 6  # of a recording
@@ -223,38 +224,33 @@ def take(
         seconds = sum(s.move_end - s.move_start for s in stream.survey.segments)
         length = min(seconds * stream.rate_hz, BLOCKS * 16384)
         stride = max(1, int(length * len(mine) / ROWS))
-        blocks = [b for _, b in islice(filter_stream(stream, bank, torque_too=True), BLOCKS)]
-        if sum(len(b.t) for b in blocks) < 60:
-            continue
-        out.append(_sample(stream, columns, blocks, stride))
+        thin, torques, total = [], [], 0
+        for _, block in islice(filter_stream(stream, bank, torque_too=True), BLOCKS):
+            thin.append(picked(block, np.arange(-total % stride, len(block.t), stride)))
+            torques.append(columns.torque(block))
+            total += len(block.t)
+        if total >= 60:
+            out.append(_sample(stream, columns, joined(thin), np.concatenate(torques), stride))
     return out
 
 
 def _sample(
-    stream: RecordingStream, columns: Columns, blocks: Sequence[FilteredBlock], stride: int
+    stream: RecordingStream, columns: Columns, thin: FilteredBlock, torque: np.ndarray, stride: int
 ) -> Sample:
-    ends = np.cumsum([len(b.t) for b in blocks])
-
-    def thin(parts: Sequence[np.ndarray]) -> np.ndarray:
-        """Every stride-th row of all blocks together."""
-        begins = -(ends - [len(part) for part in parts]) % stride
-        return np.concatenate([part[begin::stride] for begin, part in zip(begins, parts)])
-
-    signals = ("t", "q", "dq", "ddq", "sign_dq")
-    t, q, dq, ddq, sign = (thin([getattr(b, name) for b in blocks]) for name in signals)
+    """thin: every stride-th row of the blocks whose torque (N, C) is given whole."""
+    q, dq, ddq, sign = thin.q, thin.dq, thin.ddq, thin.sign_dq
     W, places = regressor(columns, stream.payload, q, dq, ddq, sign), model_columns(columns, stream.payload)
     if len(places) < len(columns.parameters):
         own, W = W, np.zeros((*W.shape[:2], len(columns.parameters)))
         W[:, :, places] = own
     for extra in columns.extras:
-        W[extra.channel, :, extra.column] += thin([extra.values(b) for b in blocks])
-    weight = thin([b.certain for b in blocks])[:, columns.joint_of]
-    torque = np.concatenate([columns.torque(b) for b in blocks])
+        W[extra.channel, :, extra.column] += extra.values(thin)
+    weight = thin.certain[:, columns.joint_of]
     rows = np.arange(0, len(torque), stride)
     steps = np.rint(np.array(LAGS) * stream.rate_hz).astype(int)
     late = torque[np.clip(rows + steps[:, None], 0, len(torque) - 1)]
     shape = (q, dq, ddq, sign, torque[rows], weight, W, late)
-    return Sample(stream.label, stream.role, stream.payload, t, *shape)
+    return Sample(stream.label, stream.role, stream.payload, thin.t, *shape)
 
 
 def model_columns(columns: Columns, payload: str | None) -> np.ndarray:
