@@ -50,6 +50,11 @@ def sliced(block: FilteredBlock, rows: slice) -> FilteredBlock:
     return _mapped(block, lambda name: getattr(block, name)[rows])
 
 
+def picked(block: FilteredBlock, rows: np.ndarray) -> FilteredBlock:
+    """Samples (k,) of a block by their numbers, copied."""
+    return _mapped(block, lambda name: getattr(block, name)[rows])
+
+
 def joined(blocks: Sequence[FilteredBlock]) -> FilteredBlock:
     """Consecutive blocks as one."""
     return _mapped(blocks[0], lambda name: np.concatenate([getattr(block, name) for block in blocks]))

@@ -46,7 +46,8 @@ def _numbers_held() -> int:
 class Table:
     """Columns by name, rows when asked: `blocks(names)` yields (rows, len(names)) float64 arrays.
 
-    `units` is what a units row says, as written; `remarks` are sentences on what was passed over or changed.
+    What is `in_memory` anyway is not held a second time. `units` is what a units row says, as written;
+    `remarks` are sentences on what was passed over or changed.
     """
 
     file: str
@@ -55,6 +56,7 @@ class Table:
     read: Callable[[Sequence[str]], Blocks]
     units: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    in_memory: bool = False
     held: Held = field(default_factory=Held, repr=False, compare=False)
 
     def blocks(self, names: Sequence[str]) -> Blocks:
@@ -68,7 +70,7 @@ class Table:
         try:
             for block in self.read(names):
                 size += block.size
-                if size <= HELD:
+                if size <= HELD and not self.in_memory:
                     kept.append(block)
                 else:
                     kept.clear()
@@ -77,7 +79,7 @@ class Table:
             raise
         except Exception as error:  # the libraries raise many kinds; all mean that the file is damaged
             raise damaged(self.file, error) from None
-        if size <= HELD and size + _numbers_held() <= HELD_TOGETHER:
+        if not self.in_memory and size <= HELD and size + _numbers_held() <= HELD_TOGETHER:
             self.held[key] = kept
             _LIVE.add(self.held)
 
@@ -125,7 +127,7 @@ def of_columns(file: str, flat: Mapping[str, np.ndarray]) -> Table:
         for start in range(0, rows, ROWS):
             yield np.column_stack([numbers[name][start : start + ROWS] for name in columns]).astype(float)
 
-    return Table(file, tuple(flat), not all(name.isdigit() for name in flat), read)
+    return Table(file, tuple(flat), not all(name.isdigit() for name in flat), read, in_memory=True)
 
 
 def seconds_or_numbers(file: str, name: str, values: np.ndarray) -> np.ndarray:
