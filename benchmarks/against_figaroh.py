@@ -7,7 +7,9 @@ Installs nothing; figaroh lives in an environment of its own. A KUKA iiwa 7 (sev
 simulated at 1 kHz; both identify inertia, friction, rotor inertia and offset of all joints from motor
 torques. figaroh goes its documented way: low-pass filter, derivatives, `build_regressor_basic`, the columns
 that do nothing left out, decimation of every column, double QR, deviations; no plots and no page, which
-`ident fit` writes. Whole processes, medians.
+`ident fit` writes. Both read the same run.npz. Whole processes, medians, side by side; one run before them
+derives and compiles the model, which is kept. The last lines are processes that only import what each works
+with: below those no data set, however short, is identified.
 """
 
 from __future__ import annotations
@@ -38,7 +40,7 @@ config = {"has_friction": True, "has_actuator_inertia": True, "has_joint_offset"
           "is_joint_torques": True, "is_external_wrench": False, "force_torque": None,
           "ts": 1e-3, "cut_off_frequency_butterworth": cutoff, "act_idxv": list(range(7))}
 q = low_pass_filter_data(data["q"], config)
-tau = low_pass_filter_data(data["tau"], config)
+tau = low_pass_filter_data(data["tau_m"], config)
 q, dq, ddq = calculate_first_second_order_differentiation(robot.model, q, config)
 tau = tau[: len(q)]
 W = build_regressor_basic(robot, q, dq, ddq, config)
@@ -56,8 +58,14 @@ print(base.shape[1], float(np.linalg.norm(Y - base @ phi) / np.linalg.norm(Y)))
 """
 
 
+FLOORS = {
+    "ident": "import numpy, scipy.linalg, scipy.special, ident.estimation.fit, ident.report.writing",
+    "figaroh": PEER[: PEER.index("warnings.simplefilter")],
+}
+
+
 def simulated(folder: Path, seconds: float) -> Path:
-    """study.yaml and run1.parquet for ident, run.npz for figaroh; -> the URDF."""
+    """study.yaml and run1.npz, which both read; -> the URDF."""
     from ident.recordings.tables import open_table
     from ident.twin.study import PlannedRun, simulate
     from ident.twin.writing import write_simulation
@@ -68,11 +76,10 @@ def simulated(folder: Path, seconds: float) -> Path:
     table = open_table(folder / "run1.parquet")
     values = np.concatenate(list(table.blocks(table.columns)))
     at = {name: values[:, k] for k, name in enumerate(table.columns)}
-    both = {
-        kind: np.column_stack([at[f"{name}{j}"] for j in range(1, 8)])
-        for kind, name in (("q", "q"), ("tau", "tau_m"))
-    }
-    np.savez(folder / "run.npz", **both)
+    both = {name: np.column_stack([at[f"{name}{j}"] for j in range(1, 8)]) for name in ("q", "tau_m")}
+    np.savez(folder / "run1.npz", t=at["t"], **both)
+    study = folder / "study.yaml"
+    study.write_text(study.read_text(encoding="utf-8").replace("run1.parquet", "run1.npz"), encoding="utf-8")
     (folder / "peer.py").write_text(PEER)
     return urdf
 
@@ -89,16 +96,21 @@ def main() -> None:
         folder = Path(name)
         urdf = simulated(folder, options.seconds)
         fit = [sys.executable, "-m", "ident.command_line.cli", "fit", str(folder / "study.yaml")]
-        peer = [options.figaroh, str(folder / "peer.py"), str(folder / "run.npz"), str(urdf), "10"]
-        found = {
-            "ident fit": measured([*fit, "-o", str(folder / "out")], options.repeat),
-            "figaroh": measured(peer, options.repeat),
-        }
+        peer = [options.figaroh, str(folder / "peer.py"), str(folder / "run1.npz"), str(urdf), "10"]
+        fit += ["-o", str(folder / "out")]
+        measured(fit, 1)
+        found = {"ident fit": measured(fit, options.repeat), "figaroh": measured(peer, options.repeat)}
+        pythons = {"ident": sys.executable, "figaroh": options.figaroh}
+        floors = {who: measured([pythons[who], "-c", code], options.repeat) for who, code in FLOORS.items()}
     print(f"{'':12}{'wall s':>9}{'CPU s':>9}{'MB':>8}   (load {os.getloadavg()[0]:.1f})")
     for label, figures in found.items():
         print(f"{label:12}{figures[0]:9.2f}{figures[1]:9.2f}{figures[2]:8.0f}")
     ours, theirs = found["ident fit"], found["figaroh"]
     print("ratio       " + "".join(f"{b / a:8.1f}x" for a, b in zip(ours, theirs)))
+    for who, figures in floors.items():
+        print(f"{who + ' imports':16}{figures[0]:5.2f}{figures[1]:9.2f}{figures[2]:8.0f}")
+    least = floors["ident"]
+    print("no more than" + "".join(f"{b / a:8.1f}x" for a, b in zip(least, theirs)))
 
 
 if __name__ == "__main__":

@@ -1,32 +1,51 @@
-"""Time and memory of `ident fit`, whole process: two 90 s runs at 1 kHz, and the same motion for an hour.
+"""Time and memory of `ident fit`, whole process, and how they grow with length, joints and files.
 
-    python benchmarks/fit_speed.py [--repeat 3]
+    python benchmarks/fit_speed.py [--grow length,joints,files,two] [--most 36000] [--repeat 3]
 
-Model C of the paper's robot with payload, decimation cut-off 0.8 Hz; results, plots and report are written.
+length: one run of the paper's robot at 1 kHz, model C, for 90 s, 15 min, 1 h and 10 h (the same 90 s again
+and again, a second apart; 7 GB). joints: chains of 2, 7, 15 and 30, 90 s, model A. files: 1, 8, 64 and 512 of
+20 s, model A. two: two runs of 90 s, one with a payload. Decimation cut-off 0.8 Hz; results, plots and report
+are written. `growth` is processor time over that of the group's first case, `size` what its data are times
+those of the first: as much is proportional; memory should not grow. One fit before derives and compiles the
+model.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
+import yaml
 from child import measured
 
 from ident.twin.study import PlannedRun, simulate
 from ident.twin.writing import write_simulation
 
-RUNS = (PlannedRun("run1", "identify", 90.0, 44), PlannedRun("run5", "identify", 90.0, 44, loaded=True))
-STUDY = """robot: kuka_lwr4p
-model: C
-recordings:
-  - {file: run1.parquet, use: identify}
-  - {file: run5.parquet, use: identify, payload: L}
-filter: {position_cutoff_hz: 10, decimation_cutoff_hz: 0.8}
-"""
+ROBOT, SECONDS, RATE_HZ = "kuka_lwr4p", 90.0, 1000.0
+LENGTHS = (90, 900, 3600, 36000)
+JOINTS = (2, 7, 15, 30)
+FILES, FILE_S = (1, 8, 64, 512), 20.0
+LOADED = (
+    PlannedRun("run1", "identify", SECONDS, 44),
+    PlannedRun("run5", "identify", SECONDS, 44, loaded=True),
+)
+Case = tuple[str, float, Path]  # name, size, study
+
+
+def study(folder: Path, robot: str, model: str, names: list[str]) -> Path:
+    loads = {"run5.parquet": {"payload": "L"}}
+    entries = [{"file": name, "use": "identify"} | loads.get(name, {}) for name in names]
+    settings: dict[str, object] = {"robot": robot, "model": model, "recordings": entries}
+    settings["filter"] = {"position_cutoff_hz": 10, "decimation_cutoff_hz": 0.8}
+    (folder / "study.yaml").write_text(yaml.safe_dump(settings, sort_keys=False), encoding="utf-8")
+    return folder / "study.yaml"
 
 
 def lengthen(source: Path, target: Path, times: int) -> None:
@@ -39,28 +58,83 @@ def lengthen(source: Path, target: Path, times: int) -> None:
             out.write_table(table.set_column(table.column_names.index("t"), "t", shifted))
 
 
-def measure(study: Path, repeat: int) -> tuple[float, float, float]:
-    """Median wall and CPU time [s], largest resident set [MB] of `ident fit`."""
-    output = study.parent / "out"
-    return measured([sys.executable, "-m", "ident", "fit", str(study), "-o", str(output)], repeat)
+def lengths(folder: Path, most: float) -> Iterator[Case]:
+    write_simulation(simulate(ROBOT, "C", runs=LOADED[:1]), folder)
+    for seconds in (s for s in LENGTHS if s <= most):
+        place = folder / f"of_{seconds}"
+        place.mkdir()
+        lengthen(folder / "run1.parquet", place / "run1.parquet", round(seconds / SECONDS))
+        yield f"{seconds} s", seconds, study(place, ROBOT, "C", ["run1.parquet"])
+
+
+def chain(joints: int) -> str:
+    """A robot file: revolute joints about axes in turn at right angles."""
+    links = [
+        {"joint": "revolute", "antecedent": j, "alpha": ("0", "pi/2", "-pi/2")[j % 3], "d": 0.05 * (j % 2),
+         "theta": f"q{j + 1}", "r": 0.1 if j % 3 else 0}
+        for j in range(joints)
+    ]  # fmt: skip
+    robot = {"name": f"chain{joints}", "convention": "mdh", "gravity": [0, 0, -9.81], "links": links}
+    return yaml.safe_dump(robot)
+
+
+def joints(folder: Path, most: float) -> Iterator[Case]:
+    for n in JOINTS:
+        robot = folder / f"chain{n}.yaml"
+        robot.write_text(chain(n))
+        place = folder / f"of_{n}"
+        place.mkdir()
+        run = PlannedRun("run1", "identify", SECONDS)
+        columns = dict(simulate(str(robot), runs=(run,), seed=1).recordings[0].columns)
+        pq.write_table(pa.table(columns), place / "run1.parquet")
+        yield f"{n} joints", n, study(place, str(robot), "A", ["run1.parquet"])
+
+
+def files(folder: Path, most: float) -> Iterator[Case]:
+    run = PlannedRun("run", "identify", FILE_S, 10)
+    columns = dict(simulate(ROBOT, "A", runs=(run,)).recordings[0].columns)
+    rng, torques = np.random.default_rng(0), [name for name in columns if name.startswith("tau")]
+    for n in FILES:
+        place = folder / f"of_{n}"
+        place.mkdir()
+        names = [f"run{k}.parquet" for k in range(n)]
+        for name in names:  # each with noise of its own
+            own = {tau: columns[tau] + rng.normal(0, 0.05, len(columns[tau])) for tau in torques}
+            pq.write_table(pa.table(columns | own), place / name)
+        yield f"{n} files", n, study(place, ROBOT, "A", names)
+
+
+def two(folder: Path, most: float) -> Iterator[Case]:
+    write_simulation(simulate(ROBOT, "C", payload_kg=4.6136, runs=LOADED), folder)
+    yield "2 x 90 s", 1, study(folder, ROBOT, "C", ["run1.parquet", "run5.parquet"])
+
+
+GROUPS = {"length": lengths, "joints": joints, "files": files, "two": two}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--repeat", type=int, default=3)
-    repeat = parser.parse_args().repeat
-    with tempfile.TemporaryDirectory() as folder:
-        short, long = Path(folder) / "short", Path(folder) / "long"
-        long.mkdir()
-        write_simulation(simulate("kuka_lwr4p", "C", payload_kg=4.6136, runs=RUNS), short)
-        for name in ("run1", "run5"):
-            lengthen(short / f"{name}.parquet", long / f"{name}.parquet", 20)
-        for label, place, times in (("2 x 90 s", short, repeat), ("1 h", long, 1)):
-            (place / "study.yaml").write_text(STUDY, encoding="utf-8")
-            wall, cpu, peak = measure(place / "study.yaml", times)
-            print(f"{label:9} {wall:6.2f} s wall, {cpu:6.2f} s CPU, {peak:5.0f} MB peak", flush=True)
+    parser.add_argument("--grow", default=",".join(GROUPS))
+    parser.add_argument("--most", type=float, default=max(LENGTHS), help="longest recording, s")
+    parser.add_argument("--repeat", type=int, default=3, help="of the first case of each group")
+    options = parser.parse_args()
+    print(f"{'':11}{'wall s':>9}{'CPU s':>9}{'MB':>7}{'growth':>9}{'size':>8}{'load':>7}")
+    for group in options.grow.split(","):
+        with tempfile.TemporaryDirectory() as name:
+            first: tuple[float, float] | None = None
+            for label, size, its in GROUPS[group](Path(name), options.most):
+                fit = [sys.executable, "-m", "ident", "fit", str(its), "-o", str(its.parent / "out")]
+                if first is None or group == "joints":  # the model is new
+                    measured(fit, 1)
+                wall, cpu, peak = measured(fit, options.repeat if first is None else 1)
+                first = first or (cpu, size)
+                print(
+                    f"{label:11}{wall:9.2f}{cpu:9.2f}{peak:7.0f}{cpu / first[0]:8.1f}x{size / first[1]:7.0f}x"
+                    f"{os.getloadavg()[0]:7.1f}",
+                    flush=True,
+                )
 
 
 if __name__ == "__main__":
