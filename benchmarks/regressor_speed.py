@@ -252,15 +252,18 @@ def report(options, m, ns: dict[str, dict[str, float]], agreement: float) -> Non
     print(f"{'':42}{'wall':>9}{'CPU':>9}")
     for name in ns["wall"]:
         print(f"{name:42}{ns['wall'][name]:9.1f}{ns['cpu'][name]:9.1f}")
-    operations, writing = bounds()
-    needed = {
-        "inertial blocks": (add + mul) / operations * 1e9,
-        "model B dense out": 8 * JOINTS * len(m.parameters) / writing * 1e9,
+    operations, moving = bounds()
+    state, torque = 3 * 8 * JOINTS, sum(m.operations["torque"].values())
+    own = {  # operations; bytes of a sample that are read, and written past the caches
+        "inertial blocks": (add + mul, state),
+        "model B dense out": (add + mul, state + 8 * JOINTS * len(m.parameters)),
+        "torque": (torque, state + 8 * JOINTS),
     }
-    print(f"\none core here: {operations / 1e9:.1f} G operations/s (BLAS), {writing / 1e9:.1f} GB/s written")
-    for name, kind in (("inertial blocks", "its operations"), ("model B dense out", "W's bytes")):
-        far = ns["wall"][name] / needed[name]
-        print(f"{name:42}{needed[name]:9.1f} ns for {kind} alone; it takes {far:.1f} times that")
+    print(f"\none core here: {operations / 1e9:.1f} G operations/s (BLAS), {moving / 1e9:.1f} GB/s written")
+    print(f"{'ns alone, and how many times that it takes':42}{'arithmetic':>18}{'memory':>18}")
+    for name, (count, size) in own.items():
+        bound = [count / operations * 1e9, size / moving * 1e9]
+        print(f"{name:42}" + "".join(f"{b:10.1f}{ns['cpu'][name] / b:7.1f}x" for b in bound))
     print(f"\n{'ratio':42}{'wall':>9}{'CPU':>9}{'target':>9}")
     for label, rival, name, target in rows:
         print(f"{label:42}{ratio('wall', rival, name):8.1f}x{ratio('cpu', rival, name):8.1f}x{target:8}x")
