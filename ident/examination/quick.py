@@ -23,6 +23,7 @@ from ident.signals.filtering import FilterBank, FilteredBlock, filter_stream
 from ident.signals.neighbours import joined, picked
 
 ROWS = 1500  # samples of all recordings of a role together
+HELD = 6e7  # bytes of their columns: fewer samples of a robot of very many joints
 BLOCKS = 6  # of a recording
 FLOOR = 3e-3  # errors below it are not told apart
 CLUSTERS = 20  # stretches of one recording whose scores are taken as independent
@@ -219,11 +220,12 @@ def take(
 ) -> list[Sample]:
     """Thinned samples of the recordings with this role; recordings of which nothing moves give none."""
     mine = [(s, bank) for s, bank in zip(streams, banks) if s.role == role][:8]
+    most = min(ROWS, HELD / (8 * len(columns.channels) * len(columns.parameters)))
     out = []
     for stream, bank in mine:
         seconds = sum(s.move_end - s.move_start for s in stream.survey.segments)
         length = min(seconds * stream.rate_hz, BLOCKS * 16384)
-        stride = max(1, int(length * len(mine) / ROWS))
+        stride = max(1, int(length * len(mine) / most))
         thin, torques, total = [], [], 0
         for _, block in islice(filter_stream(stream, bank, torque_too=True), BLOCKS):
             thin.append(picked(block, np.arange(-total % stride, len(block.t), stride)))
