@@ -10,14 +10,14 @@ on the extended study repeats; evidence is the loop's."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed, trace
+from ident.diagnosis.loop import BUDGET, Equivalent, Outcome, Step, Unnamed, swapped, trace
 from ident.diagnosis.opening import Opened, opened
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.room import thrifty
@@ -158,6 +158,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     last = _extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
+    outcome, last = _exactly(known, outcome, base, last, begun, alpha)
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
     unexplained += _beyond_noise(last, outcome.last, findings, unexplained)
@@ -220,6 +221,53 @@ def _extended(
             return _turned(last, outcome.last, known, progress)
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
     return base
+
+
+def _exactly(
+    known: Examined, outcome: Outcome, base: FitResult, last: FitResult, begun: Opened, alpha: float
+) -> tuple[Outcome, FitResult]:
+    """Explanations that act on the model's own torque (a delay, a lag, a soft gear) compared by their last
+    fits: in the loop their columns are made with the model that stood beside them, which favours the one
+    that it was settled with. Those that the best one on the rows that chose nothing is not ahead of by the
+    limit cannot be told apart: the simplest is told, and the others beside it."""
+    for at, step in enumerate(outcome.steps):
+        rivals = [t for t in step.passed if t.size is not None and t.key != step.term.key]
+        if step.term.size is None or not rivals or not _is_told(last, step.term):
+            continue
+        tried = [(outcome, last)]
+        for rival in rivals:
+            other = swapped(outcome, at, rival)
+            fit = _extended(known, other, base, begun, alpha, silent)
+            if other is not outcome and _is_told(fit, rival):
+                tried.append((other, fit))
+        nats = [_nats(begun.state, fit) for _, fit in tried]
+        equal = [k for k, n in enumerate(nats) if n > max(nats) - outcome.tau]
+        best = min(equal, key=lambda k: (_free(tried[k][0].steps[at].term), -nats[k]))
+        own = step.evidence.log_e
+        told = tuple(
+            Equivalent(tried[k][0].steps[at].term, own + nats[k] - nats[best]) for k in equal if k != best
+        )
+        keys = {t[0].steps[at].term.key for t in tried}
+        others = tuple(e for e in step.equivalent if e.term.key not in keys)
+        outcome, last = tried[best]
+        chosen = replace(outcome.steps[at], equivalent=(*told, *others))
+        outcome = replace(outcome, steps=(*outcome.steps[:at], chosen, *outcome.steps[at + 1 :]))
+    return outcome, last
+
+
+def _free(term: Term) -> tuple[int, bool]:
+    return term.free, not term.effect.common
+
+
+def _is_told(fit: FitResult, term: Term) -> bool:
+    return any(_same(told, term) for told in fit.terms)
+
+
+def _nats(state: State, fit: FitResult) -> float:
+    """Of the error of the runs that chose nothing, as if each row were news."""
+    error = _judged(fit)
+    counts = [int((use & state.rows.judged).sum()) for use in state.rows.use]
+    return -float(sum(n * np.log(error[name]) for n, name in zip(counts, fit.columns.channels)))
 
 
 def _judged(fit: FitResult) -> Mapping[str, float]:

@@ -21,6 +21,7 @@ from ident.diagnosis.nameless import Flexible, flexible
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import Found, State, converged, settled, solved, with_found, without
 from ident.diagnosis.terms import Term
+from ident.diagnosis.turning_rows import without_turning
 from ident.progress import Progress, silent
 
 BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
@@ -112,7 +113,7 @@ def trace(
             settled_in = _settled_in(state, weighed, best, c, tau, alpha)
             if settled_in is not None:
                 taken, evidence, state = settled_in
-                steps.append(Step(taken.term, evidence, (), _passed(weighed, best)))
+                steps.append(Step(taken.term, evidence, (), _passed(weighed, best, tau)))
                 continue
             pair = _pair(state, weighed, best, flex, tau, alpha)
             if pair is None:
@@ -130,7 +131,7 @@ def trace(
                 state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
                 continue
         rivals = _rivals(weighed, best, evidence, tau, alpha)
-        steps.append(Step(best.term, evidence, rivals, _passed(weighed, best)))
+        steps.append(Step(best.term, evidence, rivals, _passed(weighed, best, tau)))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, tau, alpha)
@@ -171,14 +172,15 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
         for r, e in told
         if passes(state, r, e, tau, alpha)
         and is_itself(m, r, e, tau, alpha)
+        and shifts_all(state, m, r, tau)
         and lowers(plain, r, main_channel(e, r.term, state))
     ]
     return Weighed(m, tuple(told), tuple(sorted(passed, key=lambda item: -item[1].log_e)))
 
 
 def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
-    """Of the explanations of the leading channels that cannot be told from the best, the one with fewest
-    parameters."""
+    """Of the explanations of the leading channels that neither kind of rows can tell from the best, the one
+    with fewest parameters."""
     lead, most = weighed.passed[0]
     left_out = [
         (r, e)
@@ -190,6 +192,9 @@ def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     equal = [
         (r, e) for r, e in weighed.passed if e.log_e > most.log_e - tau and set(r.columns) & set(lead.columns)
     ]
+    rows = int((weighed.metric.fitted.mask & weighed.metric.rows.use.any(axis=0)).sum())
+    worth = [e.gain - 0.5 * r.term.free * np.log(rows) for r, e in equal]  # each number chosen there is paid
+    equal = [its for its, w in zip(equal, worth) if w > max(worth) - tau]
     return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
 
 
@@ -212,6 +217,13 @@ def is_itself(m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> b
     if not rest or len(rest) == len(r.sizes) or r.term.effect.changes_model:
         return True
     return e.beats(weigh(m, {c: z[:, rest] for c, z in r.columns.items()}), tau, alpha)
+
+
+def shifts_all(state: State, m: Metric, r: Refined, tau: float) -> bool:
+    """A torque that comes at another time does so where the joint keeps its direction, too."""
+    if "dtau" not in r.term.effect.needs:
+        return True
+    return weigh(without_turning(state, m), r.columns).log_e > tau
 
 
 def lowers(plain: Metric, r: Refined, c: int) -> bool:
@@ -307,9 +319,11 @@ def _settled_in(
         joint = state.model.channels[c].joint
         afresh = replace(state, turns={j: turn for j, turn in state.turns.items() if j != joint})
         trial = refined_together(with_found(afresh, Found(r.term, r.columns, r.sizes)))
-        f = trial.found[-1]
+        number = _place_of(trial, r.term)
+        if number is None:
+            continue
+        f, others = trial.found[number], trial.but(number)
         assert f.term is not None
-        others = trial.but(len(trial.found) - 1)
         whole = Refined(f.term, f.columns, f.sizes, 0.0)
         m = leading_metric(others, [whole])
         own, flex = weigh(m, f.columns), sufficiency(others, m, f.term, c, tau)
@@ -319,6 +333,12 @@ def _settled_in(
         if sufficient(f.term, own, flex, tau) and (out is None or error < out[0]):
             out = error, r, evidence, trial
     return None if out is None else out[1:]
+
+
+def _place_of(state: State, term: Term) -> int | None:
+    """Where a hypothesis stands among what was found; None: it acts nowhere any more."""
+    places = (k for k, f in enumerate(state.found) if f.term is not None and f.term.key == term.key)
+    return next(places, None)
 
 
 def _pair(
@@ -374,6 +394,8 @@ def refined_together(state: State) -> State:
             continue
         others = state.but(number)
         best = refine(others.metric, others.scene, f.term, turns=3)
+        if not best.columns:
+            continue
         term = best.term if best.term.size is None else with_size(best.term, best.sizes)
         found = list(state.found)
         found[number] = Found(term, best.columns, best.sizes)
@@ -381,8 +403,16 @@ def refined_together(state: State) -> State:
     return settled(converged(state), 1)
 
 
-def _passed(weighed: Weighed, best: Refined) -> tuple[Term, ...]:
-    return tuple(r.term for r, _ in weighed.passed if set(r.columns) & set(best.columns))
+def _passed(weighed: Weighed, best: Refined, tau: float) -> tuple[Term, ...]:
+    """What else could stand in its place; of what acts on the model's own torque all that says something, as
+    the model beside it has been settled without it."""
+    passed = {r.term.key for r, _ in weighed.passed}
+    return tuple(
+        r.term
+        for r, e in weighed.all
+        if set(r.columns) & set(best.columns)
+        and (r.term.key in passed or (r.term.size is not None and e.log_e > tau))
+    )
 
 
 def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
@@ -407,6 +437,21 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
         found[number] = Found(best.term, best.columns, best.sizes)
         state = refined_together(replace(state, found=tuple(found)))
     return state, steps
+
+
+def swapped(outcome: Outcome, at: int, term: Term) -> Outcome:
+    """Another explanation in the place of a step's, settled beside the rest."""
+    state, step = outcome.last, outcome.steps[at]
+    number = _place_of(state, step.term)
+    others = state if number is None else state.but(number)
+    columns = others.scene.columns(term)
+    if number is None or not columns:
+        return outcome
+    state = refined_together(with_found(others, Found(term, columns, np.array(term.size or [1.0]))))
+    if _place_of(state, term) is None:
+        return outcome
+    steps = (*outcome.steps[:at], replace(step, term=term), *outcome.steps[at + 1 :])
+    return replace(outcome, last=state, steps=steps)
 
 
 def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:

@@ -9,7 +9,7 @@ width, then a parabola through the best three, joint after joint, until no width
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,6 +22,7 @@ from ident.signals.dry_friction import TurnOver
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
 SHORTEST, LONGEST = 2e-5, 2e-3  # of the joint's travel: least and largest presliding
 STEPS = 1.5  # ratio of the grid
+ORDERS = (("rate", "travel"), ("travel", "rate"))  # which width first; either can stand in for the other
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,16 +144,17 @@ def settle(
 
             before = out.get(d.joint)
             ladders = grids(segments, d.joint)
-            turn = before or TurnOver(float(ladders["rate"][0]))
-            for name in ("travel", "rate", "travel"):
-                grid, now = ladders[name], getattr(turn, name)
-                if before is not None and now > 0:
-                    near = now * STEPS ** np.arange(-2.0, 2.5)
-                    grid = near[(near >= 0.999 * grid[0]) & (near <= 1.001 * grid[-1])]
-                trials = [replace(turn, **{name: float(w)}) for w in grid]
-                values = np.array([trial(t)[0] for t in trials])
-                peak = replace(turn, **{name: float(np.exp(_peak(np.log(grid), values)))})
-                turn = max((turn, trials[int(values.argmax())], peak), key=lambda t: trial(t)[0])
+            begun = [before] if before else [TurnOver(float(ladders["rate"][0]))]
+            if begun[0].travel > 0:
+                begun.append(replace(begun[0], travel=0.0))
+            ends = [
+                _climbed(turn, order, ladders, before is None, lambda t: trial(t)[0])
+                for turn in begun
+                for order in ORDERS[: 1 if before else 2]
+            ]
+            plain = [replace(t, travel=0.0) for t in ends]
+            asked = np.log(max(int(fitted.sum()), 2))  # a second width has to pay for itself (twice its nats)
+            turn = max((*ends, *plain), key=lambda t: trial(t)[0] - asked * (t.travel > 0))
             _, gram, right = trial(turn)
             out[d.joint] = turn
             for channel, place in d.places:  # later joints see the new column
@@ -163,6 +165,27 @@ def settle(
         if not any(moved.values()):
             break
     return out
+
+
+def _climbed(
+    turn: TurnOver,
+    order: Sequence[str],
+    ladders: Mapping[str, np.ndarray],
+    afresh: bool,
+    explained: Callable[[TurnOver], float],
+) -> TurnOver:
+    """One width after the other at its best, the first once more at the end; from where they are, or from
+    all their range. No travel at all is always tried."""
+    for name in (*order, order[0]):
+        grid, now = ladders[name], getattr(turn, name)
+        if not afresh and now > 0:
+            near = now * STEPS ** np.arange(-2.0, 2.5)
+            grid = near[(near >= 0.999 * grid[0]) & (near <= 1.001 * grid[-1])]
+        trials = [replace(turn, **{name: float(w)}) for w in grid]
+        values = np.array([explained(t) for t in trials])
+        peak = replace(turn, **{name: float(np.exp(_peak(np.log(grid), values)))})
+        turn = max((turn, replace(turn, travel=0.0), trials[int(values.argmax())], peak), key=explained)
+    return turn
 
 
 def _far(a: TurnOver, b: TurnOver) -> bool:

@@ -1,5 +1,7 @@
 """Within which rate dry friction changes its sign is read off the torque."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from recordings import motion, write_parquet, write_study
@@ -7,9 +9,11 @@ from small_arm import ARM
 
 import generated
 from ident.diagnosis.opening import opened
+from ident.diagnosis.state import turned as turned_over
 from ident.diagnosis.turn_over import SHORTEST, _peak, grids, reverses
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
+from ident.signals.dry_friction import TurnOver
 
 RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns over
 
@@ -42,6 +46,17 @@ def test_the_rates_are_recovered(turned):
     assert turned.turns[1].rate == pytest.approx(RATES[1], rel=0.1)
     assert turned.turns[2].rate == pytest.approx(RATES[2], rel=0.2)
     assert turned.turns[0].rate < 0.015
+
+
+def test_no_travel_is_made_up(turned):
+    """The torque has none; a second width has to pay for itself, and a search that began in it comes back."""
+    assert [turned.turns[j].travel for j in range(3)] == [0.0, 0.0, 0.0]
+    stuck = {j: TurnOver(0.1 * RATES[j], 1e-3) for j in range(3)}
+    again = replace(turned, turns=stuck)
+    for _ in range(4):
+        again = turned_over(again)
+    assert [again.turns[j].travel for j in range(3)] == [0.0, 0.0, 0.0]
+    assert again.turns[1].rate == pytest.approx(RATES[1], rel=0.15)
 
 
 def test_what_is_left_is_the_noise(turned):
