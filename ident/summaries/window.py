@@ -51,11 +51,6 @@ class Window:
     def rows(self) -> int:
         return sum(factor.rows for factor in self.factors)
 
-    def torque_rms(self) -> np.ndarray:
-        """(C,) of the measured torque of the decimated rows."""
-        squares = [float(np.sum(factor.R[:, -1] ** 2)) for factor in self.factors]
-        return np.sqrt(np.array(squares) / np.maximum([factor.rows for factor in self.factors], 1))
-
 
 def added(a: Window, b: Window) -> Window:
     """Two windows as one."""
