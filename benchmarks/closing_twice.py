@@ -28,8 +28,11 @@ import numpy as np
 import pyarrow as pa
 
 import ident
-from ident.excitation.experiment import Request, excite
+from ident.excitation.experiment import Experiment, Request, excite
+from ident.excitation.known import as_motion, term_of
 from ident.excitation.motion import FourierMotion
+from ident.excitation.sensitivity import FINE_HZ, projector
+from ident.excitation.separate import imitation
 from ident.report.files import fit_document, write_document
 from ident.twin import PlannedRun, Sensors, simulate
 from ident.twin.trajectories import Reach, fourier, reach
@@ -126,17 +129,22 @@ def in_doubt(case: Case, clean: Mapping[str, Any]) -> tuple[str, list[ident.Reco
     return None
 
 
-def answer(case: Case, folder: Path) -> tuple[list[str], FourierMotion, float, list[str]]:
-    """What `ident excite --from` says: its labels, its motion, the seconds that decide, and the rivals that
-    contain the first suspect or are contained in it, which no motion rejects."""
+def answer(case: Case, folder: Path) -> tuple[Experiment, FourierMotion]:
+    """What `ident excite --from` says, and its motion for the seconds that decide."""
     done = excite(
         Request(str(case.robot), diagnosis=folder, duration=10.0, starts=1, iterations=15, sensitivity=False)
     )
     seconds = float(np.clip(done.separated.seconds, 10.0, LONGEST))
-    motion = done.motion
-    its = done.separated
-    nested = [label for label, both in zip(its.labels[1:], its.against) if any(one.same for one in both)]
-    return list(its.labels), FourierMotion(motion.basis, motion.x, seconds), its.seconds, nested
+    return done, FourierMotion(done.motion.basis, done.motion.x, seconds)
+
+
+def nested(done: Experiment, true: str, other: str) -> bool:
+    """Whether one of two effects contains the other: no motion rejects both ways."""
+    t = np.arange(0.0, done.motion.period, 1 / FINE_HZ)
+    motion = as_motion(done.motion.states(t), t)
+    project = projector(done.known, motion, done.sigma)
+    a, b = (term_of(done.known, text, done.bounds, motion) for text in (true, other))
+    return imitation(project, a, b).same or imitation(project, b, a).same
 
 
 def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
@@ -150,8 +158,8 @@ def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         write_document(Path(folder) / "diagnosis.json", first.document())
         write_document(Path(folder) / "fit.json", fit_document(first.result.last))
-        labels, motion, seconds, nested = answer(case, Path(folder))
-    row |= {"asked": labels, "seconds": seconds}
+        done, motion = answer(case, Path(folder))
+    row |= {"asked": done.separated.labels, "seconds": done.separated.seconds}
     moved = motion.motion
     again = case.recordings(
         (effect,),
@@ -163,8 +171,9 @@ def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
     after = named(case.told([*runs, *again]).document())
     first = after[:1] == [row["true"]]
     outcome = "still open" if row["true"] in after else "wrong" if after else "nothing"
-    outcome = "right beside what contains it" if first and set(after[1:]) <= set(nested) else outcome
-    outcome = "right" if after == [row["true"]] else outcome
+    if first:
+        beside = all(nested(done, row["true"], other) for other in after[1:])
+        outcome = "right" if len(after) == 1 else "right beside what contains it" if beside else outcome
     return {**row, "after": after, "outcome": outcome, "took": time.perf_counter() - begin}
 
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 import scipy.optimize
@@ -208,8 +209,8 @@ def _polished(residual: Callable[[Mapping[str, float]], Array], near: Term) -> d
 
 
 class Separation:
-    """x (n, K) -> log of the sum of 1/T over the first term against each other one and back, and its slope,
-    for `optimal.optimise`: next to the worst told of them."""
+    """x (n, K) -> log of the sum of 1/T over every two terms, each against the other, and its slope, for
+    `optimal.optimise`: next to the worst told of them. Any of them may be the true one."""
 
     def __init__(
         self, known: Known, basis: Basis, sigma: Array, turn_over: Array, terms: Sequence[Term]
@@ -223,8 +224,7 @@ class Separation:
 
     @property
     def pairs(self) -> list[tuple[Term, Term]]:
-        first, *rivals = self.terms
-        return [pair for rival in rivals for pair in ((first, rival), (rival, first))]
+        return [both for a, b in combinations(self.terms, 2) for both in ((a, b), (b, a))]
 
     def motion(self, x: Array) -> Motion:
         return as_motion([b @ x.T for b in self.B], self.t, self.v)

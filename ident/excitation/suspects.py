@@ -1,13 +1,15 @@
 """Suspects that a motion shall tell apart: read as requests, sized as they would look alike, told in words.
 
-The first one is what was found; each other is its rival. A rival whose size nobody gives is as visible as the
-first one in a motion that nobody chose: a larger one would be told sooner than it can be.
+The first one is what was found, the others are its rivals; any of them may be the true one. A rival whose
+size nobody gives is as visible as the first one in a motion that nobody chose: a larger one would be told
+sooner than it can be.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -21,14 +23,36 @@ HIDDEN = 1e-9  # share of an effect's own square below which the model holds it 
 
 
 @dataclass(frozen=True)
+class Pair:
+    """What a motion says of two suspects: a against b, b against a; the identity that makes them one."""
+
+    labels: tuple[str, str]
+    both: tuple[Imitation, Imitation]
+    exact: str | None
+
+    @property
+    def same(self) -> tuple[bool, bool]:
+        """b imitates a, a imitates b."""
+        return self.both[0].same, self.both[1].same
+
+    @property
+    def seconds(self) -> float:
+        """For a decision that is right in 99 of 100."""
+        rates = [its.rate for its in self.both if not its.same]
+        return seconds_needed(min(rates)) if rates else float("inf")
+
+
+@dataclass(frozen=True)
 class Separated:
-    """Whether a motion tells suspects apart: the first against every other and back, and in words."""
+    """Whether a motion tells suspects apart, every two of them, and in words."""
 
     labels: tuple[str, ...]
-    against: tuple[tuple[Imitation, Imitation], ...]  # (first against rival, rival against first)
-    seconds: float  # for a decision that is right in 99 of 100
+    pairs: tuple[Pair, ...]
     sentence: str
-    exact: tuple[str | None, ...] = ()  # the identity that makes a rival and the first one
+
+    @property
+    def seconds(self) -> float:
+        return max(pair.seconds for pair in self.pairs)
 
 
 def suspects(known: Known, texts: Sequence[str], bounds: Bounds, project: Projector) -> tuple[Term, ...]:
@@ -60,29 +84,25 @@ def _alike(project: Projector, first: Term, rival: Term) -> Term:
 
 def told(project: Projector, terms: Sequence[Term]) -> Separated:
     """What a motion says of the suspects."""
-    first, *rivals = terms
-    against, sentences, seconds, exact = [], [], [], []
-    for rival in rivals:
-        both = imitation(project, first, rival), imitation(project, rival, first)
-        against.append(both)
-        exact.append(proof(first, both[0].other) if both[0].same else None)
-        rates = [its.rate for its in both if not its.same]
-        seconds.append(seconds_needed(min(rates)) if rates else float("inf"))
-        period = float(project.motion.t[-1] - project.motion.t[0])
-        much = f"{seconds[-1]:.3g} s of this motion decide"
-        much = much if seconds[-1] > period else "one period of this motion decides"
-        sentences.append(_sentence(first.label, rival.label, both, much, exact[-1]))
+    pairs = []
+    for a, b in combinations(terms, 2):
+        both = imitation(project, a, b), imitation(project, b, a)
+        exact = proof(a, both[0].other) if both[0].same else None
+        pairs.append(Pair((a.label, b.label), both, exact))
+    period = float(project.motion.t[-1] - project.motion.t[0])
     labels = tuple(term.label for term in terms)
-    return Separated(labels, tuple(against), max(seconds), " ".join(sentences), tuple(exact))
+    return Separated(labels, tuple(pairs), " ".join(_sentence(pair, period) for pair in pairs))
 
 
-def _sentence(a: str, b: str, both: tuple[Imitation, Imitation], much: str, exact: str | None) -> str:
-    same = [its.same for its in both]
-    if all(same):
-        shown = f"; exactly: {exact}" if exact else " in this motion and at the sizes given"
+def _sentence(pair: Pair, period: float) -> str:
+    a, b = pair.labels
+    much = f"{pair.seconds:.3g} s of this motion decide"
+    much = much if pair.seconds > period else "one period of this motion decides"
+    if all(pair.same):
+        shown = f"; exactly: {pair.exact}" if pair.exact else " in this motion and at the sizes given"
         return f"{a} and {b} span the same torques: no motion tells them apart{shown}."
-    if any(same):
-        special, general = (a, b) if same[0] else (b, a)
+    if any(pair.same):
+        special, general = (a, b) if pair.same[0] else (b, a)
         return (
             f"{general} contains {special}: what {special} does, {general} does too; only the other way "
             f"round: {much}."

@@ -81,10 +81,11 @@ def document(done: Experiment) -> dict[str, Any]:
     if separated is not None:
         out["separation"] = {
             "effects": list(separated.labels),
-            "per_second": [0.0 if its.same else its.rate for both in separated.against for its in both],
-            "same_in_any_motion": [its.same for both in separated.against for its in both],
+            "pairs": [pair.labels for pair in separated.pairs],
+            "per_second": [0.0 if its.same else its.rate for pair in separated.pairs for its in pair.both],
+            "same_in_any_motion": [same for pair in separated.pairs for same in pair.same],
             "seconds_for_99_percent": separated.seconds,
-            "exact": next(filter(None, separated.exact), None),
+            "exact": next((pair.exact for pair in separated.pairs if pair.exact), None),
             "told": separated.sentence,
         }
     return out

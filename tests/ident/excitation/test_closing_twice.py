@@ -24,8 +24,8 @@ def test_what_was_one_or_the_other_is_the_true_one_after_the_motion_that_decides
     write_document(tmp_path / "diagnosis.json", first.document())
     write_document(tmp_path / "fit.json", fit_document(first.result.last))
     assert json.loads((tmp_path / "diagnosis.json").read_text())["smallest_visible"]
-    labels, motion, _, _ = answer(case, tmp_path)
-    assert "quadratic_friction:1" in labels
+    done, motion = answer(case, tmp_path)
+    assert "quadratic_friction:1" in done.separated.labels
     moved = motion.motion
     plans = [
         PlannedRun(name, use, moved.duration, motion=moved)
