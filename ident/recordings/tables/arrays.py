@@ -5,7 +5,8 @@ HDF5 (and with it MATLAB from 7.3 on) is read slice by slice; the other two form
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,16 +20,30 @@ from ident.recordings.tables.table import Blocks, Table, flattened
 def npz(path: Path) -> Table:
     loaded = np.load(path, allow_pickle=False)
     if isinstance(loaded, np.ndarray):
-        return flattened(str(path), {"table": loaded})
+        named = loaded.dtype.names and loaded.ndim == 1
+        return flattened(
+            str(path), {k: loaded[k] for k in loaded.dtype.names} if named else {"table": loaded}
+        )
     with loaded:
         return flattened(str(path), {name: loaded[name] for name in loaded.files})
 
 
 def mat(path: Path) -> Table:
     with path.open("rb") as opened:
-        if b"MATLAB 7.3" in opened.read(128):
+        if b"\x89HDF\r\n" in opened.read(1024):  # from 7.3 on, behind 512 bytes of text
             return hdf5(path)
-    return flattened(str(path), numeric_arrays(path.read_bytes()))
+    found = numeric_arrays(path.read_bytes())
+    return flattened(str(path), {short: found[name] for short, name in _short(found, ".").items()})
+
+
+def _short(names: Iterable[str], by: str) -> dict[str, str]:
+    """{the last part of a path, or the whole one with dots where several end alike: the path}."""
+    last = Counter(name.rsplit(by, 1)[-1] for name in names)
+    return {
+        short if last[short] == 1 else name.replace(by, "."): name
+        for name in names
+        for short in [name.rsplit(by, 1)[-1]]
+    }
 
 
 def hdf5(path: Path) -> Table:
@@ -46,11 +61,7 @@ def hdf5(path: Path) -> Table:
                 else None
             )
         )
-    last = [name.rsplit("/", 1)[-1] for name in shapes]
-    found = {
-        short if last.count(short) == 1 else name.replace("/", "."): (name, shape)
-        for short, (name, shape) in zip(last, shapes.items())
-    }
+    found = {short: (name, shapes[name]) for short, name in _short(shapes, "/").items()}
     if not found:
         raise RecordingError(str(path), "holds no numeric dataset; save t, q, tau_m or tau_l in it")
     n_rows = max(max(shape) for _, shape in found.values())

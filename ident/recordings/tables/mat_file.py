@@ -1,8 +1,8 @@
 """Numeric arrays of a MAT file (version 4 to 7), read with every length checked before it is used.
 
 A damaged file ends in a sentence; the usual reader, being C that trusts lengths, ends the process instead.
-Layout: MathWorks, "MAT-File Format", levels 4 and 5. Structures, cells, text and complex arrays are passed
-over.
+Layout: MathWorks, "MAT-File Format", levels 4 and 5. The fields of a structure are arrays of their own, named
+by their paths ("log.q"); arrays of structures, cells, text and complex arrays are passed over.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import numpy as np
 LARGEST = 1 << 31  # bytes of one array
 COMPRESSED, MATRIX = 15, 14
 TYPES = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
+STRUCTURE = 2
 NUMERIC = range(6, 16)  # classes double, single, int8 .. uint64
 COMPLEX, LOGICAL = 0x800, 0x200
 TYPES_4 = {0: "f8", 1: "f4", 2: "i4", 3: "i2", 4: "u2", 5: "u1"}
@@ -94,6 +95,8 @@ def _matrix(body: bytes, order: str) -> dict[str, np.ndarray]:
     except (StopIteration, RuntimeError):
         return {}  # empty, or of a class without numbers
     (word,) = struct.unpack(order + "I", _part(flags, 0, 4))
+    if word & 0xFF == STRUCTURE and shape == struct.pack(order + "2i", 1, 1):
+        return _fields(name.decode("ascii", "replace"), real, parts, order)
     if word & 0xFF not in NUMERIC or word & COMPLEX or kind not in TYPES:
         return {}
     dimensions = struct.unpack(f"{order}{len(shape) // 4}i", _part(shape, 0, len(shape) // 4 * 4))
@@ -102,3 +105,18 @@ def _matrix(body: bytes, order: str) -> dict[str, np.ndarray]:
         raise ValueError("an array's size does not fit its shape")
     values = np.frombuffer(real, dtype).reshape(dimensions, order="F")
     return {name.decode("ascii", "replace"): values.astype(bool) if word & LOGICAL else values.astype(float)}
+
+
+def _fields(
+    name: str, length: bytes, parts: Iterator[tuple[int, bytes]], order: str
+) -> dict[str, np.ndarray]:
+    """Of one structure: the length of a field's name, all names, the fields' arrays, which have no names."""
+    (size,) = struct.unpack(order + "i", _part(length, 0, 4))
+    _, text = next(parts, (0, b""))
+    names = [text[k : k + size].rstrip(b"\0").decode("ascii", "replace") for k in range(0, len(text), size)]
+    found: dict[str, np.ndarray] = {}
+    for field, (kind, body) in zip(names, parts):
+        if kind == MATRIX:
+            inside = _matrix(body, order)
+            found |= {f"{name}.{field}{path and '.' + path.lstrip('.')}": x for path, x in inside.items()}
+    return found

@@ -197,9 +197,24 @@ def test_mat_files_as_scipy_writes_them(tmp_path, compressed, dtype):
     other = {"name": "run", "z": T * 1j, "s": {"a": T}, "c": np.array([1, "x"], object), "one": 3.0}
     scipy.io.savemat(tmp_path / "run.mat", {**other, **arrays}, do_compression=compressed)
     table = open_table(tmp_path / "run.mat")
-    assert set(table.columns) == {"t", "q1", "q2", "q3", "tau_m1"}
+    assert set(table.columns) == {"t", "q1", "q2", "q3", "tau_m1", "a"}
     assert np.array_equal(values(table, "q2")[:, 0], arrays["q"][:, 1].astype(float))
     assert np.array_equal(values(table, "tau_m1", "t"), np.column_stack([arrays["tau_m1"][:, 0], T]))
+
+
+def test_fields_of_structures_and_of_records_are_columns(tmp_path):
+    import scipy.io
+
+    log = {"q": Q, "stamp": {"t": T}, "who": "arm", "was": {"q": Q[::-1]}}
+    runs = np.array([(1.0,), (2.0,)], dtype=[("a", "f8")])
+    scipy.io.savemat(tmp_path / "run.mat", {"log": log, "runs": runs, "tau_m1": T})
+    table = open_table(tmp_path / "run.mat")
+    q = [f"{name}{j}" for name in ("log.q", "log.was.q") for j in (1, 2, 3)]
+    assert set(table.columns) == {"t", *q, "tau_m1"}
+    assert np.array_equal(values(table, "t", *q), np.column_stack([T, Q, Q[::-1]]))
+    records = np.rec.fromarrays([T, Q[:, 0]], names="t,q1")
+    np.save(tmp_path / "run.npy", records)
+    assert np.array_equal(values(open_table(tmp_path / "run.npy"), "q1", "t"), np.column_stack([Q[:, 0], T]))
 
 
 @pytest.mark.parametrize("dtype", ["f8", "f4", "i4", "i2", "u2", "u1"])
@@ -216,13 +231,20 @@ def test_mat_files_of_version_4(tmp_path, dtype):
     assert np.array_equal(values(table, "tau_m1", "t"), np.column_stack([arrays["tau_m1"][:, 0], T]))
 
 
-@pytest.mark.parametrize(("version", "first"), [("4", 0), ("5", 126)])
-def test_a_damaged_mat_file_is_one_sentence(tmp_path, version, first):
+@pytest.mark.parametrize(
+    ("version", "first", "arrays"),
+    [
+        ("4", 0, {"t": T[:9], "q": Q[:9]}),
+        ("5", 126, {"t": T[:9], "q": Q[:9]}),
+        ("5", 126, {"log": {"t": T[:9], "q": Q[:9]}}),
+    ],
+)
+def test_a_damaged_mat_file_is_one_sentence(tmp_path, version, first, arrays):
     """Every byte of it wrong in turn; SciPy's reader ends the process for some of them."""
     import scipy.io
 
     path = tmp_path / "run.mat"
-    scipy.io.savemat(path, {"t": T[:9], "q": Q[:9]}, format=version)
+    scipy.io.savemat(path, arrays, format=version)
     whole = path.read_bytes()
     for k in range(first, len(whole)):
         path.write_bytes(whole[:k] + bytes([whole[k] ^ 0xFF]) + whole[k + 1 :])
