@@ -26,8 +26,8 @@ LEVELS, TORQUE_LEVELS = 250, 6  # steps of its resolution that a signal's range 
 
 def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     """Two signals of which one is the other but for scale and offset."""
-    x = np.stack([excerpt.column(k) for k in range(len(columns.signals))], axis=1)
-    x = x[:: max(1, len(x) // 4000)]
+    thin = slice(None, None, max(1, len(excerpt.column(0)) // 4000))
+    x = np.stack([excerpt.column(k)[thin] for k in range(len(columns.signals))], axis=1)
     span = np.ptp(x, axis=0)
     if len(x) < 100:
         return

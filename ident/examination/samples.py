@@ -271,11 +271,11 @@ def no_measurement(
                 low[live], middle[live], high[live] = np.nanpercentile(clean[:, live], [5, 50, 95], axis=0)
         away = np.abs(clean - middle)
         reach = np.maximum(high - low, 1e-12)
+        marks = _marks(clean, factor, offset, away > MARK * reach)
         far = away > 5 * reach
-        raw = np.abs((clean - offset) / factor)
-        marks = _marks(raw, clean, away > MARK * reach)
         if not far.any():
-            return out | marks, far & False
+            return out | marks, far
+        raw = np.abs((clean - offset) / factor)
         sentinel = np.zeros_like(out)
         for value in SENTINELS:
             sentinel |= np.abs(raw - value) < 1e-6 * value
@@ -291,8 +291,12 @@ def dropouts(x: np.ndarray) -> np.ndarray:
     """(N,) bool: single rows of a torque (N,) that read one and the same number far from their neighbours,
     as where a message was lost and the field stayed empty."""
     none = np.zeros(len(x), bool)
-    finite = np.sort(x[np.isfinite(x)])
+    finite = x[np.isfinite(x)] + 0.0  # no negative zeros
     many = int(np.ceil(max(DROPOUTS, 0.003 * len(x))))
+    drawers = (finite.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(52)  # equal: the same
+    if np.bincount(drawers.astype(np.intp), minlength=1).max() < many:
+        return none
+    finite.sort()
     if not (finite[many - 1 :] == finite[: len(finite) - many + 1]).any():  # no number so often
         return none
     values, counts = np.unique(finite, return_counts=True)
@@ -313,12 +317,12 @@ def dropouts(x: np.ndarray) -> np.ndarray:
     return none
 
 
-def _marks(raw: np.ndarray, x: np.ndarray, away: np.ndarray) -> np.ndarray:
+def _marks(x: np.ndarray, factor: np.ndarray, offset: np.ndarray, away: np.ndarray) -> np.ndarray:
     """A logger's mark inside a large signal's reach: exactly its number, begun and ended by a leap."""
     out = np.zeros(x.shape, bool)
     for k in np.flatnonzero(away.any(axis=0)):
         mine = away[:, k].copy()
-        mine[mine] = np.isin(raw[mine, k], SENTINELS)
+        mine[mine] = np.isin(np.abs((x[mine, k] - offset[k]) / factor[k]), SENTINELS)
         if mine.any():
             out[:, k] = _short(mine, x[:, k])
     return out

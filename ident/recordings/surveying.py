@@ -143,7 +143,7 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
 def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """The raw blocks, once their time is in seconds. Raises RecordingError where it is not."""
     if stream.counted_rate_hz is None:
-        stamps = next(iter(stream.table.blocks(stream.names)), np.zeros((0, 1)))[:, 0]
+        stamps = next(iter(stream.table.blocks(stream.names[:1])), np.zeros((0, 1)))[:, 0]
         seconds = stamps * stream.factors[0] + stream.offsets[0]
         steps = np.diff(seconds)
         if (steps < 0).any():
