@@ -17,7 +17,7 @@ import numpy as np
 
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.loop import BUDGET, Equivalent, Outcome, Step, Unnamed, swapped, trace
+from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed, swapped, trace
 from ident.diagnosis.opening import Opened, opened
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.room import thrifty
@@ -25,6 +25,7 @@ from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import Visible, smallest_visible
+from ident.diagnosis.weighing import Equivalent
 from ident.equations.placing import entry_of
 from ident.equations.terms import Term as StudyTerm
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from ident.diagnosis.loop import heard
 from ident.diagnosis.nameless import _ridge, flexible, wave_peaks
 from ident.diagnosis.opening import opened
+from ident.diagnosis.sufficiency import heard
 from ident.equations.prepared import prepare_study
 
 

@@ -8,7 +8,8 @@ import pytest
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.candidates import Library, linear_gains, screen
 from ident.diagnosis.document import diagnosis_document
-from ident.diagnosis.loop import BUDGET, signals_read, threshold
+from ident.diagnosis.loop import BUDGET, threshold
+from ident.diagnosis.sufficiency import signals_read
 from ident.diagnosis.terms import Term
 from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import found_effects

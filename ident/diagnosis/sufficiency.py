@@ -1,0 +1,99 @@
+"""Is it a law? What a function without a name says of the very signals that an effect reads, and of
+everything."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.diagnosis.candidates import white_metric
+from ident.diagnosis.evidence import Evidence, Metric
+from ident.diagnosis.leading import beside_function
+from ident.diagnosis.nameless import Flexible, flexible
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+
+LAW = 4  # free numbers; a size, a shape and a phase are fewer
+NEARLY = 0.97  # of what any function says, in nats: of a strong effect this leaves hardly more than its noise
+FORETOLD = 0.25  # of a residual's power: less than this is new from row to row
+TOP_WAVE = 400.0  # 1/rad
+
+
+def signals_read(term: Term) -> frozenset[str] | None:
+    """Names of a flexible function's signals that the effect reads itself; None: not such an effect."""
+    effect, place = term.effect, term.place
+    if effect.kind != "column" or place.joint is None:
+        return None
+    j = place.joint + 1
+    table = {"q": f"q{j}", "dq": f"dq{j}", "sign_dq": f"dq{j}", "ddq": f"ddq{j}", "tau_link": "tau", "t": "t"}
+    table["friction"] = f"dq{j}"
+    if place.source is not None:
+        k = place.source + 1
+        table |= {"q_source": f"q{k}", "dq_source": f"dq{k}", "ddq_source": f"ddq{k}", "sign_sum": f"dq{k}"}
+    read = set()
+    for name in effect.needs:
+        read |= {table[name]} if name in table else {f"q{j}", f"dq{j}", "memory"}
+    return frozenset(read)
+
+
+def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> bool:
+    """A law of up to three numbers that says as much as any function of its signals, within the limit, is a
+    law; one with more numbers takes up smooth functions as they come, and has to say as much, or more.
+    What an effect's columns are wrong by (filters, samples, the turn-over's shape) grows with the effect:
+    NEARLY."""
+    if flex is None:
+        return True
+    asked = flex.evidence.log_e * (NEARLY if term.free <= LAW else 1.0)
+    return own.log_e > asked + margin(term.free, tau)
+
+
+def margin(numbers: int, tau: float) -> float:
+    return tau * float(np.clip(numbers - LAW, -1, 1))
+
+
+def sufficiency(state: State, m: Metric, term: Term, c: int, tau: float) -> Flexible | None:
+    """The best function without a name of the signals that the effect reads."""
+    read = signals_read(term)
+    if read is None or term.effect.replaces:  # what the study itself left out is there, whatever else is
+        return None
+    return ask(state, m, c, tau, read)
+
+
+def ask(
+    state: State, m: Metric, c: int, wanted: float, only: frozenset[str] | None = None
+) -> Flexible | None:
+    joint = state.model.channels[c].joint
+    load = [state.model.total(motion)[:, c] for motion in state.motions]
+    return flexible(m, c, joint, state.segments, load, TOP_WAVE, wanted, only)
+
+
+def heard(state: State, c: int, tau: float) -> tuple[Flexible | None, Metric]:
+    """The best function of everything, and the noise that it was heard in: the one at hand, or, where most of
+    the residual can be foretold from its own past and would count as noise, what is left beside the best
+    function of plain rows."""
+    found = ask(state, state.metric, c, tau), state.metric
+    counted = state.rows.use[c] & state.rows.fitted
+    power = np.mean(state.residual[c, counted] ** 2) if counted.any() else 0.0
+    if state.whiteners[c].sigma ** 2 > FORETOLD * power:
+        return found
+    plain = ask(state, white_metric(state), c, tau)
+    if plain is None:
+        return found
+    m = beside_function(state, c, plain.column, plain.variables)
+    again = ask(state, m, c, tau)
+    here = -np.inf if found[0] is None else found[0].evidence.log_e
+    if again is None or (here > tau and here > again.evidence.log_e):
+        return found
+    if again.evidence.log_e < tau and "t" in again.variables:  # a course of time is what slow noise is, too
+        return found
+    return again, m
+
+
+def explained_share(state: State, m: Metric, c: int, flex: Flexible) -> float:
+    """Share of what the model leaves of the channel's torque (N m, judged rows, the model's parameters
+    free) that the function explains as it was learned."""
+    design, _ = state.design
+    on = state.rows.judged & state.rows.use[c]
+    X = design[c][1][on]
+    both = np.column_stack([state.rows.Y[c, on], flex.column[on]])
+    rho, z = (both - X @ np.linalg.lstsq(X, both, rcond=1e-9)[0]).T
+    return float(np.clip(1 - np.sum((rho - z) ** 2) / max(float(rho @ rho), 1e-300), 0.0, 1.0))

@@ -1,0 +1,145 @@
+"""The hypotheses of one step, held against each other: what passes, what is simplest, what cannot be told
+from it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.diagnosis.candidates import Ranked, white_metric
+from ident.diagnosis.evidence import Evidence, Metric, weigh
+from ident.diagnosis.leading import leading_metric
+from ident.diagnosis.refine import Refined, refine
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+from ident.diagnosis.turning_rows import without_turning
+
+WHOLE = 0.25  # by which the size of a change of the model may differ from one
+
+
+@dataclass(frozen=True)
+class Equivalent:
+    """Another explanation that these data cannot reject, with its log E."""
+
+    term: Term
+    log_e: float
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """The hypotheses of one step in one metric, those that passed best first."""
+
+    metric: Metric
+    all: tuple[tuple[Refined, Evidence], ...]
+    passed: tuple[tuple[Refined, Evidence], ...]
+
+
+def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float) -> Weighed:
+    """Refine, then weigh all in the noise that the best of them leaves."""
+    m = state.metric
+    refined = [refine(m, state.scene, r.term) for r in shortlist]
+    refined = [r for r in refined if r.columns and r.gain > 1.0]
+    if not refined:
+        return Weighed(m, (), ())
+    m = leading_metric(state, refined)
+    refined = [refine(m, state.scene, r.term, turns=2) for r in refined]
+    told = [(r, weigh(m, r.columns)) for r in refined]
+    plain = white_metric(state)
+    passed = [
+        (r, e)
+        for r, e in told
+        if passes(state, r, e, tau, alpha)
+        and is_itself(m, r, e, tau, alpha)
+        and shifts_all(state, m, r, tau)
+        and lowers(plain, r, main_channel(e, r.term, state))
+    ]
+    return Weighed(m, tuple(told), tuple(sorted(passed, key=lambda item: -item[1].log_e)))
+
+
+def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
+    """Of the explanations of the leading channels that neither kind of rows can tell from the best, the one
+    with fewest parameters."""
+    lead, most = weighed.passed[0]
+    left_out = [
+        (r, e)
+        for r, e in weighed.passed
+        if r.term.effect.replaces and r.term.place.joint == lead.term.place.joint
+    ]
+    if left_out:  # what the study itself took out of the model is there, and comes before what imitates it
+        return left_out[0]
+    equal = [
+        (r, e) for r, e in weighed.passed if e.log_e > most.log_e - tau and set(r.columns) & set(lead.columns)
+    ]
+    rows = int((weighed.metric.fitted.mask & weighed.metric.rows.use.any(axis=0)).sum())
+    worth = [e.gain - 0.5 * r.term.free * np.log(rows) for r, e in equal]  # each number chosen there is paid
+    equal = [its for its, w in zip(equal, worth) if w > max(worth) - tau]
+    return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
+
+
+def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
+    """Enough on both kinds of rows, block by block, and possible."""
+    names = r.term.effect.parameters_of(r.term.place)
+    values = {**r.term.theta, **dict(zip(names, e.sizes))}
+    if r.at_bound or r.term.effect.physical(values, state.model) is not None:
+        return False
+    if r.term.effect.changes_model and abs(e.sizes[-1] - 1.0) > WHOLE:
+        return False  # its last column is the change as it is: all of it or none
+    return bool(e.log_e > tau and e.gain > tau and e.left > 1e-5 and e.supported(alpha))
+
+
+def is_itself(m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
+    """Without the parameters that it may leave out it would not be this effect; without the others, it must
+    say less."""
+    optional = {p.name for p in r.term.effect.linear if p.optional}
+    rest = [k for k, name in enumerate(r.term.effect.parameters_of(r.term.place)) if name in optional]
+    if not rest or len(rest) == len(r.sizes) or r.term.effect.changes_model:
+        return True
+    return e.beats(weigh(m, {c: z[:, rest] for c, z in r.columns.items()}), tau, alpha)
+
+
+def shifts_all(state: State, m: Metric, r: Refined, tau: float) -> bool:
+    """A torque that comes at another time does so where the joint keeps its direction, too."""
+    if "dtau" not in r.term.effect.needs:
+        return True
+    return weigh(without_turning(state, m), r.columns).log_e > tau
+
+
+def lowers(plain: Metric, r: Refined, c: int) -> bool:
+    """The error itself falls on the judged rows, on the channel that says most: what a user sees."""
+    return bool(weigh(plain, r.columns).per_channel[c] > 0)
+
+
+def main_channel(evidence: Evidence, term: Term, state: State) -> int:
+    """Where it says most, among the channels that it acts in."""
+    own = list(term.place.rows(state.model.channels)) or list(range(state.rows.channels))
+    return max(own, key=lambda c: evidence.per_channel[c])
+
+
+def rivals_of(
+    weighed: Weighed, best: Refined, evidence: Evidence, tau: float, alpha: float
+) -> tuple[Equivalent, ...]:
+    """What passed on its channels and is not beaten by it, without those that only add parameters to it and
+    gain nothing by them."""
+    own = max((e.log_e for r, e in weighed.passed if r.term.key == best.term.key), default=0.0)
+    return tuple(
+        Equivalent(r.term, e.log_e)
+        for r, e in weighed.passed
+        if set(r.columns) & set(best.columns)
+        and not evidence.beats(e, tau, alpha)
+        and r.term.key != best.term.key
+        and (r.term.free <= best.term.free or e.log_e > own)
+    )
+
+
+def could_stand(weighed: Weighed, best: Refined, tau: float) -> tuple[Term, ...]:
+    """What else could stand in its place; of what acts on the model's own torque all that says something, as
+    the model beside it has been settled without it."""
+    passed = {r.term.key for r, _ in weighed.passed}
+    return tuple(
+        r.term
+        for r, e in weighed.all
+        if set(r.columns) & set(best.columns)
+        and (r.term.key in passed or (r.term.size is not None and e.log_e > tau))
+    )
