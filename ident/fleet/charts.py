@@ -14,10 +14,10 @@ were asked for.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.optimize
 import scipy.special
 
 SLACK = 0.5  # half the shift, in standard deviations, that is found soonest
@@ -27,13 +27,15 @@ WEAK = 1e4  # variance of what is not known yet, over that of one observation
 
 
 def threshold(run_length: float) -> float:
-    """h of a one-sided CUSUM of standard normals with this mean run length without a change."""
+    """h of a one-sided CUSUM of standard normals with this mean run length L without a change.
 
-    def length(h: float) -> float:
-        b = h + 1.166
-        return float((np.exp(2 * SLACK * b) - 2 * SLACK * b - 1) / (2 * SLACK**2))
-
-    return float(scipy.optimize.brentq(lambda h: length(h) - max(run_length, 2.0), 0.0, 300.0))
+    2 k^2 L = e^u - u - 1, u = 2 k (h + 1.166), k the slack: u = log(u + 1 + 2 k^2 L) is a contraction.
+    """
+    most = 2 * SLACK**2 * max(run_length, 2.0)
+    u = math.log(2 + most)
+    for _ in range(100):
+        u = math.log(u + 1 + most)
+    return max(u / (2 * SLACK) - 1.166, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
