@@ -34,13 +34,15 @@ class Dryness:
 
 @dataclass(frozen=True)
 class Left:
-    """What is left of an effect of size one, and of its columns (p) when they are fitted: on the fitted rows
-    A (p, p), own (p,); on each of k judged blocks G (k, p, p), own (k, p)."""
+    """What is left of an effect, and of its p columns: on the fitted rows the columns' products A (p, p), own
+    (p,) with the effect, and its square; on the judged rows the same, for each of their k blocks."""
 
     A: np.ndarray
     own: np.ndarray
-    G: np.ndarray
+    square: float
+    A_blocks: np.ndarray
     own_blocks: np.ndarray
+    square_blocks: np.ndarray
 
 
 def dryness(state: State, joint: int) -> Dryness | None:
@@ -88,7 +90,10 @@ class Products:
                 B - take[None, :, None] * B[:, None, k, :] - B[:, :, k, None] * take[None, None, :]
                 + B[:, k, k, None, None] * np.outer(take, take)
             )  # fmt: skip
-        return Left(F[:p, :p], F[:p] @ mean, B[:, :p, :p], B[:, :p] @ mean)
+        return Left(
+            F[:p, :p], F[:p] @ mean, float(mean @ F @ mean),
+            B[:, :p, :p], B[:, :p] @ mean, np.einsum("i,kij,j->k", mean, B, mean),
+        )  # fmt: skip
 
 
 def products(m: Metric, white: Mapping[int, np.ndarray], dry: Dryness | None = None) -> Products:

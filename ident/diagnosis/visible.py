@@ -151,14 +151,14 @@ def seen_from(
         return None
     both = products(m, white, dry)
     plain = both.left(v, 0.0)
-    whole = float(np.einsum("i,kij,j->", v, plain.G, v))
-    if not whole > 0 or len(plain.G) == 0:
+    whole = float(np.einsum("i,kij,j->", v, plain.A_blocks, v))
+    if not whole > 0 or len(plain.A_blocks) == 0:
         return None
     rng = np.random.default_rng([17, len(v), shapes])
     draws = rng.normal(size=(DRAWS, len(v)))
-    u = rng.normal(size=(DRAWS, len(plain.G)))
+    u = rng.normal(size=(DRAWS, len(plain.A_blocks)))
     searched = rng.chisquare(shapes, DRAWS) / 2 if shapes else np.zeros(DRAWS)
-    enough = _enough(len(plain.G), alpha)
+    enough = _enough(len(plain.A_blocks), alpha)
     asked = scipy.stats.chi2.isf(alpha / BUDGET, len(v))
     free = float(sum(m.judged.free[c] for c in columns))
     last = draws @ _root(A).T
@@ -167,15 +167,17 @@ def seen_from(
         left = both.left(v, size)
         root = _root(left.A)
         b = (root @ root.T @ left.own) + draws @ root.T
-        own = np.einsum("ri,kij,rj->rk", b, left.G, b)
-        lost = searched[:, None] * np.einsum("i,kij,j->k", v, left.G, v) / max(float(v @ left.A @ v), 1e-300)
-        each = np.einsum("ri,ki->rk", b, left.own_blocks) - own / 2 - lost + np.sqrt(np.maximum(own, 0.0)) * u
-        told = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / free, -0.99))
+        squares = np.einsum("ri,kij,rj->rk", b, left.A_blocks, b)
+        told = np.einsum("ri,ki->rk", b, left.own_blocks)
+        shape = np.einsum("i,kij,j->k", v, left.A_blocks, v) / max(float(v @ left.A @ v), 1e-300)
+        each = told - squares / 2 - searched[:, None] * shape + np.sqrt(np.maximum(squares, 0.0)) * u
+        wrong = np.maximum((left.square_blocks - 2 * told + squares).sum(axis=1), 0.0)
+        log_e = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / (free + wrong), -0.99))
         gain = np.einsum("ri,ij,rj->r", b, left.A, b) / 2 + searched
         settled = size * v + last
         fitted = np.einsum("ri,ij,rj->r", settled, free_shape, settled) > asked
         agree = (each > 0).sum(axis=1) >= enough
-        return float(np.mean((told > tau) & (gain > tau) & agree & fitted))
+        return float(np.mean((log_e > tau) & (gain > tau) & agree & fitted))
 
     first = np.sqrt(2 * (tau + 2 * np.sqrt(tau)) / min(whole, float(v @ A @ v)))
     low, high = WIDE[0] * first, WIDE[1] * first

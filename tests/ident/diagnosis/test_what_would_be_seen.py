@@ -1,13 +1,19 @@
 """What is said to be seen in 95 of 100 cases is, by the loop's own rule on rows with that effect in them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from ident.diagnosis.absorbed import dryness, products
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.evidence import weigh
 from ident.diagnosis.loop import threshold
+from ident.diagnosis.state import solved, turned
+from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import POWER, seen_from, smallest_visible
 from modelgen.effects import catalogue
+from modelgen.effects.place import Place
 
 ALPHA = 0.01
 
@@ -43,6 +49,28 @@ def test_what_the_model_holds_is_never_seen(case, tiny):
     base = rng.normal(size=(1200, 3))
     m = tiny["metric"](tiny["rows"](base, rng.normal(size=1200)))
     assert seen_from(m, {0: base[:, :1] + base[:, 1:2]}, np.ones(1), 0, threshold(ALPHA), ALPHA) is None
+
+
+def test_what_the_turn_over_takes_up_is_what_it_takes_when_it_is_settled_again(clean_arm):
+    """A power law of three times the joint's dry friction, in the rows themselves; half of it goes into the
+    turn-over's width."""
+    state, size = clean_arm.state, 0.3
+    term = Term(catalogue()["power_law_friction"], Place(joint=0), {"p": 0.5})
+    columns = state.scene.columns(term)
+    Y = state.rows.Y.copy()
+    Y[0] += size * columns[0][:, 0]
+    again = turned(solved(replace(state, rows=replace(state.rows, Y=Y))))
+    real = weigh(again.metric, again.scene.columns(term)).log_e
+
+    def expected(dry):
+        left = products(state.metric, state.metric.whiten(columns), dry).left(np.ones(1), size)
+        b, free = left.own[0] / left.A[0, 0], state.metric.judged.free[0]
+        own, square = b * left.own_blocks.sum(), b * b * left.A_blocks.sum()
+        wrong = left.square_blocks.sum() - 2 * own + square
+        return free / 2 * np.log1p((2 * own - square) / (free + wrong))
+
+    assert expected(dryness(state, 0)) == pytest.approx(real, rel=0.3)  # a ladder of widths, and no noise
+    assert expected(None) > 1.6 * real
 
 
 def test_every_joint_is_told_its_sizes(clean_arm):
