@@ -18,7 +18,7 @@ import numpy as np
 
 from ident.fleet import work
 from ident.fleet.jobs import FleetError, Job, find, robots_of
-from ident.fleet.rows import fitted, point, table
+from ident.fleet.rows import Fitted, fitted, point, ready, table
 from ident.fleet.run import connected, run
 from ident.fleet.trends import Trends, trends
 from ident.output import write_file
@@ -89,18 +89,14 @@ def run_fleet(
     progress("finding the recordings")
     jobs = find(source, settings_of(keys))
     with connected(scheduler) as client:
-        summaries, reasons = _summaries(jobs, keys, folder, client, progress)
+        summaries, fits, reasons = _summaries(jobs, keys, folder, client, progress)
         kept = [job for job in jobs if job in summaries]
         if not kept:
             first = reasons[jobs[0]]
             raise FleetError(f"none of {len(jobs)} recordings could be used; the first: {first}")
         head = _apart(kept, summaries, reasons)
         progress("trends")
-        fits = {
-            job: [fitted(window, summary.header.parameters) for window in summary.windows]
-            for job, summary in summaries.items()
-        }
-        points = [p for job in kept if job in fits and (p := point(job, summaries[job], fits[job]))]
+        points = [p for job in kept if job in summaries and (p := point(job, summaries[job], fits[job]))]
         found = trends(points, head.parameters, head.joints, a_year(points)) if points else None
         findings = _findings(jobs, summaries, found, keys, client, progress) if diagnose and found else {}
     progress("writing the table")
@@ -110,26 +106,40 @@ def run_fleet(
 
 def _summaries(
     jobs: Sequence[Job], keys: Mapping[str, Any], folder: Path, client: Any, progress: Progress
-) -> tuple[dict[Job, Summary], dict[Job, str]]:
+) -> tuple[dict[Job, Summary], dict[Job, list[Fitted]], dict[Job, str]]:
+    """Summaries, the fit of each of their windows, and why there is none; while workers work, what is there
+    is read and fitted."""
     done: dict[Job, Summary] = {}
+    fits: dict[Job, list[Fitted]] = {}
     reasons: dict[Job, str] = {}
+
+    def keep(job: Job, data: bytes, path: Path) -> None:
+        done[job] = read(data, str(path))
+        fits[job] = [fitted(window, done[job].header.parameters) for window in done[job].windows]
+
     for job in jobs:
-        if (path := folder / SUMMARIES / _safe(job.robot) / job.file).is_file():
+        if (path := _place(folder, job)).is_file():
             try:
-                done[job] = read(path.read_bytes(), str(path))
+                keep(job, path.read_bytes(), path)
             except SummaryError:
                 continue  # half a file of another program; it is made again
     left = [job for job in jobs if job not in done]
     coming = run(left, work.summarised, (dict(keys), str(Path.cwd())), client)
+    ready()
     for number, (job, came) in enumerate(coming, 1):
         if came.data:
-            path = folder / SUMMARIES / _safe(job.robot) / job.file
+            path = _place(folder, job)
             write_file(path, came.data, overwrite=True)
-            done[job] = read(came.data, str(path))
+            keep(job, came.data, path)
         else:
             reasons[job] = came.reason
         progress("summarising recordings", number / len(left))
-    return done, reasons
+    return done, fits, reasons
+
+
+def _place(folder: Path, job: Job) -> Path:
+    """Where the summary of a recording is kept."""
+    return folder / SUMMARIES / _safe(job.robot) / job.file
 
 
 def _safe(robot: str) -> str:

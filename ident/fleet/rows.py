@@ -20,6 +20,14 @@ LAST = ("checks", "findings", "reason")
 Fitted = SummaryFit | IdentError
 
 
+def ready() -> None:
+    """Import what the table needs: pyarrow looks for pandas at its first array, better while workers work."""
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    pa.array([0.0])
+
+
 def table(
     jobs: Sequence[Job],
     summaries: Mapping[Job, Summary],

@@ -21,14 +21,15 @@ CONNECT_S = 10
 def run(
     jobs: Sequence[Job], work: Callable[..., Done], arguments: Sequence[Any], client: Any = None
 ) -> Iterator[tuple[Job, Done]]:
-    """(job, what came of it) as they end; `client` None works in this process."""
+    """(job, what came of it) as they end; workers begin at once, `client` None works in this process."""
     if client is None:
-        for job in jobs:
-            yield job, work(job, *arguments)
-        return
+        return ((job, work(job, *arguments)) for job in jobs)
+    return _gathered({client.submit(work, job, *arguments, pure=False): job for job in jobs})
+
+
+def _gathered(futures: dict[Any, Job]) -> Iterator[tuple[Job, Done]]:
     from distributed import as_completed
 
-    futures = {client.submit(work, job, *arguments, pure=False): job for job in jobs}
     for future in as_completed(list(futures)):
         job = futures.pop(future)
         error = future.exception()
