@@ -10,7 +10,8 @@ A spike of one or two samples stands off the median of its five neighbours while
 fails elsewhere by far less. The median follows every monotone stretch exactly (fast motion, a reversal's
 step of friction), the prediction's own scatter is noise, quantisation and curvature at once (Hampel 1974,
 with the scale taken from the prediction because a median's deviation is zero on a ramp). Its scale is the
-90 % quantile over 200 samples, at most three times the 75 %, so that spikes do not hide each other.
+90 % quantile over 200 samples, at most three times the 75 and five times the 60 %, so that spikes do not hide
+each other.
 Torques jump honestly (dry friction in one sample at 100 Hz reaches 0.6 of their range on the measured
 robots): there a spike must also be as large as the signal's range.
 """
@@ -142,8 +143,9 @@ class Mender:
     def _mend(
         self, rows: np.ndarray, t: np.ndarray, values: np.ndarray, begun: int, done: int
     ) -> tuple[Block, np.ndarray]:
-        """Rows begun..done of a block in its context, mended; and the whole block, for its next turn."""
-        values = values.copy(order="F")  # column by column, as it is read
+        """Rows begun..done of a block in its context, mended; and the whole block as it came, for its next
+        turn, but without what was found in the rows that are done."""
+        raw = values = values.copy(order="F")  # column by column, as it is read
         fresh = np.zeros(len(t), bool)
         fresh[begun:done] = True
         empty = ~np.isfinite(values)
@@ -177,7 +179,8 @@ class Mender:
         if drop.any():
             self._dropped.append(rows[drop])
         keep = fresh & ~drop
-        return (rows[keep], t[keep], filled[keep]), np.where(bad, np.nan, values)
+        bad[done:] = False
+        return (rows[keep], t[keep], filled[keep]), np.where(bad, np.nan, raw)
 
     def _count(self, kind: str, rows: np.ndarray, bad: np.ndarray) -> None:
         if not bad.any():
@@ -364,13 +367,17 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0]
     smallest = np.quantile(changes, 0.1) if len(changes) else np.inf
-    usual = np.quantile(miss, [0.75, 0.9])
-    least = max(0.3 * min(usual[1], 3 * usual[0]), smallest)
+    least = max(0.3 * _scale(miss), smallest)
     factor = SPIKE if position else TORQUE_SPIKE
     for at in np.flatnonzero(candidates & (off > factor * least)):
-        near = np.quantile(miss[max(0, at - STRETCH) : at + STRETCH], [0.75, 0.9])
-        none[at] = off[at] > factor * min(near[1], 3 * near[0])
+        none[at] = off[at] > factor * _scale(miss[max(0, at - STRETCH) : at + STRETCH])
     return none
+
+
+def _scale(miss: np.ndarray) -> float:
+    """Of what a prediction misses, also where spikes stand in a twentieth of the rows: each spoils five."""
+    some, more, most = np.quantile(miss, [0.6, 0.75, 0.9])
+    return float(min(most, 3 * more, 5 * some))
 
 
 def _median_of_four(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:

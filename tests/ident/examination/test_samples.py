@@ -1,0 +1,36 @@
+"""Wraps and spikes of long tables, block by block: whole turns are counted once, spikes are not lost rows."""
+
+import numpy as np
+import pytest
+
+from ident.examination.samples import Mender
+
+N, BLOCK = 20000, 3000
+
+
+def mended(x):
+    """(rows of one pass, values that later passes see, counts, wraps) of columns (N, 3): two positions."""
+    t, mender = np.arange(N) / 1000, Mender(2, np.ones(3), np.zeros(3))
+    parts = [slice(k, min(k + BLOCK, N)) for k in range(0, N, BLOCK)]
+    blocks = list(mender.run((np.arange(N)[part], t[part], x[part]) for part in parts))
+    mending = mender.mending()
+    _, again, _ = mending.apply(np.arange(N), t, x, 2, np.array([0, 1, 0]))
+    return np.concatenate([values for _, _, values in blocks]), again, mender.counts, mending.wrap_rows
+
+
+@pytest.mark.parametrize("zero", [0.0, 3.0])
+def test_turns_and_spikes_of_a_long_table(zero):
+    rng, t = np.random.default_rng(0), np.arange(N) / 1000
+    true = np.column_stack([9 * np.sin(1.1 * t), 0.5 * np.sin(3 * t), np.cos(t)])
+    true += [1e-5, 1e-5, 1e-2] * rng.normal(size=true.shape)
+    seen = true.copy()
+    seen[:, 0] = (true[:, 0] - zero) % (2 * np.pi) + zero
+    jumps = 1 + np.flatnonzero(np.abs(np.diff(seen[:, 0])) > 3)
+    spikes = rng.choice(N, 60, replace=False)
+    seen[spikes, 1] += 0.3
+    once, again, counts, wraps = mended(seen)
+    assert np.array_equal(wraps, jumps) and len(jumps) > 10
+    assert {kind: tuple(count) for kind, count in counts.items()} == {"spike": (0, 60, 0)}
+    for found in (once, again):
+        off = found[:, :2] - true[:, :2]
+        assert np.ptp(off[:, 0]) < 1e-9 and np.abs(off[:, 1]).max() < 1e-4
