@@ -61,8 +61,7 @@ class Holding:
 
     def use(self, motion: Planned) -> tuple[float, str]:
         """(largest use of a limit over one period, in words)."""
-        states = motion.fine
-        return self._use(states)
+        return self._use(motion.fine)
 
     def _use(self, states: tuple[Array, ...]) -> tuple[float, str]:
         used = self.bounds.excess(states, self.torque(states))

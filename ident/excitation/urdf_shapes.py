@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ident.excitation.limits import ExcitationError
 from modelgen.errors import ModelgenError
@@ -84,20 +84,13 @@ def _places(found: urdf.Conversion) -> Places:
         for joint in found.urdf.children.get(name, ()):
             if joint.kind == "fixed":
                 at = np.array([float(x) for x in joint.xyz])
-                waiting.append((joint.child, R @ turned([float(x) for x in joint.rpy]), p + R @ at))
+                waiting.append((joint.child, R @ _turn([float(x) for x in joint.rpy]), p + R @ at))
     return out
 
 
-def turned(rpy: Any) -> Array:
+def _turn(rpy: Sequence[float]) -> Array:
     """Rz(yaw) Ry(pitch) Rx(roll)."""
-    (cr, sr), (cp, sp), (cy, sy) = ((math.cos(a), math.sin(a)) for a in rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )
+    return Rotation.from_euler("xyz", rpy).as_matrix()
 
 
 def _of_link(link: Element, places: Places, file: Path) -> Iterator[Shape]:
@@ -120,7 +113,7 @@ def _of_link(link: Element, places: Places, file: Path) -> Iterator[Shape]:
             numbers = _numbers(text, name, file, 3 if its.tag == "box" else len(keys))
         else:
             raise ExcitationError(f"{file.name}: link {name} has the shape {its.tag}, which is not known.")
-        yield Shape(name, row, its.tag, numbers, mesh, R @ turned(rpy), p + R @ np.array(xyz))
+        yield Shape(name, row, its.tag, numbers, mesh, R @ _turn(rpy), p + R @ np.array(xyz))
 
 
 def _numbers(text: str, link: str, file: Path, count: int) -> tuple[float, ...]:
