@@ -16,7 +16,7 @@ import numpy as np
 from ident.examination.check import Check, column_line
 
 SLOWEST = 0.2  # s between samples: nobody records dynamics slower
-FASTEST = 1e-5
+FASTEST, NEVER = 1e-5, 1e-6  # s: hardly anybody, and nobody, records faster
 UNITS = (("ms", 1e-3, 100.0), ("us", 1e-6, 1e5), ("ns", 1e-9, 1e9))  # name, scale, largest step in it
 LONGER = (("minutes", 60.0), ("hours", 3600.0), ("days", 86400.0))
 PAUSE = 5.0  # usual steps
@@ -30,6 +30,8 @@ def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | N
         found = next(((name, scale) for name, scale, most in UNITS if step <= most), UNITS[-1][:2])
     elif step < FASTEST:
         found = next(((name, s) for name, s in LONGER if 2e-4 <= step * s <= 0.1), None)
+    if found is None and step < NEVER:
+        found = "something else", 1.0
     if found is None:
         return None
     name, scale = found
@@ -41,7 +43,9 @@ def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | N
         "refused",
         f"the samples are {step:g} apart in t, {1 / step:.3g} a second if that were s; "
         f"t looks recorded in {name}",
-        "write " + column_line(maps, {"t": {"scale": scale}}),
+        "write " + column_line(maps, {"t": {"scale": scale}})
+        if scale != 1
+        else "give its scale to seconds in columns: {t: {column: t, scale: ...}}, or leave t out for rate_hz:",
     )
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ident.examination.clock import time_unit
 from ident.examination.samples import Mender
 
 N, BLOCK = 20000, 3000
@@ -34,3 +35,11 @@ def test_turns_and_spikes_of_a_long_table(zero):
     for found in (once, again):
         off = found[:, :2] - true[:, :2]
         assert np.ptp(off[:, 0]) < 1e-9 and np.abs(off[:, 1]).max() < 1e-4
+
+
+@pytest.mark.parametrize(("step", "words"), [(1e-14, "1e+14 a second"), (3e-7, "hours"), (1e-3, None)])
+def test_a_rate_that_nothing_is_recorded_at_is_refused(step, words):
+    check = time_unit("run", step, {})
+    assert (check is None) == (words is None)
+    if check is not None:
+        assert check.outcome == "refused" and words in check.message and "scale: " in check.remedy
