@@ -35,6 +35,7 @@ class Rows:
     def __init__(self, model: generated.Model, sigma: Array, turn_over: Array) -> None:
         """sigma (C,): noise of each channel; turn_over (n,): v of each joint."""
         self.model, self.sigma, self.v = model, sigma, turn_over
+        self._many: dict[int, Any] = {}
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
         """A (N, C, b)."""
@@ -71,7 +72,7 @@ class Rows:
         return ca.Function("reverse", [*states, slope], [ca.gradient(value, x) for x in states])
 
     def _reverse(self, count: int) -> Any:
-        return self._one.map(count)
+        return self._many.get(count) or self._many.setdefault(count, self._one.map(count))
 
 
 def along(rows: Rows, basis: Basis, criterion: Criterion) -> Callable[[Array], tuple[float, Array]]:

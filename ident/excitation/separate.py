@@ -31,7 +31,7 @@ from ident.equations.terms import Term, plain, torque_of
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion
 from ident.excitation.motion import Basis
-from modelgen.effects.effect import SIGNALS
+from modelgen.effects.effect import SIGNALS, Effect
 from modelgen.effects.place import Motion
 
 Array = np.ndarray
@@ -254,20 +254,31 @@ class Separation:
         back = self.rows.back(q, dq, ddq, -weight[:, :, None] * its.d)
         out = sum(g.T @ b for g, b in zip(back, self.B))
         for term, sign in ((a, 1.0), (its.other, -1.0)):
-            joints = (
-                range(len(x))
-                if not plain(term)
-                else [j for j in (term.place.joint, term.place.source) if j is not None]
-            )
-            here = torque_of(term, self.motion(x), self.known, {})  # type: ignore[arg-type]
-            for j in joints:
-                for k in range(x.shape[1]):
-                    step = 1e-5 * max(abs(x[j]).max(), 0.1)
-                    moved = x.copy()
-                    moved[j, k] += step
-                    change = torque_of(term, self.motion(moved), self.known, {}) - here  # type: ignore[arg-type]
-                    out[j, k] += sign * float(np.sum(weight * change / self.sigma)) / step
+            here = self._torque(term, (q, dq, ddq))
+            own = [j for j in (term.place.joint, term.place.source) if j is not None]
+            for j, k in ((j, k) for j in own for k in range(3) if _instant(term)):
+                moved = [q, dq, ddq]
+                step = 1e-5 * max(abs(moved[k][:, j]).max(), 0.1)
+                moved[k] = moved[k].copy()
+                moved[k][:, j] += step
+                change = (weight * (self._torque(term, moved) - here) / self.sigma).sum(axis=1)
+                out[j] += sign / step * (change @ self.B[k])
+            joints = [] if _instant(term) else own if plain(term) else range(len(x))
+            for j, k in ((j, k) for j in joints for k in range(x.shape[1])):
+                step = 1e-5 * max(abs(x[j]).max(), 0.1)
+                y = x.copy()
+                y[j, k] += step
+                change = self._torque(term, [B @ y.T for B in self.B]) - here
+                out[j, k] += sign / step * float(np.sum(weight * change / self.sigma))
         return out
+
+    def _torque(self, term: Term, states: Sequence[Array]) -> Array:
+        return torque_of(term, as_motion(states, self.t, self.v), self.known, {})  # type: ignore[arg-type]
+
+
+def _instant(term: Term) -> bool:
+    """An instant's torque is that of the joint's state then: no memory, no model."""
+    return plain(term) and not term.effect.state and type(term.effect).states is Effect.states
 
 
 def seconds_needed(rate: float, alpha: float = ALPHA) -> float:
