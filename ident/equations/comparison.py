@@ -27,7 +27,8 @@ from ident.signals.filtering import FilteredBlock, LowPass, filter_stream, windo
 from ident.signals.neighbours import by_segment, sliced, wide_blocks
 
 CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off
-CURVE_POINTS = 12000  # of one recording
+CURVE_POINTS = 12000  # of one recording; less where more than twenty share CURVES
+CURVES, LEAST_POINTS = 240_000, 400
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,14 +162,14 @@ def compare_torques(
     roles: dict[str, str] = {stream.label: stream.role for stream in prepared.streams}
     at_full_rate, decimated, full_model = (Squares.empty(channels, roles) for _ in range(3))
     n = len(channels)
-    curves = []
+    curves, points = [], min(CURVE_POINTS, max(CURVES // len(prepared.streams), LEAST_POINTS))
     total = sum(stream.survey.rows for stream in prepared.streams)
     done = 0
     for stream, bank in zip(prepared.streams, prepared.banks):
         stride = max(
             1,
             int(stream.rate_hz / (CURVE_RATE * bank.position.cutoff_hz)),
-            -(-stream.survey.rows // CURVE_POINTS),
+            -(-stream.survey.rows // points),
         )
         kept: list[np.ndarray] = []
         filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)

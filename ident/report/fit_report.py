@@ -26,6 +26,7 @@ ROLES = {
     "test": "runs that were used for nothing else",
 }
 OPEN_RECORDINGS = 1  # further recordings start folded
+SHOWN = 40  # recordings whose torques a page shows at most
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +70,7 @@ def fit_page(
         sections=(
             _error_section(document),
             parameter_section(document),
-            *_curve_sections(curves),
+            *_curve_sections(curves, len(document.get("recordings", ()))),
             _test_section(document, histogram),
             *extra,
         ),
@@ -198,9 +199,11 @@ def parameter_section(document: Mapping[str, Any]) -> Section:
     return Section("Parameters", (Table("", columns, tuple(rows)),), text=text)
 
 
-def _curve_sections(curves: Sequence[Curve]) -> list[Section]:
+def _curve_sections(curves: Sequence[Curve], total: int) -> list[Section]:
+    """Of as many recordings as there are curves of; `total`: all that there are."""
     stretches = stretches_for(3 * len(curves))
     recordings = list(dict.fromkeys((curve.recording, curve.role) for curve in curves))
+    some = f"The {len(recordings)} of {total} recordings with the largest errors; plots/ has the others. "
     sections = []
     for place, (recording, role) in enumerate(recordings):
         plots = tuple(
@@ -212,7 +215,8 @@ def _curve_sections(curves: Sequence[Curve]) -> list[Section]:
             Section(
                 f"Torque: {recording} ({role})",
                 plots,
-                text="Drag to zoom, double-click to see all; the plots of a recording share their time axis."
+                text=(some if len(recordings) < total else "")
+                + "Drag to zoom, double-click to see all; the plots of a recording share their time axis."
                 if place == 0
                 else "",
                 folded=place >= OPEN_RECORDINGS,

@@ -8,7 +8,7 @@ import numpy as np
 
 from ident.estimation.fit import FitResult
 from ident.report.files import comparison_table, fit_document
-from ident.report.fit_report import Curve, fit_page
+from ident.report.fit_report import SHOWN, Curve, fit_page
 from ident.report.joints import names_of, page_with_names
 from ident.report.page import Cell, Column, Panel, Plot, ReportPage, Section, Table, Trace
 from ident.report.render import render
@@ -35,8 +35,10 @@ def page_of(result: FitResult, document: Mapping[str, Any]) -> ReportPage:
 
 
 def curves_of(result: FitResult, document: Mapping[str, Any]) -> tuple[Curve, ...]:
-    """One curve per recording and channel, at the rate the result keeps for drawing."""
+    """One curve per recording (those with the largest errors) and channel, at the rate that is kept for
+    drawing."""
     errors = {item["name"]: item["full_rate_error_percent"] for item in document["recordings"]}
+    shown = sorted(errors, key=lambda label: -errors[label]["total"])[:SHOWN]
     return tuple(
         Curve(
             recording=curves.label,
@@ -49,6 +51,7 @@ def curves_of(result: FitResult, document: Mapping[str, Any]) -> tuple[Curve, ..
             error_percent=errors[curves.label][channel],
         )
         for curves in result.errors.curves
+        if curves.label in shown
         for k, channel in enumerate(result.columns.channels)
     )
 
