@@ -27,7 +27,7 @@ import pyarrow.parquet as pq
 from ident.equations.prepared import prepare_study
 from ident.errors import IdentError
 from ident.examination.check import Check
-from ident.examination.examine import examine_fit, examine_tables
+from ident.examination.examine import examine_fit, examine_tables, mended_study
 from ident.recordings.study import Study, load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 
@@ -363,6 +363,8 @@ def main() -> None:
         print(f"{robot}: {time.perf_counter() - begin:.1f} s as it is", refusal, flush=True)
         for check in clean:
             print(f"   {check.outcome} {check.check}: {check.sentence[:150]}")
+        if mended := mended_study(study, clean):  # as the dual arm's sensors, two of which are turned
+            study, clean = mended, examined(mended)[0]
         usual = {(c.check, c.signals) for c in clean}
         label = (
             "2"

@@ -97,6 +97,8 @@ def _answer(name: str, error: Any) -> int:
         sys.stdout = None if error.errno == 28 and error.filename is None else sys.stdout
         what = f"{error.filename}: " if error.filename else ""
         return _say(f"{name}: {what}{error.strerror or error}; name another file, or folder with -o", 2)
+    if isinstance(error, MemoryError):
+        return _say(f"{name}: there is not enough free memory; give fewer or shorter recordings", 2)
     raise error
 
 

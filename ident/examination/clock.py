@@ -45,7 +45,7 @@ def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | N
         f"t looks recorded in {name}",
         "write " + column_line(maps, {"t": {"scale": scale}})
         if scale != 1
-        else "give its scale to seconds in columns: {t: {column: t, scale: ...}}, or leave t out for rate_hz:",
+        else "give its scale to seconds, columns: {t: {column: t, scale: ...}}, or leave t out for rate_hz:",
     )
 
 

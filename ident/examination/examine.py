@@ -48,6 +48,7 @@ from ident.recordings.study import Study
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
+FALLEN = 0.7  # of the error before, at most, where more is blamed than a time or a joint's own sign
 FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
 BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
 DEGREES, HALF = np.pi / 180, 0.5
@@ -133,27 +134,39 @@ def _best(
         found += scaled_positions(quick, fit, how, names)
         found += other_orders(quick, fit, how, names, currents)
     found += delays(quick, fit, how, currents)
+    found = [h for h in found if _believed(quick, fit, h)]
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
         found += _geometry(prepared, quick, how, best, axes=bad)
-    return max((h for h in found if _believed(quick, h)), key=lambda h: h.gain, default=None)
+    return max(found, key=lambda h: h.gain, default=None)
 
 
-def _believed(quick: Quick, h: Hypothesis) -> bool:
-    """Whether the model explains the signals that the hypothesis blames once it is taken: where a large
-    torque is missing in the model (a cable over two joints), one wrong sign or order may leave less than
-    another without being the cause. A joint of its own may be known by its friction alone."""
+def _believed(quick: Quick, before: Fit, h: Hypothesis) -> bool:
+    """Whether the model explains, and predicts, the signals that the hypothesis blames once it is taken, and
+    with it what it left before: where something large is missing in the model (a cable over two joints,
+    gravity elsewhere), one wrong sign or order may leave less than another without being the cause. A single
+    joint is known by its friction, whatever else is missing."""
     taken = h.quick or quick
     fit = taken.fit(h.how)
+    joints = [str(joint) for joint in quick.columns.need.joints]
     blamed = {"".join(filter(str.isdigit, name)) for name in h.check.signals}
     if any(name.startswith("q") for name in h.check.signals):  # a position moves what stands in every torque
-        blamed = {str(joint) for joint in quick.columns.need.joints}
-    labels = [str(quick.columns.need.joints[j]) for j in quick.columns.joint_of]
-    left = {c: e for c, e in enumerate(fit.error) if labels[c] in blamed}
-    if not any(e > EXPLAINED for e in left.values()):
-        return True
-    rubbing = evidence(taken, fit, h.how).friction
-    return all(e <= EXPLAINED or (e < NOTHING and rubbing[c] > SURE) for c, e in left.items())
+        blamed = set(joints)
+    its = [
+        c for c, j in enumerate(quick.columns.joint_of) if joints[j] in blamed and np.isfinite(fit.error[c])
+    ]
+    told = None if h.check.check != "torque_sign" else evidence(taken, fit, h.how)
+    if told is not None and len(fit.error) == 1 and told.friction[0] > SURE:
+        return bool(fit.error[0] < NOTHING)
+    explained = bool((fit.error[its] <= EXPLAINED).all())
+    predicted = fit.validate is None or not (fit.validate[its] > 1).any()
+    fallen = _rms(fit) < FALLEN * _rms(before) or h.check.check == "channel_delay"
+    fallen |= told is not None and all(told.speaks_for(c) for c in its)
+    return explained and predicted and fallen
+
+
+def _rms(fit: Fit) -> float:
+    return float(np.sqrt(np.nanmean(fit.error**2)))
 
 
 def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> Iterator[Hypothesis]:

@@ -69,6 +69,7 @@ def test_wrong_input_is_one_sentence_and_status_2(arguments, offender, tmp_path)
         (IdentError("a sentence"), 2),
         (ModelgenError("a sentence\nover two lines"), 2),
         (FitFailedError("a reason"), 1),
+        (MemoryError("92 TiB"), 2),
         (KeyboardInterrupt(), 130),
     ],
 )
