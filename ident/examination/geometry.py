@@ -283,13 +283,17 @@ def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:
         G[:, :, live[:, None], live] += scale[c] * parts.G[c]
         v[:, live] += scale[c] * parts.v[c]
     total = float(scale @ parts.yy)
+    i, j = np.triu_indices(K)
+    both = np.where(i == j, 0.5, 1.0)[:, None, None] * (G[i, j] + G[j, i])
+    flat = both.reshape(len(i), -1)
 
     def left(g: np.ndarray) -> float:
         factor = np.concatenate([[1.0], g])
-        normal, right = np.tensordot(np.outer(factor, factor), G, 2), factor @ v
-        length = np.sqrt(np.maximum(np.diag(normal), 1e-300))
-        normal = normal / np.outer(length, length)
-        normal[np.diag_indices_from(normal)] += RIDGE + (length <= 1e-140)
+        normal, right = ((factor[i] * factor[j]) @ flat).reshape(parts.p, parts.p), factor @ v
+        length = np.sqrt(np.maximum(normal.diagonal(), 1e-300))
+        normal /= length
+        normal /= length[:, None]
+        normal.ravel()[:: parts.p + 1] += RIDGE + (length <= 1e-140)
         right = right / length
         return total - float(right @ np.linalg.solve(normal, right))
 
