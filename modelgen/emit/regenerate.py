@@ -217,6 +217,7 @@ def compile_all(files: Mapping[str, str], tell: Progress) -> str:
     models = {stem: (json.loads(files[f"{stem}.json"]), files[f"{stem}.c"]) for stem in stems}
     with ThreadPoolExecutor(os.cpu_count() or 1) as pool:
         waiting = {pool.submit(compiling.library, *model): stem for stem, model in models.items()}
+        tell(f"compiling {', '.join(models)}", 0.7)
         for k, done in enumerate(as_completed(waiting), 1):
             tell(f"compiled {waiting[done]}", 0.7 + 0.3 * k / len(waiting))
             try:
