@@ -23,6 +23,7 @@ from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.room import thrifty
 from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.state import State
+from ident.diagnosis.sufficiency import signals_read
 from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import Visible, smallest_visible
 from ident.diagnosis.weighing import Equivalent
@@ -158,10 +159,11 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
-    last = _extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
+    last, refused = _extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     outcome, last = _exactly(known, outcome, base, last, begun, alpha)
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
+    unexplained += tuple(_not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
     unexplained += _beyond_noise(last, outcome.last, findings, unexplained)
     progress("done", 1.0)
     return Diagnosis(
@@ -190,13 +192,15 @@ def _part(progress: Progress, low: float, high: float) -> Progress:
 
 def _extended(
     known: Examined, outcome: Outcome, base: FitResult, begun: Opened, alpha: float, progress: Progress
-) -> FitResult:
-    """The study with the findings as its effects, fitted whole; without those that cannot be fitted there."""
+) -> tuple[FitResult, set[tuple]]:
+    """The study with the findings as its effects, fitted whole; without those that it does not need, and
+    those that cannot be fitted there, whose keys are told."""
+    refused: set[tuple] = set()
     study = known.prepared.study
     declared = len(study.effects)
     terms = outcome.last.terms[declared:]
     if not terms:
-        return base
+        return base, refused
     joints = base.columns.need.joints
     settings = study.filter.model_copy(
         update={
@@ -207,21 +211,24 @@ def _extended(
     )
     limit = alpha / BUDGET
     entries = [*study.effects, *(entry_of(_study_term(t, outcome.last), joints) for t in terms)]
+    keys = [*(() for _ in study.effects), *(t.key for t in terms)]
     while len(entries) > declared:
         extended = study.with_(effects=tuple(entries), filter=settings)
         try:
             last = fit_study(extended, progress=progress, known=known.again(extended))
         except (FitFailedError, NotEnoughDataError, StudyError):
             entries.pop()
+            refused.add(keys.pop())
             continue
         told = found_effects(last)
         weak = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
         weakest = max(weak, key=lambda k: (not told[k].essential, told[k].p_value), default=None)
         lost = _worse(last, base, declared) if weakest is None else [weakest]  # two can hide each other
         if not lost:
-            return _turned(last, outcome.last, known, progress)
+            return _turned(last, outcome.last, known, progress), refused
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
-    return base
+        keys = [key for k, key in enumerate(keys) if k not in lost]
+    return base, refused
 
 
 def _exactly(
@@ -238,7 +245,7 @@ def _exactly(
         tried = [(outcome, last)]
         for rival in rivals:
             other = swapped(outcome, at, rival)
-            fit = _extended(known, other, base, begun, alpha, silent)
+            fit, _ = _extended(known, other, base, begun, alpha, silent)
             if other is not outcome and _is_told(fit, rival):
                 tried.append((other, fit))
         nats = [_nats(begun.state, fit) for _, fit in tried]
@@ -443,6 +450,28 @@ def _unexplained(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
         else Alternative(near.term.effect.name, _joints(near.term, state), float(near.log_e), 0.0),
         u.carries_over,
         picture(state, None, u.channel, u.variables),
+    )
+
+
+def _not_fitted(step: Step, outcome: Outcome) -> Unexplained:
+    """What the loop found and the last fit could not be made of."""
+    state, e, term = outcome.last, step.evidence, step.term
+    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    joint = int(state.problem.robot.joint_labels[state.model.channels[c].joint])
+    share = 100 * (1 - np.exp(-2 * e.per_channel[c] / max(state.metric.judged.free[c], 1.0)))
+    near = Alternative(term.effect.name, _joints(term, state), float(e.log_e), 0.0)
+    read = tuple(sorted(signals_read(term) or ()))
+    name = _channel(c, state)
+    signals = tuple(dict.fromkeys(_signal(v, name) for v in read))
+    return Unexplained(
+        (joint,),
+        name.rstrip("0123456789"),
+        signals,
+        share,
+        float(e.log_e),
+        near,
+        True,
+        picture(state, term, c),
     )
 
 

@@ -99,7 +99,12 @@ def trace(
             state = with_found(state, Found(r.term, r.columns, r.sizes))
             continue
         if not weighed.passed:
-            break
+            held = _doubtful(state, weighed, tau, alpha)
+            if held is None:
+                break
+            taken, evidence, state = held
+            steps.append(Step(taken.term, evidence, (), could_stand(weighed, taken, tau)))
+            continue
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
@@ -139,6 +144,17 @@ def trace(
 def _first(event: Event, weighed: Weighed) -> bool:
     """A load that says more than every other explanation is taken before them."""
     return not weighed.passed or event.evidence.log_e > max(e.gain + e.log_e for _, e in weighed.passed)
+
+
+def _doubtful(
+    state: State, weighed: Weighed, tau: float, alpha: float
+) -> tuple[Refined, Evidence, State] | None:
+    """Where nothing holds but something says much: whether it holds once it was settled in."""
+    likely = [(r, e) for r, e in weighed.all if e.log_e > tau and e.gain > tau and not r.at_bound]
+    if not likely:
+        return None
+    best, evidence = max(likely, key=lambda its: its[1].log_e)
+    return settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
 
 
 def _pair(

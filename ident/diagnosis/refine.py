@@ -17,7 +17,8 @@ from ident.diagnosis.terms import Scene, Term
 
 TURNS = 5
 STEEP = 1e100  # slopes beyond which a shape cannot be followed
-FACTORS = (-1.0, 0.5, 2.0, 4.0, 8.0)  # of the size that a tangent gives
+FACTORS = (0.5, 1.0, 2.0, 4.0, 8.0)  # of the size that a tangent gives
+PARABOLAS = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,39 +105,82 @@ def _whole(m: Metric, scene: Scene, term: Term) -> Term:
 
 
 def _secant(m: Metric, scene: Scene, start: Refined) -> Refined:
-    """Columns again at the size found, until it stays; the tangent where the columns do not depend on it.
-
-    An effect that is far from its tangent has a size of its own that the tangent does not lead to (a delay of
-    some friction reversals): multiples of the first size are tried as well."""
+    """Columns again at the size found, until it stays; the tangent where the columns do not depend on it."""
     best = _followed(m, scene, start, tuple(start.sizes))
-    if best.term.size is None or len(start.sizes) > 1:
-        return best
-    tried = [_at(m, scene, start, (factor * float(start.sizes[0]),)) for factor in FACTORS]
-    most = max(tried, key=lambda r: r.gain)
-    if most.gain > best.gain + 1.0:
-        again = _followed(m, scene, most, most.term.size or ())
-        best = max((most, again, best), key=lambda r: r.gain)
-    return best
+    return best if best.term.size is None or len(start.sizes) > 1 else _as_it_is(m, scene, best)
 
 
-def _at(m: Metric, scene: Scene, start: Refined, size: tuple[float, ...]) -> Refined:
-    term = replace(start.term, size=size)
+def _as_it_is(m: Metric, scene: Scene, start: Refined) -> Refined:
+    """The columns of that size at which the change that it makes fits best as it is.
+
+    A coefficient beside a secant is no size: of a torque with steps any delay shorter than the true one is a
+    fixed point of coefficient and size, and a soft gear's runs away. The summit may stand far from where the
+    tangent leads: multiples are tried, of the sign that physics allows, then parabolas through the best
+    three."""
+    first = float(start.sizes[0])
+    if start.term.effect.linear[0].sign == "positive":
+        first = abs(first)
+    tried: dict[float, tuple[float, Refined]] = {}
+
+    def gain(size: float) -> float:
+        if size not in tried:
+            tried[size] = _exactly(m, scene, start, size)
+        return tried[size][0]
+
+    signs = (1.0,) if start.term.effect.linear[0].sign == "positive" else (1.0, -1.0)
+    for sign in signs:
+        for factor in FACTORS if sign > 0 else (1.0,):
+            gain(sign * factor * first)
+    for _ in range(PARABOLAS):
+        top = max(tried, key=gain)
+        new = _summit({size: told for size, (told, _) in tried.items()}, top)
+        if abs(new - top) < 0.01 * abs(top) or new in tried:
+            break
+        gain(new)
+    best = tried[max(tried, key=gain)][1]
+    return best if best.columns else start
+
+
+def _summit(tried: Mapping[float, float], top: float) -> float:
+    """Where a parabola through the best size and its neighbours is highest; further out where the best
+    stands at an end."""
+    sizes = sorted(tried)
+    at = sizes.index(top)
+    if at in (0, len(sizes) - 1):
+        return 1.5 * top if abs(top) == max(map(abs, sizes)) else 0.5 * top
+    low, high = sizes[at - 1], sizes[at + 1]
+    left, right = ((tried[size] - tried[top]) / (size - top) for size in (low, high))
+    bend = (right - left) / (high - low)
+    new = 0.5 * (low + top) - 0.5 * left / bend if bend < 0 else top
+    return float(np.clip(new, 0.5 * (low + top), 0.5 * (top + high)))
+
+
+def _exactly(m: Metric, scene: Scene, start: Refined, size: float) -> tuple[float, Refined]:
+    """What the change of a size gains as it is, and its columns with the coefficient that fits best."""
+    term = replace(start.term, size=(size,))
     columns = scene.columns(term)
-    return Refined(term, columns, *fit_sizes(m, columns))
+    if not columns:
+        return -np.inf, replace(start, term=term, columns=columns)
+    cross, own, right = project(m, m.fitted, m.whiten(columns))
+    left = float((own - cross.T @ cross)[0, 0])
+    a = float(right[0]) / max(left, 1e-300)
+    told = size * float(right[0]) - 0.5 * size**2 * left
+    return told, Refined(term, columns, np.array([a]), 0.5 * float(right[0]) * a)
 
 
 def _followed(m: Metric, scene: Scene, start: Refined, size: tuple[float, ...]) -> Refined:
     best = start
     for _ in range(4):
-        trial = _at(m, scene, start, size)
+        term = replace(start.term, size=size)
+        columns = scene.columns(term)
+        trial = Refined(term, columns, *fit_sizes(m, columns))
         if not len(trial.sizes):
             return best
         same = np.allclose(trial.sizes, best.sizes, rtol=1e-3, atol=1e-12)
-        columns = trial.columns
         if all(np.array_equal(columns[c], best.columns[c]) for c in columns if c in best.columns):
             return best
         best, size = trial, tuple(trial.sizes)
-        if same:
+        if same or len(size) == 1:
             break
     return best
 

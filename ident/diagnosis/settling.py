@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.candidates import with_size
-from ident.diagnosis.evidence import Evidence, weigh
+from ident.diagnosis.evidence import Evidence, metric, over, weigh
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import Found, State, converged, settled, solved, with_found
 from ident.diagnosis.sufficiency import sufficiency, sufficient
 from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Weighed, passes
+from ident.diagnosis.weighing import Weighed, holds, passes
 
 SETTLED = 6  # explanations that are settled whole where the first one is not sufficient
 
@@ -63,16 +63,20 @@ def settled_in(
     again beside it: what it was compared with before may have taken its place in part."""
     out: tuple[float, Refined, Evidence, State] | None = None
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and set(r.columns) & set(best.columns)]
-    for r, evidence in sorted(likely, key=lambda its: -its[1].log_e)[:SETTLED]:
+    for r, _ in sorted(likely, key=lambda its: -its[1].log_e)[:SETTLED]:
         trial = _afresh(state, r, state.model.channels[c].joint)
         if place_of(trial, r.term) is None:
             continue
         others, whole = _beside(trial, r.term.key)
         m = leading_metric(others, [whole])
-        own, flex = weigh(m, whole.columns), sufficiency(others, m, whole.term, c, tau)
-        if not passes(others, whole, own, tau, alpha):
+        own = weigh(m, whole.columns)
+        told = over(
+            metric(state.rows, *state.design, m.whiteners), m, own
+        )  # the model as it was did its best
+        if not (holds(others, m, whole, own, tau, alpha) and passes(state, whole, told, tau, alpha)):
             continue
+        flex = sufficiency(others, m, whole.term, c, tau)
         error = float(np.mean(trial.residual[c, trial.rows.judged & trial.rows.use[c]] ** 2))
         if sufficient(whole.term, own, flex, tau) and (out is None or error < out[0]):
-            out = error, r, evidence, trial
+            out = error, r, told, trial
     return None if out is None else out[1:]

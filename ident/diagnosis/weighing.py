@@ -46,15 +46,7 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     m = leading_metric(state, refined)
     refined = [refine(m, state.scene, r.term, turns=2) for r in refined]
     told = [(r, weigh(m, r.columns)) for r in refined]
-    plain = white_metric(state)
-    passed = [
-        (r, e)
-        for r, e in told
-        if passes(state, r, e, tau, alpha)
-        and is_itself(m, r, e, tau, alpha)
-        and shifts_all(state, m, r, tau)
-        and lowers(plain, r, main_channel(e, r.term, state))
-    ]
+    passed = [(r, e) for r, e in told if holds(state, m, r, e, tau, alpha)]
     return Weighed(m, tuple(told), tuple(sorted(passed, key=lambda item: -item[1].log_e)))
 
 
@@ -76,6 +68,16 @@ def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     worth = [e.gain - 0.5 * r.term.free * np.log(rows) for r, e in equal]  # each number chosen there is paid
     equal = [its for its, w in zip(equal, worth) if w > max(worth) - tau]
     return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
+
+
+def holds(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
+    """Everything that is asked of a hypothesis alone."""
+    return (
+        passes(state, r, e, tau, alpha)
+        and is_itself(m, r, e, tau, alpha)
+        and shifts_all(state, m, r, tau)
+        and lowers(white_metric(state), r, main_channel(e, r.term, state))
+    )
 
 
 def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:

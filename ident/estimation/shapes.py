@@ -87,9 +87,10 @@ def extend(
         return Extended((), columns, None, tuple(systems), np.zeros(len(columns.parameters)))
     fitted = [system for system in systems if system.role == "identify"]
     streams = {stream.label: (stream, bank) for stream, bank in zip(prepared.streams, prepared.banks)}
-    travel = [s.survey.highest - s.survey.lowest for s, _ in streams.values()]
     n = len(columns.need.joints)
-    layout = layout_of(study, columns, np.max([reach[:n] for reach in travel], axis=0))
+    highest = np.max([s.survey.highest[:n] for s, _ in streams.values()], axis=0)
+    lowest = np.min([s.survey.lowest[:n] for s, _ in streams.values()], axis=0)
+    layout = layout_of(study, columns, highest - lowest)
     terms = tuple(begin) if begin is not None else terms_of(study, columns, layout)
     if columns.gain_columns and any(term.free or not plain(term) for term in terms):
         raise StudyError(

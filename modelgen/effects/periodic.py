@@ -20,6 +20,13 @@ def wavenumber_range(travel: float, prismatic: bool) -> tuple[float, float]:
     return min(low, 0.5 * high), high
 
 
+def wavenumber_bounds(travel: float, prismatic: bool) -> tuple[float, float]:
+    """Where a wave that was found may end: half as many over the travel as a search begins with. Other runs
+    can show that it is one."""
+    low, high = wavenumber_range(travel, prismatic)
+    return 0.5 * low, high
+
+
 def beyond_an_error(values: Mapping[str, float], largest: float) -> str | None:
     """Why a position error es sin + ec cos [rad | m] cannot be: gears and encoders err by arc minutes, and
     what bends a joint further than a degree is its load. None where it can."""

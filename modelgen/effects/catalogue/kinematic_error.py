@@ -10,7 +10,7 @@ from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, No
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
 from modelgen.effects.motions import displaced_torque
-from modelgen.effects.periodic import beyond_an_error, peaks, travel_of, wavenumber_range
+from modelgen.effects.periodic import beyond_an_error, peaks, travel_of, wavenumber_bounds, wavenumber_range
 from modelgen.effects.place import Layout, Model, Motion, Place
 from modelgen.effects.truth import Stage, Truth
 
@@ -51,7 +51,7 @@ class KinematicError(MotionEffect):
         if not place.prismatic:
             return {"wavenumber": (0.9, 400.0)}
         travel = layout.travel[place.joint or 0] if layout is not None and layout.travel else 0.6
-        return {"wavenumber": wavenumber_range(travel, True)}
+        return {"wavenumber": wavenumber_bounds(travel, True)}
 
     def starts(
         self,

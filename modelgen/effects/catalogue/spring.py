@@ -3,6 +3,7 @@
 import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter, Quantity
+from modelgen.effects.place import Layout, PlaceSide
 
 k, q0, c = sp.symbols("k q0 c", real=True)
 
@@ -24,6 +25,12 @@ class Spring(Effect):
     inverse = {"c": -k * q0}
     channel = "link"
     typical = {"k": 8.0, "q0": 0.2}
+
+    def sides(self, layout: Layout) -> tuple[PlaceSide, ...]:
+        """Before the gear as well where both torques are measured: a hose that pulls on the drive's side is
+        no part of what the sensor sees."""
+        both = {"motor", "sensor"} <= layout.sides
+        return ("link", "motor") if both else super().sides(layout)
 
 
 EFFECT = Spring()

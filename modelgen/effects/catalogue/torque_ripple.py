@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Array, Effect, LinearParameter, NonlinearParameter, Quantity
-from modelgen.effects.periodic import peaks, travel_of, wavenumber_range
+from modelgen.effects.periodic import peaks, travel_of, wavenumber_bounds, wavenumber_range
 from modelgen.effects.place import Layout, Model, Motion, Place
 
 k, As, Ac, A, phi = sp.symbols("wavenumber As Ac A phi", real=True)
@@ -36,7 +36,7 @@ class TorqueRipple(Effect):
         """From the joint's own travel: a wave and a half over it, to the finest lead or tooth."""
         default = 0.6 if place.prismatic else 4.8
         travel = layout.travel[place.joint or 0] if layout is not None and layout.travel else default
-        low, high = wavenumber_range(travel, place.prismatic)
+        low, high = wavenumber_bounds(travel, place.prismatic)
         return {"wavenumber": (low, high)}
 
     def starts(

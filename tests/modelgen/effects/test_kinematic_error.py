@@ -51,7 +51,7 @@ def test_a_ball_screw_is_searched_to_its_lead():
     slide = arm_model(text=SLIDE)
     place = next(p for p in E.places(layout(slide)) if p.joint == 1)
     low, high = E.bounds(place, Layout(slide.robot, slide.channels, (), (5.0, 0.5)))["wavenumber"]
-    assert low == pytest.approx(2 * np.pi * 1.5 / 0.5) and high == pytest.approx(2 * np.pi / 0.002)
+    assert low == pytest.approx(2 * np.pi * 0.75 / 0.5) and high == pytest.approx(2 * np.pi / 0.002)
     told = E.report(values_of(E), None, None, place)
     assert [told[k]["unit"] for k in ("e", "wavenumber", "phi")] == ["m", "1/m", "rad"]
 

@@ -6,7 +6,7 @@ from plain_effect import J, PlainEffect
 class TestSpring(PlainEffect):
     name = "spring"
     behind = True
-    sides = ("link",)
+    sides = ("link", "motor")
     drives = False
     absent = ("c",)
     impossible = {"k": -1.0}
