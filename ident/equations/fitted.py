@@ -1,4 +1,4 @@
-"""The model that is being fitted, at its current estimate, as effects may ask it (modelgen/effects/place.py).
+"""The model that is being fitted, at its current estimate, as effects ask it (modelgen/geometry/place.py).
 
 An effect's column can depend on more than the motion: friction that grows with the load reads the torque that
 the gear passes on, an elastic gear bends under it, a delay shifts the whole torque. All of that is computed
