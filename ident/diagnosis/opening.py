@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.fine import FineKeeper, FineSegment, bytes_of
+from ident.diagnosis.presliding import told_as_effects
 from ident.diagnosis.room import Room, room_for
 from ident.diagnosis.rows import Rows, rows_of
 from ident.diagnosis.state import Found, Problem, State, first_state, settled
@@ -80,7 +81,7 @@ def opened(prepared: Prepared, progress: Progress = silent, memory: float | None
     layout = layout_of(study, columns, tuple(float(x) for x in high - low))
     layout = replace(layout, recordings=rows.names)
     problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n))
-    state = first_state(problem, rows, segments)
+    state = told_as_effects(first_state(problem, rows, segments))
     declared = [
         Term(term.effect, term.place, dict(term.theta), tuple(term.size) or None)
         for term in terms_of(study, columns, layout)

@@ -27,10 +27,12 @@ ORDERS = (("rate", "travel"), ("travel", "rate"))  # which width first; either c
 
 @dataclass(frozen=True, slots=True)
 class Dry:
-    """Where a joint's dry friction stands: (channel, place of its parameter)."""
+    """Where a joint's dry friction stands: (channel, place of its parameter). travels: whether it may give
+    way before it slips."""
 
     joint: int
     places: tuple[tuple[int, int], ...]
+    travels: bool = True
 
 
 def grids(segments: Sequence[FineSegment], joint: int) -> dict[str, np.ndarray]:
@@ -150,7 +152,7 @@ def settle(
             ends = [
                 _climbed(turn, order, ladders, before is None, lambda t: trial(t)[0])
                 for turn in begun
-                for order in ORDERS[: 1 if before else 2]
+                for order in (ORDERS[: 1 if before else 2] if d.travels else (("rate",),))
             ]
             plain = [replace(t, travel=0.0) for t in ends]
             asked = np.log(max(int(fitted.sum()), 2))  # a second width has to pay for itself (twice its nats)
