@@ -11,7 +11,7 @@ from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from modelgen.effects.states import integrate_dahl
 
-WIDTHS = (0.004, 2e-5, 2e-5)  # rad of travel before the joints' friction slips
+WIDTH, RATE = 0.004, 0.03  # rad of travel before the first joint slips; rad/s, of the others' turn-over
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +27,8 @@ def soft(tmp_path_factory):
             chi[k] = 1.0
     for k, seconds in enumerate((20, 12)):
         t, q, dq, ddq = motion(seconds, 500.0, k, 3, 2.0)
-        sign = np.stack([integrate_dahl(q[:, j], {"width": WIDTHS[j]}, 0.0) for j in range(3)], axis=1)
+        sign = np.tanh(dq / RATE)
+        sign[:, 0] = integrate_dahl(q[:, 0], {"width": WIDTH}, 0.0)
         tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign)) + 0.02 * rng.normal(size=(len(t), 3))
         columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}
         write_parquet(
