@@ -48,7 +48,7 @@ from ident.recordings.study import Study
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
-FALLEN = 0.7  # of the error before, at most, where more is blamed than a time or a joint's own sign
+FALLEN = 0.7  # of the error before, at most, where one position's unit or sign is blamed
 FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
 BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
 DEGREES, HALF = np.pi / 180, 0.5
@@ -143,26 +143,26 @@ def _best(
 
 def _believed(quick: Quick, before: Fit, h: Hypothesis) -> bool:
     """Whether the model explains, and predicts, the signals that the hypothesis blames once it is taken, and
-    with it what it left before: where something large is missing in the model (a cable over two joints,
-    gravity elsewhere), one wrong sign or order may leave less than another without being the cause. A single
-    joint is known by its friction, whatever else is missing."""
+    where a position has another unit or sign what it left before: where something large is missing in the
+    model (a cable over two joints, gravity elsewhere), one wrong sign or order may leave less than another
+    without being the cause. A single joint is known by its friction, whatever else is missing."""
     taken = h.quick or quick
     fit = taken.fit(h.how)
     joints = [str(joint) for joint in quick.columns.need.joints]
     blamed = {"".join(filter(str.isdigit, name)) for name in h.check.signals}
-    if any(name.startswith("q") for name in h.check.signals):  # a position moves what stands in every torque
+    other = h.check.check in ("angle_unit", "position_sign")
+    if other or any(name.startswith("q") for name in h.check.signals):  # a position stands in every torque
         blamed = set(joints)
     its = [
         c for c, j in enumerate(quick.columns.joint_of) if joints[j] in blamed and np.isfinite(fit.error[c])
     ]
-    told = None if h.check.check != "torque_sign" else evidence(taken, fit, h.how)
-    if told is not None and len(fit.error) == 1 and told.friction[0] > SURE:
+    alone = h.check.check == "torque_sign" and len(fit.error) == 1
+    if alone and evidence(taken, fit, h.how).friction[0] > SURE:
         return bool(fit.error[0] < NOTHING)
     explained = bool((fit.error[its] <= EXPLAINED).all())
-    predicted = fit.validate is None or not (fit.validate[its] > 1).any()
-    fallen = _rms(fit) < FALLEN * _rms(before) or h.check.check == "channel_delay"
-    fallen |= told is not None and all(told.speaks_for(c) for c in its)
-    return explained and predicted and fallen
+    worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
+    predicted = not min(worst) > 1
+    return explained and predicted and (not other or _rms(fit) < FALLEN * _rms(before))
 
 
 def _rms(fit: Fit) -> float:

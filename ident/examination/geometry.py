@@ -357,7 +357,8 @@ def joint_axes(
             if key == "theta" and row.sigma == 0 and turn == 2 and j == 0:
                 continue
             now, after = judged(replace(table, rows=_turned(table.rows, j, key, turn)))
-            if gain(plain, now) > CLEARLY and gain(held, after) > 0.5 * CLEARLY:
+            predicts = after is None or np.nanmax(after) < 1.0
+            if gain(plain, now) > CLEARLY and gain(held, after) > 0.5 * CLEARLY and predicts:
                 words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
                 text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
                 found.append((gain(plain, now), j, f"{text}", now))
