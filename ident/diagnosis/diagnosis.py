@@ -160,6 +160,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     last, refused = _extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
+    outcome, last, refused = _replaced(known, outcome, base, last, refused, begun, alpha)
     outcome, last = _exactly(known, outcome, base, last, begun, alpha)
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
@@ -221,6 +222,12 @@ def _extended(
             refused.add(keys.pop())
             continue
         told = found_effects(last)
+        impossible = [k for k, f in enumerate(told) if k >= declared and not _possible(f.term)]
+        if impossible:
+            at = max(impossible, key=lambda k: told[k].p_value)
+            refused.add(keys.pop(at))
+            entries.pop(at)
+            continue
         weak = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
         weakest = max(weak, key=lambda k: (not told[k].essential, told[k].p_value), default=None)
         lost = _worse(last, base, declared) if weakest is None else [weakest]  # two can hide each other
@@ -229,6 +236,30 @@ def _extended(
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
         keys = [key for k, key in enumerate(keys) if k not in lost]
     return base, refused
+
+
+def _replaced(
+    known: Examined,
+    outcome: Outcome,
+    base: FitResult,
+    last: FitResult,
+    refused: set[tuple],
+    begun: Opened,
+    alpha: float,
+) -> tuple[Outcome, FitResult, set[tuple]]:
+    """In the place of what the last fit could not be made of, what was as likely in the loop."""
+    for at, step in enumerate(outcome.steps):
+        for rival in step.equivalent if step.term.key in refused else ():
+            other = swapped(outcome, at, rival.term)
+            if other is outcome:
+                continue
+            fit, still = _extended(known, other, base, begun, alpha, silent)
+            if _is_told(fit, rival.term):
+                left = tuple(e for e in step.equivalent if e is not rival)
+                steps = (*other.steps[:at], replace(other.steps[at], equivalent=left), *other.steps[at + 1 :])
+                outcome, last, refused = replace(other, steps=steps), fit, still
+                break
+    return outcome, last, refused
 
 
 def _exactly(
@@ -276,6 +307,11 @@ def _nats(state: State, fit: FitResult) -> float:
     error = _judged(fit)
     counts = [int((use & state.rows.judged).sum()) for use in state.rows.use]
     return -float(sum(n * np.log(error[name]) for n, name in zip(counts, fit.columns.channels)))
+
+
+def _possible(term: StudyTerm) -> bool:
+    """Whether physics allows the values of the fit."""
+    return term.effect.physical({**dict(zip(term.linear, term.size)), **term.theta}) is None
 
 
 def _judged(fit: FitResult) -> Mapping[str, float]:

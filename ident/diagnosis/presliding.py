@@ -3,7 +3,8 @@
 How far dry friction gives way before it slips is free in every hypothesis, so that nothing is made up of a
 reversal that is a little softer than a sign. Where that travel lowers the error of the joint's torque on the
 rows that chose nothing, it is what the model lacks: there the model's own friction is held to turn over by
-its rate alone, and the travel has to stand as an effect, like any other."""
+its rate alone, and the travel has to stand as an effect, like any other. A torque that comes late turns over
+late, too: where a shift in time says as much as a travel, it stays a nuisance."""
 
 from __future__ import annotations
 
@@ -12,9 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.state import State, settled
+from ident.diagnosis.state import State, settled, solved
+from ident.diagnosis.turn_over import grids, sign_column, with_column
+from ident.signals.dry_friction import TurnOver
 
 SEEN = 0.1  # of the error
+LATE_S = tuple(sign * late for late in (0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04) for sign in (1, -1))
 
 
 def told_as_effects(state: State) -> State:
@@ -24,6 +28,7 @@ def told_as_effects(state: State) -> State:
         return state
     bare = _by_rate_alone(state, soft)
     seen = {j for j in soft if _error(state, j) < (1 - SEEN) * _error(bare, j)}
+    seen -= _late(bare, state, seen)
     return bare if seen == set(soft) else _by_rate_alone(state, seen) if seen else state
 
 
@@ -31,6 +36,30 @@ def _by_rate_alone(state: State, joints: Collection[int]) -> State:
     dry = tuple(replace(d, travels=d.travels and d.joint not in joints) for d in state.problem.dry)
     turns = {j: turn for j, turn in state.turns.items() if j not in joints}
     return settled(replace(state, problem=replace(state.problem, dry=dry), turns=turns), 2)
+
+
+def _late(bare: State, state: State, joints: Collection[int]) -> set[int]:
+    """Those whose torques a shift in time explains as well as the travel does, with a sharp sign."""
+    sharp, rows = {j: TurnOver(float(grids(state.segments, j)["rate"][0])) for j in joints}, bare.rows
+    for d in bare.problem.dry:
+        if d.joint in joints:
+            made = {c: sign_column(state.segments, rows, d.joint, c, sharp[d.joint]) for c, _ in d.places}
+            rows = with_column(rows, d, made)
+    out: set[int] = set()
+    for seconds in LATE_S if joints else ():
+        Y = np.stack([_earlier(state, c, seconds) for c in range(rows.channels)])
+        trial = solved(replace(bare, rows=replace(rows, Y=Y)))
+        out |= {j for j in joints if _error(trial, j) <= _error(state, j)}
+    return out
+
+
+def _earlier(state: State, c: int, seconds: float) -> np.ndarray:
+    """(M,) a channel's torque as it is recorded `seconds` later."""
+    joint, parts = state.model.channels[c].joint, []
+    for s in state.segments:
+        taken = np.interp(s.t + seconds, s.t, s.measured[:, c])
+        parts.append(s.decimate(taken[:, None], joint)[:, 0])
+    return np.concatenate(parts) * state.rows.scale[c]
 
 
 def _error(state: State, joint: int) -> float:

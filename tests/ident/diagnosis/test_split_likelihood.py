@@ -37,7 +37,7 @@ def test_what_is_there_is_found(tiny):
     rng = np.random.default_rng(1)
     m, z = problem(tiny, rng, size=1.0)
     e = weigh(m, {0: z[:, [0]]})
-    assert e.log_e > np.log(4000) and e.chance < 0.01 and e.supported(0.01)
+    assert e.log_e > np.log(4000) and e.sign_p < 0.01 and e.supported(0.01)
     assert e.sizes == pytest.approx([1.0], abs=0.2)
     assert e.per_channel.sum() == pytest.approx(e.log_e) and e.left > 0.9
 
