@@ -22,7 +22,8 @@ from ident.diagnosis.opening import Opened, opened
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.room import thrifty
 from ident.diagnosis.seconds_apart import seconds_apart
-from ident.diagnosis.state import State
+from ident.diagnosis.settling import place_of
+from ident.diagnosis.state import State, without
 from ident.diagnosis.sufficiency import signals_read
 from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import Visible, smallest_visible
@@ -41,6 +42,7 @@ from modelgen.effects import catalogue
 
 FAR_OFF = 3.0  # times what noise and parameters explain: an error of judged rows that is no noise
 OWN_COURSE = 5.0  # times what is new from row to row: an error that its past foretells is no drive's noise
+SPOILT = 0.02  # of the error of the runs that chose nothing: more is no rounding
 ESTABLISHED, PARTLY = "established", "partly"
 
 
@@ -165,7 +167,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     findings = (*_told_by_checks(study, mended, checks), *_findings(outcome, last, begun, alpha))
     unexplained = tuple(_unexplained(u, outcome, begun) for u in outcome.unnamed)
     unexplained += tuple(_not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
-    unexplained += _beyond_noise(last, outcome.last, findings, unexplained)
+    unexplained += _beyond_noise(last, _as_told(outcome, last), findings, unexplained)
     progress("done", 1.0)
     return Diagnosis(
         study,
@@ -320,8 +322,9 @@ def _judged(fit: FitResult) -> Mapping[str, float]:
 
 
 def _worse(last: FitResult, base: FitResult, declared: int) -> list[int]:
-    """The last finding taken in with which the model predicts none of its channels better than without: as
-    `ident fit` does it, it explains nothing."""
+    """The last finding taken in with which the model predicts none of its channels better than without, or,
+    of a load on one recording, with which it predicts the others worse: as `ident fit` does it, it explains
+    nothing."""
     after, before = _judged(last), _judged(base)
     channels = last.columns.need.channels
     for k in range(len(last.terms) - 1, declared - 1, -1):
@@ -329,7 +332,16 @@ def _worse(last: FitResult, base: FitResult, declared: int) -> list[int]:
         names = [last.columns.channels[c] for c in place.rows(channels)] if place.recording is None else []
         if names and all(after[name] >= before[name] for name in names):
             return [k]
+        if place.recording is not None and _spoilt(last, base):
+            return [k]
     return []
+
+
+def _spoilt(fit: FitResult, other: FitResult) -> bool:
+    """Whether it predicts the runs that chose nothing worse than the other, channel by channel."""
+    after, before = _judged(fit), _judged(other)
+    ratios = [after[name] / max(before[name], 1e-9) for name in fit.columns.channels]
+    return bool(np.mean(np.log(np.maximum(ratios, 1e-9))) > SPOILT)
 
 
 def _turned(last: FitResult, state: State, known: Examined, progress: Progress) -> FitResult:
@@ -349,10 +361,11 @@ def _turned(last: FitResult, state: State, known: Examined, progress: Progress) 
     for name, channel in zip(last.columns.channels, last.columns.need.channels):
         helped[channel.joint] |= after[name] < before[name]
     if helped.all():
-        return trial
+        return last if _spoilt(trial, last) else trial
     kept = {key: tuple(v if h else 0.0 for v, h in zip(values, helped)) for key, values in keys.items()}
     kept = {key: values for key, values in kept.items() if any(values)}
-    return fitted(kept) if kept else last
+    trial = fitted(kept) if kept else last
+    return last if _spoilt(trial, last) else trial
 
 
 def _dry_keys(state: State, base: FitResult) -> dict[str, tuple[float, ...]]:
@@ -487,6 +500,16 @@ def _unexplained(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
         u.carries_over,
         picture(state, None, u.channel, u.variables),
     )
+
+
+def _as_told(outcome: Outcome, last: FitResult) -> State:
+    """The loop's state with what is handed over alone."""
+    state = outcome.last
+    for f in outcome.last.found:
+        if f.term is not None and not _is_told(last, f.term):
+            at = place_of(state, f.term)
+            state = state if at is None else without(state, at)
+    return state
 
 
 def _not_fitted(step: Step, outcome: Outcome) -> Unexplained:

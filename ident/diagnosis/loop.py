@@ -19,13 +19,22 @@ from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import place_of, refined_together, settled_in
 from ident.diagnosis.state import Found, State, solved, with_found, without
-from ident.diagnosis.sufficiency import ask, explained_share, heard, margin, sufficiency, sufficient
+from ident.diagnosis.sufficiency import (
+    ask,
+    explained_share,
+    heard,
+    margin,
+    signals_read,
+    sufficiency,
+    sufficient,
+)
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import (
     Equivalent,
     Weighed,
     compared,
     could_stand,
+    holds,
     main_channel,
     rivals_of,
     simplest,
@@ -100,6 +109,16 @@ def trace(
             continue
         if not weighed.passed:
             held = _doubtful(state, weighed, tau, alpha)
+            end = None if held is not None else _at_an_end(state, weighed, tau, alpha)
+            if end is not None:
+                r, e = end
+                c = main_channel(e, r.term, state)
+                read = tuple(sorted(signals_read(r.term) or ()))
+                share = float(-np.expm1(-2 * e.per_channel[c] / weighed.metric.judged.free[c]))
+                unnamed.append(Unnamed(c, read, e.log_e, e.gain, share, Equivalent(r.term, e.log_e)))
+                closed.add(state.model.channels[c].joint)
+                state = with_found(state, Found(None, r.columns, r.sizes, read))
+                continue
             if held is None:
                 break
             taken, evidence, state = held
@@ -155,6 +174,13 @@ def _doubtful(
         return None
     best, evidence = max(likely, key=lambda its: its[1].log_e)
     return settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
+
+
+def _at_an_end(state: State, weighed: Weighed, tau: float, alpha: float) -> tuple[Refined, Evidence] | None:
+    """What would hold but for a shape at the end of its range: something is there, and it is not this."""
+    inside = [(replace(r, at_bound=()), e) for r, e in weighed.all if r.at_bound]
+    ended = [(r, e) for r, e in inside if holds(state, weighed.metric, r, e, tau, alpha)]
+    return max(ended, key=lambda its: its[1].log_e, default=None)
 
 
 def _pair(

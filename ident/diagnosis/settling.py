@@ -16,11 +16,28 @@ from ident.diagnosis.sufficiency import sufficiency, sufficient
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Weighed, holds, passes
 
+ROUNDS, STAYS = 5, 0.03  # of a size: what it may still move by
 SETTLED = 6  # explanations that are settled whole where the first one is not sufficient
 
 
 def refined_together(state: State) -> State:
-    """Shapes of all effects found, each beside the others, then the whole settled."""
+    """Shapes of all effects found, each beside the others, then the whole settled; again where an effect
+    acts on the model's own torque, until its size stays: model and size answer each other."""
+    for _ in range(ROUNDS):
+        before = _sizes(state)
+        state = _refined_once(state)
+        after = _sizes(state)
+        if set(before) != set(after) or all(abs(after[k] - before[k]) < STAYS * abs(after[k]) for k in after):
+            break
+    return state
+
+
+def _sizes(state: State) -> dict[tuple, float]:
+    """Of the effects found whose columns are made at a size."""
+    return {f.term.key: f.term.size[0] for f in state.found if f.term is not None and f.term.size}
+
+
+def _refined_once(state: State) -> State:
     for number, f in enumerate(state.found):
         if f.term is None or not (f.term.effect.nonlinear or f.term.size is not None):
             continue

@@ -47,10 +47,10 @@ class Backlash(MotionEffect):
     }
     torque_terms = ("drop",)
     linear = (
-        LinearParameter("gap", "rad", 0.0, 0.02, "positive"),
+        LinearParameter("gap", "rad", 0.0, 0.1, "positive"),
         LinearParameter("drop", "-", 0.0, 1.2, "positive", optional=True),
     )
-    nonlinear = (NonlinearParameter("travel", "rad", 1e-5, 0.02, (3e-4, 1e-3, 3e-3, 0.01)),)
+    nonlinear = (NonlinearParameter("travel", "rad", 1e-5, 0.1, (3e-4, 1e-3, 3e-3, 0.01, 0.03)),)
     reported = (Quantity("gap", "rad", gap), Quantity("drop", "-", drop))
     inverse = {"travel": gap}
     state = PLAY
