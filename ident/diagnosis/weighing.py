@@ -88,7 +88,8 @@ def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> b
         return False
     if r.term.effect.changes_model and abs(e.sizes[-1] - 1.0) > WHOLE:
         return False  # its last column is the change as it is: all of it or none
-    return bool(e.log_e > tau and e.gain > tau and e.left > 1e-5 and e.supported(alpha))
+    agreed = e.supported(alpha) or r.term.effect.replaces  # what the study itself left out needs no witness
+    return bool(e.log_e > tau and e.gain > tau and e.left > 1e-5 and agreed)
 
 
 def is_itself(m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
