@@ -63,10 +63,13 @@ class Extended:
         return tuple(_moved(self.columns, self.terms, chi))
 
     def groups(self) -> list[tuple[frozenset[str], frozenset[str]]]:
-        """Sizes and shapes of each term: its shapes mean nothing without a size."""
-        return [
-            (frozenset(t.names[: len(t.unknown)]), frozenset(t.names[len(t.unknown) :])) for t in self.terms
-        ]
+        """Sizes and shapes of each term: its shapes mean nothing without a size. Those of a change of the
+        model are what it is, and stay when parameters that it only lets in go."""
+        groups = []
+        for t in self.terms:
+            sizes, shapes = t.names[: len(t.unknown)], t.names[len(t.unknown) :]
+            groups.append((frozenset(() if t.effect.changes_model else sizes), frozenset(shapes)))
+        return groups
 
 
 def extend(
