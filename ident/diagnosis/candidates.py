@@ -11,12 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.sparse
 
-from ident.diagnosis.evidence import Metric, metric, project
+from ident.diagnosis.evidence import Metric, project
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
-from ident.diagnosis.whitened import Whitener
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
 
@@ -87,7 +85,7 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
     """The short list: at most PER_METRIC hypotheses of each metric, one shape each."""
     done = {term.key for term in state.terms}
     trials: list[tuple[Term, dict[int, np.ndarray]]] = []
-    metrics = (state.metric, white_metric(state))
+    metrics = (state.metric, state.plain_metric)
     bests: tuple[dict[tuple, Ranked], ...] = ({}, {})
     held = 0
     for effect, place in library.places:
@@ -131,19 +129,6 @@ def _weigh(
         for (term, _), gain in zip(trials, linear_gains(m, [columns for _, columns in trials], trials)):
             if gain > best.get(term.key, Ranked(term, 0.0)).gain:
                 best[term.key] = Ranked(term, gain)
-
-
-def white_metric(state: State) -> Metric:
-    """The same rows as if their noise were white."""
-    design, B = state.design
-    every = np.arange(len(state.rows.t))
-    plain = []
-    for c, use in enumerate(state.rows.use):
-        counted = use & state.rows.fitted
-        sigma = max(float(np.sqrt(np.mean(state.residual[c, counted] ** 2))) if counted.any() else 1.0, 1e-12)
-        L = scipy.sparse.csr_array((use / sigma, (every, every)), shape=(len(use), len(use)))
-        plain.append(Whitener(L, sigma, np.zeros(0)))
-    return metric(state.rows, design, B, plain)
 
 
 def linear_gains(

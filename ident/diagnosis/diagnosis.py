@@ -24,7 +24,7 @@ from ident.diagnosis.room import thrifty
 from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.settling import place_of
 from ident.diagnosis.state import State, without
-from ident.diagnosis.sufficiency import signals_read
+from ident.diagnosis.sufficiency import explained_share, signals_read
 from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import Visible, smallest_visible
 from ident.diagnosis.weighing import Equivalent
@@ -258,8 +258,8 @@ def _replaced(
             fit, still = _extended(known, other, base, begun, alpha, silent)
             if _is_told(fit, rival.term):
                 left = tuple(e for e in step.equivalent if e is not rival)
-                steps = (*other.steps[:at], replace(other.steps[at], equivalent=left), *other.steps[at + 1 :])
-                outcome, last, refused = replace(other, steps=steps), fit, still
+                outcome = other.with_step(at, replace(other.steps[at], equivalent=left))
+                last, refused = fit, still
                 break
     return outcome, last, refused
 
@@ -278,8 +278,10 @@ def _exactly(
         tried = [(outcome, last)]
         for rival in rivals:
             other = swapped(outcome, at, rival)
+            if other is outcome:
+                continue
             fit, _ = _extended(known, other, base, begun, alpha, silent)
-            if other is not outcome and _is_told(fit, rival):
+            if _is_told(fit, rival):
                 tried.append((other, fit))
         nats = [_nats(begun.state, fit) for _, fit in tried]
         equal = [k for k, n in enumerate(nats) if n > max(nats) - outcome.tau]
@@ -291,8 +293,7 @@ def _exactly(
         keys = {t[0].steps[at].term.key for t in tried}
         others = tuple(e for e in step.equivalent if e.term.key not in keys)
         outcome, last = tried[best]
-        chosen = replace(outcome.steps[at], equivalent=(*told, *others))
-        outcome = replace(outcome, steps=(*outcome.steps[:at], chosen, *outcome.steps[at + 1 :]))
+        outcome = outcome.with_step(at, replace(outcome.steps[at], equivalent=(*told, *others)))
     return outcome, last
 
 
@@ -409,9 +410,8 @@ def _channel(c: int, state: State) -> str:
     return state.model.channels[c].name(state.problem.robot.joint_labels)
 
 
-def _side(term: Term, c: int, state: State) -> str:
-    name = _channel(c, state)
-    return name[: len(name.rstrip("0123456789"))]
+def _side(c: int, state: State) -> str:
+    return _channel(c, state).rstrip("0123456789")
 
 
 def _findings(outcome: Outcome, last: FitResult, begun: Opened, alpha: float) -> tuple[Finding, ...]:
@@ -454,7 +454,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
     return Finding(
         term.effect.name,
         _joints(term, state),
-        _side(term, c, state),
+        _side(c, state),
         {key: value for key, value in where.items() if value is not None},
         {
             name: {"value": p.value, "std": p.std, "unit": p.unit, "at_bound": p.at_bound}
@@ -490,7 +490,7 @@ def _unexplained(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
     near = u.nearest
     return Unexplained(
         (joint,),
-        name[: len(name.rstrip("0123456789"))],
+        _side(u.channel, state),
         tuple(dict.fromkeys(_signal(v, name) for v in u.variables)),
         100 * u.share,
         u.log_e,
@@ -517,21 +517,15 @@ def _not_fitted(step: Step, outcome: Outcome) -> Unexplained:
     state, e, term = outcome.last, step.evidence, step.term
     c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
     joint = int(state.problem.robot.joint_labels[state.model.channels[c].joint])
-    share = 100 * (1 - np.exp(-2 * e.per_channel[c] / max(state.metric.judged.free[c], 1.0)))
+    number, share = place_of(state, term), 0.0
+    if number is not None and c in state.found[number].columns:
+        f = state.found[number]
+        share = 100 * explained_share(state.but(number), c, f.columns[c] @ f.sizes)
     near = Alternative(term.effect.name, _joints(term, state), float(e.log_e), 0.0)
-    read = tuple(sorted(signals_read(term) or ()))
     name = _channel(c, state)
-    signals = tuple(dict.fromkeys(_signal(v, name) for v in read))
-    return Unexplained(
-        (joint,),
-        name.rstrip("0123456789"),
-        signals,
-        share,
-        float(e.log_e),
-        near,
-        True,
-        picture(state, term, c),
-    )
+    signals = tuple(dict.fromkeys(_signal(v, name) for v in sorted(signals_read(term) or ())))
+    shown = picture(state, term, c)
+    return Unexplained((joint,), _side(c, state), signals, share, float(e.log_e), near, True, shown)
 
 
 def _beyond_noise(

@@ -8,6 +8,7 @@ the same signals may be sufficient together. What is left in the end is asked fo
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -79,6 +80,10 @@ class Outcome:
     tau: float
     notes: tuple[str, ...] = field(default=())
 
+    def with_step(self, at: int, step: Step) -> Outcome:
+        """Another step in the place of one."""
+        return replace(self, steps=(*self.steps[:at], step, *self.steps[at + 1 :]))
+
 
 def threshold(alpha: float) -> float:
     return float(np.log(BUDGET / alpha))
@@ -109,12 +114,13 @@ def trace(
             continue
         if not weighed.passed:
             held = _doubtful(state, weighed, tau, alpha)
-            end = None if held is not None else _at_an_end(state, weighed, tau, alpha)
+            told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
+            end = None if held is not None else _at_an_end(state, weighed, told, tau, alpha)
             if end is not None:
                 r, e = end
                 c = main_channel(e, r.term, state)
                 read = tuple(sorted(signals_read(r.term) or ()))
-                share = float(-np.expm1(-2 * e.per_channel[c] / weighed.metric.judged.free[c]))
+                share = explained_share(state, c, r.columns[c] @ r.sizes)
                 unnamed.append(Unnamed(c, read, e.log_e, e.gain, share, Equivalent(r.term, e.log_e)))
                 closed.add(state.model.channels[c].joint)
                 state = with_found(state, Found(None, r.columns, r.sizes, read))
@@ -141,7 +147,7 @@ def trace(
                         flex.variables,
                         flex.evidence.log_e,
                         flex.evidence.gain,
-                        explained_share(state, weighed.metric, c, flex),
+                        explained_share(state, c, flex.column),
                         Equivalent(best.term, evidence.log_e),
                     )
                 )
@@ -176,9 +182,13 @@ def _doubtful(
     return settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
 
 
-def _at_an_end(state: State, weighed: Weighed, tau: float, alpha: float) -> tuple[Refined, Evidence] | None:
-    """What would hold but for a shape at the end of its range: something is there, and it is not this."""
-    inside = [(replace(r, at_bound=()), e) for r, e in weighed.all if r.at_bound]
+def _at_an_end(
+    state: State, weighed: Weighed, told: Collection[tuple], tau: float, alpha: float
+) -> tuple[Refined, Evidence] | None:
+    """What would hold but for a shape at the end of its range: something is there, and it is not this. told:
+    keys of what was nearest to such before."""
+    here = [(r, e) for r, e in weighed.all if r.at_bound and r.term.key not in told]
+    inside = [(replace(r, at_bound=()), e) for r, e in here]
     ended = [(r, e) for r, e in inside if holds(state, weighed.metric, r, e, tau, alpha)]
     return max(ended, key=lambda its: its[1].log_e, default=None)
 
@@ -237,8 +247,7 @@ def swapped(outcome: Outcome, at: int, term: Term) -> Outcome:
     state = refined_together(with_found(others, Found(term, columns, np.array(term.size or [1.0]))))
     if place_of(state, term) is None:
         return outcome
-    steps = (*outcome.steps[:at], replace(step, term=term), *outcome.steps[at + 1 :])
-    return replace(outcome, last=state, steps=steps)
+    return replace(outcome, last=state).with_step(at, replace(step, term=term))
 
 
 def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
@@ -281,7 +290,7 @@ def leftovers(
                 told = flex.evidence  # its share is that of the rows that it was learned on, whitened
                 out.append(Unnamed(c, flex.variables, told.log_e, told.gain, wide, None, carries_over=False))
             continue
-        share = explained_share(state, m, c, flex)
+        share = explained_share(state, c, flex.column)
         column = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
         for number, f in reversed(list(enumerate(state.found))):
             if f.term is None or f.term.place.joint is None or c not in f.columns:

@@ -117,9 +117,8 @@ def _as_it_is(m: Metric, scene: Scene, start: Refined) -> Refined:
     fixed point of coefficient and size, and a soft gear's runs away. The summit may stand far from where the
     tangent leads: multiples are tried, of the sign that physics allows, then parabolas through the best
     three."""
-    first = float(start.sizes[0])
-    if start.term.effect.linear[0].sign == "positive":
-        first = abs(first)
+    first, positive = float(start.sizes[0]), start.term.effect.linear[0].sign == "positive"
+    first = abs(first) if positive else first
     tried: dict[float, tuple[float, Refined]] = {}
 
     def gain(size: float) -> float:
@@ -127,10 +126,8 @@ def _as_it_is(m: Metric, scene: Scene, start: Refined) -> Refined:
             tried[size] = _exactly(m, scene, start, size)
         return tried[size][0]
 
-    signs = (1.0,) if start.term.effect.linear[0].sign == "positive" else (1.0, -1.0)
-    for sign in signs:
-        for factor in FACTORS if sign > 0 else (1.0,):
-            gain(sign * factor * first)
+    for factor in FACTORS if positive else (*FACTORS, -1.0):
+        gain(factor * first)
     for _ in range(PARABOLAS):
         top = max(tried, key=gain)
         new = _summit({size: told for size, (told, _) in tried.items()}, top)

@@ -66,6 +66,20 @@ class State:
         return metric(self.rows, design, B, self.whiteners)
 
     @cached_property
+    def plain_metric(self) -> Metric:
+        """The same rows as if their noise were white."""
+        design, B = self.design
+        every = np.arange(len(self.rows.t))
+        plain = []
+        for c, use in enumerate(self.rows.use):
+            counted = use & self.rows.fitted
+            left = float(np.sqrt(np.mean(self.residual[c, counted] ** 2))) if counted.any() else 1.0
+            sigma = max(left, 1e-12)
+            L = scipy.sparse.csr_array((use / sigma, (every, every)), shape=(len(use), len(use)))
+            plain.append(Whitener(L, sigma, np.zeros(0)))
+        return metric(self.rows, design, B, plain)
+
+    @cached_property
     def residual(self) -> np.ndarray:
         """(C, M) unwhitened, of all used rows, frozen at the estimate."""
         design, _ = self.design

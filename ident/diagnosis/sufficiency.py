@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.candidates import white_metric
 from ident.diagnosis.evidence import Evidence, Metric
 from ident.diagnosis.leading import beside_function
 from ident.diagnosis.nameless import Flexible, flexible
@@ -75,7 +74,7 @@ def heard(state: State, c: int, tau: float) -> tuple[Flexible | None, Metric]:
     power = np.mean(state.residual[c, counted] ** 2) if counted.any() else 0.0
     if state.whiteners[c].sigma ** 2 > FORETOLD * power:
         return found
-    plain = ask(state, white_metric(state), c, tau)
+    plain = ask(state, state.plain_metric, c, tau)
     if plain is None:
         return found
     m = beside_function(state, c, plain.column, plain.variables)
@@ -88,12 +87,12 @@ def heard(state: State, c: int, tau: float) -> tuple[Flexible | None, Metric]:
     return again, m
 
 
-def explained_share(state: State, m: Metric, c: int, flex: Flexible) -> float:
+def explained_share(state: State, c: int, column: np.ndarray) -> float:
     """Share of what the model leaves of the channel's torque (N m, judged rows, the model's parameters
-    free) that the function explains as it was learned."""
+    free) that a column (M,) explains as it was learned."""
     design, _ = state.design
     on = state.rows.judged & state.rows.use[c]
     X = design[c][1][on]
-    both = np.column_stack([state.rows.Y[c, on], flex.column[on]])
+    both = np.column_stack([state.rows.Y[c, on], column[on]])
     rho, z = (both - X @ np.linalg.lstsq(X, both, rcond=1e-9)[0]).T
     return float(np.clip(1 - np.sum((rho - z) ** 2) / max(float(rho @ rho), 1e-300), 0.0, 1.0))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.diagnosis.candidates import Ranked, white_metric
+from ident.diagnosis.candidates import Ranked
 from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
@@ -76,7 +76,7 @@ def holds(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: f
         passes(state, r, e, tau, alpha)
         and is_itself(m, r, e, tau, alpha)
         and shifts_all(state, m, r, tau)
-        and lowers(white_metric(state), r, main_channel(e, r.term, state))
+        and lowers(state.plain_metric, r, main_channel(e, r.term, state))
     )
 
 
