@@ -2,13 +2,8 @@
 
 import numpy as np
 import pytest
-from recordings import motion, write_parquet, write_study
-from small_arm import ARM
+from dry_arm import opened_dry_arm
 
-import generated
-from ident.diagnosis.opening import opened
-from ident.equations.prepared import prepare_study
-from ident.recordings.study import load_study
 from modelgen.effects.states import integrate_dahl
 
 WIDTH, RATE = 0.004, 0.03  # rad of travel before the first joint slips; rad/s, of the others' turn-over
@@ -17,25 +12,13 @@ WIDTH, RATE = 0.004, 0.03  # rad of travel before the first joint slips; rad/s, 
 @pytest.fixture(scope="module")
 def soft(tmp_path_factory):
     """An arm whose first joint gives way over four thousandths of a radian, by Dahl's law."""
-    folder = tmp_path_factory.mktemp("soft")
-    (folder / "robot.yaml").write_text(ARM)
-    model = generated.load(str(folder / "robot.yaml"), "A")
-    rng = np.random.default_rng(1)
-    chi = 0.3 * rng.normal(size=len(model.parameters))
-    for k, name in enumerate(model.parameters):
-        if name.startswith(("Fv", "Fc", "Iam")):
-            chi[k] = 1.0
-    for k, seconds in enumerate((20, 12)):
-        t, q, dq, ddq = motion(seconds, 500.0, k, 3, 2.0)
-        sign = np.tanh(dq / RATE)
-        sign[:, 0] = integrate_dahl(q[:, 0], {"width": WIDTH}, 0.0)
-        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign)) + 0.02 * rng.normal(size=(len(t), 3))
-        columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}
-        write_parquet(
-            folder / f"run{k + 1}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)}
-        )
-    entries = [{"file": "run1.parquet"}, {"file": "run2.parquet", "use": "validate"}]
-    return opened(prepare_study(load_study(write_study(folder, entries, robot="robot.yaml")))).state
+
+    def sign(q, dq):
+        out = np.tanh(dq / RATE)
+        out[:, 0] = integrate_dahl(q[:, 0], {"width": WIDTH}, 0.0)
+        return out
+
+    return opened_dry_arm(tmp_path_factory.mktemp("soft"), sign, 500.0, 1)
 
 
 def test_travel_that_the_error_shows_is_left_to_the_search(soft):

@@ -4,15 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import motion, write_parquet, write_study
-from small_arm import ARM
+from dry_arm import opened_dry_arm
 
-import generated
-from ident.diagnosis.opening import opened
 from ident.diagnosis.state import turned as turned_over
 from ident.diagnosis.turn_over import SHORTEST, _peak, grids, reverses
-from ident.equations.prepared import prepare_study
-from ident.recordings.study import load_study
 from ident.signals.dry_friction import TurnOver
 
 RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns over
@@ -22,24 +17,7 @@ RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns ove
 def turned(tmp_path_factory):
     """An arm whose torque is that of the model but for how its dry friction changes sign."""
     folder = tmp_path_factory.mktemp("turned")
-    (folder / "robot.yaml").write_text(ARM)
-    model = generated.load(str(folder / "robot.yaml"), "A")
-    rng = np.random.default_rng(0)
-    chi = 0.3 * rng.normal(size=len(model.parameters))
-    for k, name in enumerate(model.parameters):
-        if name.startswith(("Fv", "Fc", "Iam")):
-            chi[k] = 1.0
-    for k, seconds in enumerate((20, 12)):
-        t, q, dq, ddq = motion(seconds, 200.0, k, 3, 2.0)
-        sign = np.tanh(dq / np.array(RATES))
-        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign)) + 0.02 * rng.normal(size=(len(t), 3))
-        columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}
-        write_parquet(
-            folder / f"run{k + 1}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)}
-        )
-    entries = [{"file": "run1.parquet"}, {"file": "run2.parquet", "use": "validate"}]
-    study = load_study(write_study(folder, entries, robot="robot.yaml"))
-    return opened(prepare_study(study)).state
+    return opened_dry_arm(folder, lambda q, dq: np.tanh(dq / np.array(RATES)), 200.0, 0)
 
 
 def test_the_rates_are_recovered(turned):

@@ -1,0 +1,38 @@
+"""Recordings of a small arm whose dry friction changes its sign as it is told."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from recordings import motion, write_parquet, write_study
+from small_arm import ARM
+
+import generated
+from ident.diagnosis.opening import opened
+from ident.diagnosis.state import State
+from ident.equations.prepared import prepare_study
+from ident.recordings.study import load_study
+
+Sign = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of q, dq (N, 3) -> (N, 3)
+
+
+def opened_dry_arm(folder: Path, sign: Sign, rate_hz: float, seed: int) -> State:
+    """The first state of a diagnosis of two runs, 20 s and 12 s, with 0.02 N m of white noise."""
+    (folder / "robot.yaml").write_text(ARM)
+    model = generated.load(str(folder / "robot.yaml"), "A")
+    rng = np.random.default_rng(seed)
+    chi = 0.3 * rng.normal(size=len(model.parameters))
+    for k, name in enumerate(model.parameters):
+        if name.startswith(("Fv", "Fc", "Iam")):
+            chi[k] = 1.0
+    for k, seconds in enumerate((20, 12)):
+        t, q, dq, ddq = motion(seconds, rate_hz, k, 3, 2.0)
+        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign(q, dq))) + 0.02 * rng.normal(
+            size=(len(t), 3)
+        )
+        columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}
+        write_parquet(
+            folder / f"run{k + 1}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)}
+        )
+    entries = [{"file": "run1.parquet"}, {"file": "run2.parquet", "use": "validate"}]
+    return opened(prepare_study(load_study(write_study(folder, entries, robot="robot.yaml")))).state
