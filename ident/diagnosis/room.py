@@ -11,6 +11,8 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
+import numpy as np
+
 from ident.diagnosis.fine import stride_of
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
@@ -49,8 +51,8 @@ def room_for(prepared: Prepared, cutoff_hz: float, memory: float | None) -> Room
     needed = taken + PROGRAM + min(2.0 * LEAST, there) * row + LIBRARY_LEAST
     if limit < needed:
         raise MemoryLimitError(
-            f"--memory {limit / 1e9:.2g}GB is too little for this study: it needs {needed / 1e9:.2g}GB; "
-            "give that much, or leave recordings or channels out"
+            f"--memory {limit / 1e9:.2g}GB is too little for this study: it needs "
+            f"{np.ceil(needed / 1e7) / 100:.4g}GB; give that much, or leave recordings or channels out"
         )
     library = min(LIBRARY, max(LIBRARY_LEAST, SHARE * (limit - taken - PROGRAM)))
     return Room(int(min(MOST, max(LEAST, (limit - taken - PROGRAM - library) / row / 2))), library)

@@ -46,6 +46,8 @@ def test_help_imports_nothing_heavy():
         (["fit"], "STUDY"),
         (["fit", "study.yaml"], "output"),
         (["fit", "nowhere.yaml", "-o", "out"], "nowhere.yaml"),
+        (["fit", "study.yaml", "-o", ""], "-o is empty; name a folder"),
+        (["diagnose", "study.yaml", "-o", " "], "-o is empty; name a folder"),
         (["fit", "study.yaml", "-o", "out", "--colour"], "--colour"),
         (["fot"], "fot"),
         (["diagnose", "nowhere.yaml", "-o", "out"], "nowhere.yaml"),

@@ -2,8 +2,10 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import browser
@@ -11,8 +13,10 @@ import pytest
 from small_arm import ARM
 
 import ident as door
+from benchmarks.child import measured
 from ident.export.saved import load_fit
 from ident.twin import PlannedRun, simulate, write_simulation
+from tests.reliability.kills import TABLE
 
 RUNS = (
     PlannedRun("first", "identify", 20.0),
@@ -92,23 +96,32 @@ def test_robot_writes_a_robot_file_once(study, tmp_path):
     assert robot.read_text() == ARM
 
 
-@pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
-@pytest.mark.parametrize("command", ["fit", "simulate"])
-def test_a_full_disk_is_one_sentence_and_the_old_result_stays(study, tmp_path, command):
+def the_disk_is_full(arguments, out):
+    """Run a command that wrote `out` before: it says one sentence, and what was there is whole."""
+
     def full() -> None:
         import resource
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
 
-    robot = [study.parent / "small.yaml", "--duration", 20] if command == "simulate" else [study]
-    arguments = [command, *robot, "-o", tmp_path / "out"]
-    assert ident(*arguments).returncode == 0
-    before = {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()}
+    before = {p: p.read_bytes() for p in out.rglob("*") if p.is_file()}
     done = ident(*arguments, preexec_fn=full)
     assert done.returncode == 2 and "make room, or name another folder with -o" in done.stderr
     errors = [line for line in done.stderr.splitlines() if line.startswith("ident: ")]
     assert len(errors) == 1 and "Traceback" not in done.stderr
-    assert {p: p.read_bytes() for p in (tmp_path / "out").rglob("*") if p.is_file()} == before
+    assert before and {p: p.read_bytes() for p in out.rglob("*") if p.is_file()} == before
+
+
+posix = pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
+
+
+@posix
+@pytest.mark.parametrize("command", ["fit", "simulate"])
+def test_a_full_disk_is_one_sentence_and_the_old_result_stays(study, tmp_path, command):
+    robot = [study.parent / "small.yaml", "--duration", 20] if command == "simulate" else [study]
+    arguments = [command, *robot, "-o", tmp_path / "out"]
+    assert ident(*arguments).returncode == 0
+    the_disk_is_full(arguments, tmp_path / "out")
 
 
 def test_fit_of_several_models_compares_them(study, tmp_path):
@@ -146,6 +159,20 @@ def test_diagnose_writes_what_the_contract_says(diagnosed):
     assert "The model lacks stribeck friction on joint 2" in html and len(html) < 8e6
     assert "What would change our mind" in html and "--effect stribeck_friction:2" in html
     assert (folder / "plots" / "1_stribeck_friction.svg").is_file()
+
+
+@posix
+def test_a_diagnosis_keeps_below_the_least_limit_that_it_accepts_and_outlives_a_full_disk(tmp_path):
+    (tmp_path / "arm.yaml").write_text(TABLE)
+    made = simulate(tmp_path / "arm.yaml", runs=[replace(run, duration=8.0) for run in RUNS[:2]])
+    command = ["diagnose", write_simulation(made, tmp_path / "twin"), "-o", tmp_path / "out", "--memory"]
+    refused = ident(*command, "50MB")
+    assert refused.returncode == 2 and "too little for this study" in refused.stderr
+    (least,) = re.findall(r"it needs ([0-9.]+)GB", refused.stderr)
+    command.append(f"{least}GB")
+    _, _, peak = measured([sys.executable, "-m", "ident", *map(str, command)], 1)
+    assert 100 < 1.048576 * peak < 1000 * float(least)  # MB
+    the_disk_is_full(command, tmp_path / "out")
 
 
 def test_the_c_of_what_was_found_comes_with_its_numbers(diagnosed):
