@@ -10,11 +10,8 @@ thirty joints for a minute. Made once in DIR, where they stay.
 from __future__ import annotations
 
 import argparse
-import os
-import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -22,6 +19,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
+from child import measured
 
 from ident.twin.study import PlannedRun, simulate
 
@@ -96,19 +94,12 @@ CASES: dict[str, tuple[Callable[[Path], Path], float]] = {  # case: study, most 
 }
 
 
-def diagnosed(study: Path, memory: str | None) -> tuple[float, float, int, str]:
-    """GB at the peak, seconds, exit status and what the command said."""
+def diagnosed(study: Path, memory: str | None) -> tuple[float, float, float]:
+    """GB at the peak, wall and processor time in seconds; SystemExit with what a failed command said."""
     with tempfile.TemporaryDirectory() as out:
         command = [sys.executable, "-m", "ident", "diagnose", str(study), "-o", out, "--overwrite"]
-        with open(Path(out) / "said", "w+") as said:
-            begun = time.perf_counter()
-            child = subprocess.Popen(
-                command + (["--memory", memory] if memory else []), stdout=said, stderr=subprocess.STDOUT
-            )
-            _, status, usage = os.wait4(child.pid, 0)
-            seconds = time.perf_counter() - begun
-            said.seek(0)
-            return usage.ru_maxrss / 1e6 * 1.024, seconds, os.waitstatus_to_exitcode(status), said.read()
+        wall, cpu, peak = measured(command + (["--memory", memory] if memory else []), 1)
+        return peak * 1.048576e-3, wall, cpu
 
 
 def main() -> None:
@@ -119,13 +110,12 @@ def main() -> None:
     parser.add_argument("--cases", default=",".join(CASES))
     parser.add_argument("--memory", default=None)
     args = parser.parse_args()
-    print(f"{'case':14s} {'GB':>6s} {'limit':>6s} {'s':>7s}  exit")
+    print(f"{'case':14s} {'GB':>6s} {'limit':>6s} {'wall s':>7s} {'CPU s':>7s}")
     for name in args.cases.split(","):
         make, most = CASES[name]
         study = make(args.folder / name)
-        peak, seconds, status, said = diagnosed(study, args.memory)
-        last = said.strip().splitlines()[-1] if said.strip() else ""
-        print(f"{name:14s} {peak:6.2f} {most:6.1f} {seconds:7.1f}  {status}  {last[:120]}", flush=True)
+        peak, wall, cpu = diagnosed(study, args.memory)
+        print(f"{name:14s} {peak:6.2f} {most:6.1f} {wall:7.1f} {cpu:7.1f}", flush=True)
 
 
 if __name__ == "__main__":

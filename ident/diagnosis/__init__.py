@@ -3,6 +3,7 @@
 opening -> rows, fine -> state (whitened, turn_over) -> candidates, events -> refine -> evidence, nameless
 -> loop -> diagnosis"""
 
-from ident.diagnosis.diagnosis import Alternative, Diagnosis, Finding, Unexplained, diagnose_study
+from ident.diagnosis.diagnosis import Diagnosis, diagnose_study
+from ident.diagnosis.findings import Alternative, Finding, Unexplained
 
 __all__ = ["Alternative", "Diagnosis", "Finding", "Unexplained", "diagnose_study"]

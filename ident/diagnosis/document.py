@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.diagnosis import Alternative, Diagnosis, Finding, Unexplained
+from ident.diagnosis.diagnosis import Diagnosis
+from ident.diagnosis.findings import Alternative, Finding, Unexplained
 from ident.diagnosis.loop import Step
 from ident.diagnosis.requests import separable, separating_command
 from ident.report.joints import joints_of

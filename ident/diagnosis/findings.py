@@ -1,0 +1,303 @@
+"""What is told: findings with the numbers of the last fit and the evidence of the loop, and what no known
+effect explains."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.diagnosis.last_fit import is_told, same
+from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed
+from ident.diagnosis.opening import Opened
+from ident.diagnosis.pictures import Picture, picture
+from ident.diagnosis.seconds_apart import seconds_apart
+from ident.diagnosis.settling import place_of
+from ident.diagnosis.state import State, solved, without
+from ident.diagnosis.sufficiency import explained_share, signals_read
+from ident.diagnosis.terms import Term
+from ident.estimation.fit import FitResult
+from ident.estimation.found_effects import FoundEffect, found_effects
+from ident.examination.check import Check
+from ident.recordings.study import Study
+from modelgen.effects import catalogue
+
+FAR_OFF = 3.0  # times what noise and parameters explain: an error of judged rows that is no noise
+OWN_COURSE = 5.0  # times what is new from row to row: an error that its past foretells is no drive's noise
+ESTABLISHED, PARTLY = "established", "partly"
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """Another explanation of a finding. equivalent: these data cannot reject it."""
+
+    effect: str
+    joints: tuple[int, ...]
+    log_e: float
+    error_drop_percent: float
+    source_joint: int | None = None  # of a pair of joints, the other one
+    link: int | None = None
+    seconds: float | None = None  # of motion as it is until the two are told apart
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One effect that the model lacked; parameters {name: {value, std, unit, at_bound}} of the last fit."""
+
+    effect: str
+    joints: tuple[int, ...]
+    channel: str
+    where: Mapping[str, Any]  # side, recording, from, to, source_joint, link
+    parameters: Mapping[str, Mapping[str, Any]]
+    p_value: float
+    log_e: float
+    gain: float
+    error_drop_percent: float  # of its channel, whitened, on rows that chose nothing
+    equivalent: tuple[Alternative, ...]
+    remedy: str
+    grade: str
+    signature: str
+    picture: Picture | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Unexplained:
+    """Structure that no known effect explains; share of what the model leaves of the channel's torque."""
+
+    joints: tuple[int, ...]
+    channel: str
+    depends_on: tuple[str, ...]
+    share_of_residual_percent: float
+    log_e: float
+    nearest: Alternative | None
+    carries_over: bool
+    picture: Picture | None = None
+
+
+def _joints(term: Term, state: State) -> tuple[int, ...]:
+    labels = state.problem.robot.joint_labels
+    return () if term.place.joint is None else (int(labels[term.place.joint]),)
+
+
+def _channel(c: int, state: State) -> str:
+    return state.model.channels[c].name(state.problem.robot.joint_labels)
+
+
+def _side(c: int, state: State) -> str:
+    return _channel(c, state).rstrip("0123456789")
+
+
+def findings_of(outcome: Outcome, last: FitResult, begun: Opened, alpha: float) -> tuple[Finding, ...]:
+    state = outcome.last
+    told = list(found_effects(last)) if last.terms else []
+    out = []
+    for step in sorted(outcome.steps, key=lambda s: -_practical_size(state, s.term)):
+        term = next((t for t in state.terms if t.key == step.term.key), None)
+        fitted = next((f for f in told if term is not None and same(f.term, term)), None)
+        if term is not None and fitted is not None:
+            told.remove(fitted)  # one that grew by more of its parameters is one finding
+            out.append(_finding(step, term, fitted, outcome))
+    return tuple(out)
+
+
+def _practical_size(state: State, term: Term) -> float:
+    """By how much the error, relative to the torque, would be larger without an effect (its square, the model
+    free to answer): on the channel where that is most, of its recording where it acts in one."""
+    number = place_of(state, term)
+    if number is None:
+        return 0.0
+    rows, rest = state.rows, solved(state.but(number))
+    mine = rows.use & _recorded(state, term.place.recording)
+    torque = np.sum(np.where(mine, rows.Y, 0.0) ** 2, axis=1)
+    more = np.sum(np.where(mine, rest.residual**2 - state.residual**2, 0.0), axis=1)
+    return float(np.max(more / np.maximum(torque, 1e-300)))
+
+
+def _recorded(state: State, recording: str | None) -> np.ndarray:
+    """(M,) bool: rows of a recording (None: of all)."""
+    labels = np.concatenate([np.full(s.rows, s.label, object) for s in state.segments])
+    return np.ones(len(labels), bool) if recording is None else labels == recording
+
+
+def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> Finding:
+    state, e = outcome.last, step.evidence
+    place = term.place
+    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    labels = state.problem.robot.joint_labels
+    where = {
+        "side": place.side,
+        "source_joint": None if place.source is None else int(labels[place.source]),
+        "recording": place.recording,
+        "from": place.start,
+        "to": place.stop,
+        "link": place.link,
+    }
+    left = {u.channel for u in outcome.unnamed}
+    own = set(place.rows(state.model.channels))
+    partly = place.joint is not None and bool(left & own)
+    drop = 100 * (1 - np.exp(-e.per_channel[c] / max(state.metric.judged.free[c], 1.0)))
+    return Finding(
+        term.effect.name,
+        _joints(term, state),
+        _side(c, state),
+        {key: value for key, value in where.items() if value is not None},
+        {
+            name: {"value": p.value, "std": p.std, "unit": p.unit, "at_bound": p.at_bound}
+            for name, p in fitted.parameters.items()
+        },
+        float(min(1.0, np.exp(-e.log_e) * BUDGET)),
+        float(e.log_e),
+        float(e.gain),
+        float(drop),
+        tuple(
+            Alternative(
+                eq.term.effect.name,
+                _joints(eq.term, state),
+                float(eq.log_e),
+                float(100 * (1 - np.exp(-eq.log_e / max(state.metric.judged.free[c], 1.0)))),
+                None if eq.term.place.source is None else int(labels[eq.term.place.source]),
+                eq.term.place.link,
+                seconds_apart(state, term, eq.term, outcome.tau),
+            )
+            for eq in step.equivalent
+        ),
+        term.effect.remedy,
+        PARTLY if partly else ESTABLISHED,
+        term.effect.signature,
+        picture(state, term, c),
+    )
+
+
+def unexplained_of(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
+    state = outcome.last
+    joint = int(state.problem.robot.joint_labels[state.model.channels[u.channel].joint])
+    name = _channel(u.channel, state)
+    near = u.nearest
+    return Unexplained(
+        (joint,),
+        _side(u.channel, state),
+        tuple(dict.fromkeys(_signal(v, name) for v in u.variables)),
+        100 * u.share,
+        u.log_e,
+        None
+        if near is None
+        else Alternative(near.term.effect.name, _joints(near.term, state), float(near.log_e), 0.0),
+        u.carries_over,
+        picture(state, None, u.channel, u.variables),
+    )
+
+
+def as_told(outcome: Outcome, last: FitResult) -> State:
+    """The loop's state with what is handed over alone."""
+    state = outcome.last
+    for f in outcome.last.found:
+        if f.term is not None and not is_told(last, f.term):
+            at = place_of(state, f.term)
+            state = state if at is None else without(state, at)
+    return state
+
+
+def not_fitted(step: Step, outcome: Outcome) -> Unexplained:
+    """What the loop found and the last fit could not be made of."""
+    state, e, term = outcome.last, step.evidence, step.term
+    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    joint = int(state.problem.robot.joint_labels[state.model.channels[c].joint])
+    number, share = place_of(state, term), 0.0
+    if number is not None and c in state.found[number].columns:
+        f = state.found[number]
+        share = 100 * explained_share(state.but(number), c, f.columns[c] @ f.sizes)
+    near = Alternative(term.effect.name, _joints(term, state), float(e.log_e), 0.0)
+    name = _channel(c, state)
+    signals = tuple(dict.fromkeys(_signal(v, name) for v in sorted(signals_read(term) or ())))
+    shown = picture(state, term, c)
+    return Unexplained((joint,), _side(c, state), signals, share, float(e.log_e), near, True, shown)
+
+
+def beyond_noise(
+    last: FitResult, state: State, findings: Sequence[Finding], told: Sequence[Unexplained]
+) -> tuple[Unexplained, ...]:
+    """Channels of which nothing was said, and whose residual is no noise all the same: its error on the rows
+    that judge is far beyond what noise and the parameters' uncertainty make there, or it goes its own way in
+    time, foretold by its own past (a vibration, a slosh, a drift)."""
+    known = {joint for f in findings for joint in f.joints} | {joint for u in told for joint in u.joints}
+    everywhere = any(not f.joints for f in findings)
+    rows, out = state.rows, []
+    for c, channel in enumerate(last.columns.need.channels):
+        joint = last.columns.need.joints[channel.joint]
+        fitted, judged = (side & rows.use[c] for side in (rows.fitted, rows.judged))
+        if joint in known or everywhere or not fitted.any() or not judged.any():
+            continue
+        noise = np.mean(state.residual[c, fitted] ** 2)
+        expected = noise + np.mean(_parameter_variance(last, state, c, judged))
+        found = np.mean(state.residual[c, judged] ** 2)
+        new = state.whiteners[c].sigma ** 2
+        kind = last.columns.channels[c].rstrip("0123456789")
+        if found > FAR_OFF**2 * expected:
+            share = 100.0 * float(1.0 - expected / found)
+            out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
+        elif noise > OWN_COURSE**2 * new:
+            nats = 0.5 * float(fitted.sum()) * float(np.log(noise / new))
+            share = 100.0 * float(1.0 - new / noise)
+            shown = picture(state, None, c, ("t",))
+            out.append(Unexplained((joint,), kind, ("t",), share, nats, None, False, shown))
+    return tuple(out)
+
+
+def _parameter_variance(last: FitResult, state: State, c: int, where: np.ndarray) -> np.ndarray:
+    """(rows,) variance of a channel's model torque from the fit's covariance for coloured noise."""
+    places, values = state.rows.base[c]
+    mine = places < len(last.full_covariance)
+    X, C = values[where][:, mine], last.full_covariance[np.ix_(places[mine], places[mine])]
+    return np.asarray(np.einsum("ij,jk,ik->i", X, C, X))
+
+
+def _signal(variable: str, channel: str) -> str:
+    return channel if variable == "tau" else variable
+
+
+def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) -> tuple[Finding, ...]:
+    """Faults that the examination undid, as findings: the effect that declares to be told by such a check."""
+    if mended is None:
+        return ()
+    by_check = {name: e for e in catalogue().values() for name in e.told_by}
+    out = []
+    for check in checks:
+        effect = by_check.get(check.check)
+        if effect is None:
+            continue
+        values: dict[str, dict[str, Any]] = {}
+        if mended.gravity is not None and mended.gravity != study.gravity and not check.signals:
+            values = {
+                f"g{axis}": {"value": float(g), "std": None, "unit": "m/s^2", "at_bound": False}
+                for axis, g in zip("xyz", mended.gravity)
+            }
+        joints = tuple(int("".join(filter(str.isdigit, name)) or 0) for name in check.signals)
+        side = "tau_l" if any(name.startswith("tau_l") for name in check.signals) else "tau_m"
+        out.append(
+            Finding(
+                effect.name, joints, side, {}, values, 0.0, float("inf"), float("inf"), 0.0, (),
+                check.remedy or effect.remedy, ESTABLISHED, check.message,
+            )
+        )  # fmt: skip
+    return tuple(out)
+
+
+def explainable(outcome: Outcome, begun: Opened) -> dict[str, dict[str, float]]:
+    """Per channel: nats that names explain of what names and functions without a name do together."""
+    state = outcome.last
+    named, nameless = np.zeros(state.rows.channels), np.zeros(state.rows.channels)
+    for step in outcome.steps:
+        place = step.term.place
+        own = range(len(named)) if place.joint is None else place.rows(state.model.channels)
+        for c in own:
+            named[c] += max(float(step.evidence.per_channel[c]), 0.0)
+    for u in outcome.unnamed:
+        nameless[u.channel] += max(u.log_e, 0.0)
+    out = {}
+    for c in range(state.rows.channels):
+        whole = float(named[c] + nameless[c])
+        share = 100.0 * float(named[c]) / whole if whole > 0 else 100.0
+        out[_channel(c, state)] = {"explainable_nats": whole, "explained_share_percent": share}
+    return out

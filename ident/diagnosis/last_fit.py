@@ -1,0 +1,238 @@
+"""The extended study and its fit: what the loop found, fitted whole as `ident fit` does it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ident.diagnosis.loop import BUDGET, Outcome, swapped
+from ident.diagnosis.opening import Opened
+from ident.diagnosis.state import State
+from ident.diagnosis.terms import Term
+from ident.diagnosis.weighing import Equivalent
+from ident.equations.placing import entry_of
+from ident.equations.terms import Term as StudyTerm
+from ident.errors import FitFailedError, NotEnoughDataError, StudyError
+from ident.estimation.fit import Examined, FitResult, fit_study
+from ident.estimation.found_effects import found_effects
+from ident.progress import Progress, silent
+from ident.signals.filtering import STEEPNESS, prepare
+
+SPOILT = 0.02  # of the error of the runs that chose nothing: more is no rounding
+
+
+def extended(
+    known: Examined, outcome: Outcome, base: FitResult, begun: Opened, alpha: float, progress: Progress
+) -> tuple[FitResult, set[tuple]]:
+    """The study with the findings as its effects, fitted whole; without those that it does not need, and
+    those that cannot be fitted there, whose keys are told."""
+    refused: set[tuple] = set()
+    study = known.prepared.study
+    declared = len(study.effects)
+    terms = outcome.last.terms[declared:]
+    if not terms:
+        return base, refused
+    joints = base.columns.need.joints
+    settings = study.filter.model_copy(
+        update={
+            "decimation_cutoff_hz": max(
+                base.cutoff_hz, min(0.5 * study.filter.position_cutoff_hz, begun.cutoff_hz)
+            )
+        }
+    )
+    limit = alpha / BUDGET
+    entries = [*study.effects, *(entry_of(_study_term(t, outcome.last), joints) for t in terms)]
+    keys = [*(() for _ in study.effects), *(t.key for t in terms)]
+    while len(entries) > declared:
+        extended = study.with_(effects=tuple(entries), filter=settings)
+        try:
+            last = fit_study(extended, progress=progress, known=known.again(extended))
+        except (FitFailedError, NotEnoughDataError, StudyError):
+            entries.pop()
+            refused.add(keys.pop())
+            continue
+        told = found_effects(last)
+        impossible = [k for k, f in enumerate(told) if k >= declared and not _possible(f.term)]
+        if impossible:
+            at = max(impossible, key=lambda k: told[k].p_value)
+            refused.add(keys.pop(at))
+            entries.pop(at)
+            continue
+        weak = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
+        weakest = max(weak, key=lambda k: (not told[k].essential, told[k].p_value), default=None)
+        lost = _worse(last, base, declared) if weakest is None else [weakest]  # two can hide each other
+        if not lost:
+            return _turned(last, outcome.last, known, progress), refused
+        entries = [entry for k, entry in enumerate(entries) if k not in lost]
+        keys = [key for k, key in enumerate(keys) if k not in lost]
+    return base, refused
+
+
+def replaced(
+    known: Examined,
+    outcome: Outcome,
+    base: FitResult,
+    last: FitResult,
+    refused: set[tuple],
+    begun: Opened,
+    alpha: float,
+) -> tuple[Outcome, FitResult, set[tuple]]:
+    """In the place of what the last fit could not be made of, what was as likely in the loop."""
+    for at, step in enumerate(outcome.steps):
+        for rival in step.equivalent if step.term.key in refused else ():
+            other = swapped(outcome, at, rival.term)
+            if other is outcome:
+                continue
+            fit, still = extended(known, other, base, begun, alpha, silent)
+            if is_told(fit, rival.term):
+                left = tuple(e for e in step.equivalent if e is not rival)
+                outcome = other.with_step(at, replace(other.steps[at], equivalent=left))
+                last, refused = fit, still
+                break
+    return outcome, last, refused
+
+
+def compared_exactly(
+    known: Examined, outcome: Outcome, base: FitResult, last: FitResult, begun: Opened, alpha: float
+) -> tuple[Outcome, FitResult]:
+    """Explanations that act on the model's own torque (a delay, a lag, a soft gear) compared by their last
+    fits: in the loop their columns are made with the model that stood beside them, which favours the one
+    that it was settled with. Those that the best one on the rows that chose nothing is not ahead of by the
+    limit cannot be told apart: the simplest is told, and the others beside it."""
+    for at, step in enumerate(outcome.steps):
+        rivals = [t for t in step.passed if t.size is not None and t.key != step.term.key]
+        if step.term.size is None or not rivals or not is_told(last, step.term):
+            continue
+        tried = [(outcome, last)]
+        for rival in rivals:
+            other = swapped(outcome, at, rival)
+            if other is outcome:
+                continue
+            fit, _ = extended(known, other, base, begun, alpha, silent)
+            if is_told(fit, rival):
+                tried.append((other, fit))
+        nats = [_nats(begun.state, fit) for _, fit in tried]
+        equal = [k for k, n in enumerate(nats) if n > max(nats) - outcome.tau]
+        best = min(equal, key=lambda k: (_free(tried[k][0].steps[at].term), -nats[k]))
+        own = step.evidence.log_e
+        told = tuple(
+            Equivalent(tried[k][0].steps[at].term, own + nats[k] - nats[best]) for k in equal if k != best
+        )
+        keys = {t[0].steps[at].term.key for t in tried}
+        others = tuple(e for e in step.equivalent if e.term.key not in keys)
+        outcome, last = tried[best]
+        outcome = outcome.with_step(at, replace(outcome.steps[at], equivalent=(*told, *others)))
+    return outcome, last
+
+
+def _free(term: Term) -> tuple[int, bool]:
+    return term.free, not term.effect.common
+
+
+def is_told(fit: FitResult, term: Term) -> bool:
+    return any(same(told, term) for told in fit.terms)
+
+
+def _nats(state: State, fit: FitResult) -> float:
+    """Of the error of the runs that chose nothing, as if each row were news."""
+    error = _judged(fit)
+    counts = [int((use & state.rows.judged).sum()) for use in state.rows.use]
+    return -float(sum(n * np.log(error[name]) for n, name in zip(counts, fit.columns.channels)))
+
+
+def _possible(term: StudyTerm) -> bool:
+    """Whether physics allows the values of the fit."""
+    return term.effect.physical({**dict(zip(term.linear, term.size)), **term.theta}) is None
+
+
+def _judged(fit: FitResult) -> Mapping[str, float]:
+    """Percent of the runs that chose nothing, where there are such."""
+    return fit.full_rate_error.get("validate") or fit.full_rate_error["identify"]
+
+
+def _worse(last: FitResult, base: FitResult, declared: int) -> list[int]:
+    """The last finding taken in with which the model predicts none of its channels better than without, or,
+    of a load on one recording, with which it predicts the others worse: as `ident fit` does it, it explains
+    nothing."""
+    after, before = _judged(last), _judged(base)
+    channels = last.columns.need.channels
+    for k in range(len(last.terms) - 1, declared - 1, -1):
+        place = last.terms[k].place
+        names = [last.columns.channels[c] for c in place.rows(channels)] if place.recording is None else []
+        if names and all(after[name] >= before[name] for name in names):
+            return [k]
+        if place.recording is not None and _spoilt(last, base):
+            return [k]
+    return []
+
+
+def _spoilt(fit: FitResult, other: FitResult) -> bool:
+    """Whether it predicts the runs that chose nothing worse than the other, channel by channel."""
+    after, before = _judged(fit), _judged(other)
+    ratios = [after[name] / max(before[name], 1e-9) for name in fit.columns.channels]
+    return bool(np.mean(np.log(np.maximum(ratios, 1e-9))) > SPOILT)
+
+
+def _turned(last: FitResult, state: State, known: Examined, progress: Progress) -> FitResult:
+    """The same with dry friction turning over as the loop found it, on the joints whose error that lowers
+    on the rows that chose nothing."""
+    keys = _dry_keys(state, last)
+    if not keys:
+        return last
+
+    def fitted(keys: Mapping[str, tuple[float, ...]]) -> FitResult:
+        turned = last.study.with_(**keys)
+        return fit_study(turned, progress=progress, known=known.again(turned))
+
+    trial = fitted(keys)
+    before, after = _judged(last), _judged(trial)
+    helped = np.zeros(len(next(iter(keys.values()))), bool)
+    for name, channel in zip(last.columns.channels, last.columns.need.channels):
+        helped[channel.joint] |= after[name] < before[name]
+    if helped.all():
+        return last if _spoilt(trial, last) else trial
+    kept = {key: tuple(v if h else 0.0 for v, h in zip(values, helped)) for key, values in keys.items()}
+    kept = {key: values for key, values in kept.items() if any(values)}
+    trial = fitted(kept) if kept else last
+    return last if _spoilt(trial, last) else trial
+
+
+def _dry_keys(state: State, base: FitResult) -> dict[str, tuple[float, ...]]:
+    """How dry friction turns over, as keys of a study; 0: the fit's own sign. No faster than that one: the
+    rows of the diagnosis leave rest out, where a sharp sign of a noisy rate is noise."""
+    own = [prepare(stream, base.study.filter).vs for stream in base.recordings]
+    fastest = np.max([vs for vs in own if vs is not None], axis=0) / STEEPNESS
+    rates, travels = np.zeros(len(fastest)), np.zeros(len(fastest))
+    for j, turn in state.turns.items():
+        travels[j] = turn.travel
+        if turn.travel > 0 or turn.rate > fastest[j]:
+            rates[j] = max(turn.rate, fastest[j])
+    out = {"turn_over": tuple(map(float, rates)), "presliding": tuple(map(float, travels))}
+    return {key: values for key, values in out.items() if any(values)}
+
+
+def _study_term(term: Term, state: State) -> StudyTerm:
+    """A term of the loop as one of a study, its sizes and shapes as starts."""
+    found = next(f for f in state.found if f.term is term)
+    known = {p.name for p in term.effect.linear}
+    names = term.effect.parameters_of(term.place)
+    sizes = tuple(float(x) for name, x in zip(names, found.sizes) if name in known)
+    return StudyTerm(
+        term.effect.name,
+        term.effect,
+        term.place,
+        dict(term.theta),
+        sizes,
+        tuple(term.effect.nonlinear_names),
+        {},
+        term.effect.bounds(term.place),
+    )
+
+
+def same(a: StudyTerm, b: Term) -> bool:
+    names = ("joint", "source", "side", "recording", "link")
+    return a.effect.name == b.effect.name and all(
+        getattr(a.place, n) == getattr(b.place, n) for n in names if getattr(b.place, n) is not None
+    )
