@@ -1,8 +1,9 @@
-"""Time and memory of a command in a process of its own."""
+"""Time and memory of a command in a process of its own, which may keep its bytecode as any Python does."""
 
 from __future__ import annotations
 
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -18,6 +19,7 @@ _, status, usage = os.wait4(child.pid, 0)
 spent = time.perf_counter() - start
 print(json.dumps([status, spent, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024]))
 """
+ENVIRONMENT = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
 
 
 def measured(command: Sequence[str], repeat: int) -> tuple[float, float, float]:
@@ -27,7 +29,9 @@ def measured(command: Sequence[str], repeat: int) -> tuple[float, float, float]:
         with tempfile.TemporaryFile() as said:  # a pipe that nobody reads would hold the command up
             fd = said.fileno()
             starter = [sys.executable, "-I", "-S", "-c", STARTER, str(fd), *command]
-            told = subprocess.run(starter, stdout=subprocess.PIPE, pass_fds=[fd], check=True).stdout
+            told = subprocess.run(
+                starter, stdout=subprocess.PIPE, pass_fds=[fd], check=True, env=ENVIRONMENT
+            ).stdout
             status, *figures = json.loads(told)
             found.append(figures)
             if status:

@@ -114,12 +114,12 @@ def _check(check: str, apart: Apart, signals: tuple[str, ...], words: str, remed
 
 def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
     """Recordings that the others do not predict, though these predict each other."""
+    if len(quick.samples) < 2:
+        return
     samples = [_assigned(s, how) for s in quick.samples]
     sums = [normal for normal in (Normal.of([s]) for s in samples) if normal is not None]
     fitted = [k for k, s in enumerate(samples) if s.role == "identify"]
     plain, known = quick.plain(), {samples[k].payload for k in fitted}
-    if len(samples) < 2:
-        return
 
     def others(without: int) -> tuple[np.ndarray, np.ndarray]:
         chi = solve(_added([sums[k] for k in fitted if k != without]), None, plain).chi

@@ -77,21 +77,34 @@ class Decimator:
 
     def push(self, values: np.ndarray) -> np.ndarray | None:
         """values (rows, N) -> (rows, kept) or None when nothing became final."""
-        start, total = 0, values.shape[1]
-        while start < total:
-            stop = min(total, start + self.every - self.filled)
-            weights = self.weights[self.filled : self.filled + stop - start]
-            self.current[:-1] += values[:, start:stop] @ weights
-            self.current[-1] += weights.sum(axis=0)
-            self.filled += stop - start
-            start = stop
-            if self.filled == self.every:
-                self.sums.append(self.current)
-                self.current = np.zeros_like(self.current)
-                self.filled = 0
+        D, total = self.every, values.shape[1]
+        head = min(-self.filled % D, total)
+        self._add(values[:, :head])
+        whole = (total - head) // D
+        if whole:
+            blocks = values[:, head : head + whole * D].reshape(self.rows, whole, D).swapaxes(0, 1)
+            sums = np.empty((whole, *self.current.shape))
+            np.matmul(blocks, self.weights, out=sums[:, :-1])
+            sums[:, -1] = self.weights.sum(axis=0)
+            self.sums.extend(sums)
+        self._add(values[:, head + whole * D :])
         if len(self.sums) >= 2 * self.behind + 8:
             return self._give(len(self.sums) - self.behind)
         return None
+
+    def _add(self, values: np.ndarray) -> None:
+        """Samples of the block that is being filled, and perhaps its last."""
+        count = values.shape[1]
+        if not count:
+            return
+        weights = self.weights[self.filled : self.filled + count]
+        self.current[:-1] += values @ weights
+        self.current[-1] += weights.sum(axis=0)
+        self.filled += count
+        if self.filled == self.every:
+            self.sums.append(self.current)
+            self.current = np.zeros_like(self.current)
+            self.filled = 0
 
     def finish(self) -> np.ndarray:
         """The instants still pending; samples after the last one are taken into account."""
@@ -101,20 +114,19 @@ class Decimator:
         return self._give(whole)
 
     def _give(self, count: int) -> np.ndarray:
-        k, step = len(self.p), self.p**self.every
-        kept = np.empty((self.rows + 1, count))
+        k, step, many = len(self.p), self.p**self.every, len(self.sums)
+        blocks = np.stack(self.sums) if many else np.zeros((0, *self.current.shape))
+        left = blocks[:count, :, :k] + 1j * blocks[:count, :, k : 2 * k]
+        right = blocks[1:, :, 2 * k : 3 * k] + 1j * blocks[1:, :, 3 * k : 4 * k]  # of the instant before
         for m in range(count):
-            block = self.sums[m]
-            self.left = self.left * step + (block[:, :k] + 1j * block[:, k : 2 * k])
-            kept[:, m] = (self.left @ self.c).real + self.d * block[:, -1]
-        right = np.zeros_like(self.left)
-        for m in range(len(self.sums) - 1, 0, -1):  # block m lies to the right of instant m - 1
-            block = self.sums[m]
-            right = right * step + (block[:, 2 * k : 3 * k] + 1j * block[:, 3 * k : 4 * k])
-            if m - 1 < count:
-                kept[:, m - 1] += (right @ self.c).real
-        self.sums = self.sums[count:]
-        return kept[:-1] / kept[-1]
+            left[m] += self.left * step
+            self.left = left[m]
+        for m in range(many - 3, -1, -1):
+            right[m] += right[m + 1] * step
+        kept = (left @ self.c).real + self.d * blocks[:count, :, -1]
+        kept[: many - 1] += (right[:count] @ self.c).real
+        self.left, self.sums = self.left.copy(), self.sums[count:]
+        return np.ascontiguousarray((kept[:, :-1] / kept[:, -1:]).T)
 
 
 def decimate(values: np.ndarray, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
