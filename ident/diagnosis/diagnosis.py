@@ -109,8 +109,8 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     last, refused = extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
     outcome, last, refused = replaced(known, outcome, base, last, refused, begun, alpha)
     outcome, last = compared_exactly(known, outcome, base, last, begun, alpha)
-    findings = (*told_by_checks(study, mended, checks), *findings_of(outcome, last, begun, alpha))
-    unexplained = tuple(unexplained_of(u, outcome, begun) for u in outcome.unnamed)
+    findings = (*told_by_checks(study, mended, checks), *findings_of(outcome, last))
+    unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += tuple(not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained)
     progress("done", 1.0)
@@ -123,7 +123,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         unexplained,
         checks,
         noise_floor(last),
-        explainable(outcome, begun),
+        explainable(outcome),
         alpha,
         ("of long recordings stretches spread over them were looked at",) if begun.thinned else (),
         outcome,

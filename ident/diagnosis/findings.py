@@ -11,7 +11,6 @@ import numpy as np
 
 from ident.diagnosis.last_fit import is_told, same
 from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed
-from ident.diagnosis.opening import Opened
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.settling import place_of
@@ -89,22 +88,24 @@ def _side(c: int, state: State) -> str:
     return _channel(c, state).rstrip("0123456789")
 
 
-def findings_of(outcome: Outcome, last: FitResult, begun: Opened, alpha: float) -> tuple[Finding, ...]:
+def findings_of(outcome: Outcome, last: FitResult) -> tuple[Finding, ...]:
+    """What the loop found and the last fit has; whole explanations before parts of one, and of each kind what
+    is worth most in practice first."""
     state = outcome.last
     told = list(found_effects(last)) if last.terms else []
     out = []
-    for step in sorted(outcome.steps, key=lambda s: -_practical_size(state, s.term)):
+    for step in outcome.steps:
         term = next((t for t in state.terms if t.key == step.term.key), None)
         fitted = next((f for f in told if term is not None and same(f.term, term)), None)
         if term is not None and fitted is not None:
             told.remove(fitted)  # one that grew by more of its parameters is one finding
-            out.append(_finding(step, term, fitted, outcome))
-    return tuple(out)
+            out.append((_practical_size(state, term), _finding(step, term, fitted, outcome)))
+    return tuple(f for _, f in sorted(out, key=lambda its: (its[1].grade == PARTLY, -its[0])))
 
 
 def _practical_size(state: State, term: Term) -> float:
-    """By how much the error, relative to the torque, would be larger without an effect (its square, the model
-    free to answer): on the channel where that is most, of its recording where it acts in one."""
+    """By how much the error, relative to the torque, would be larger without an effect (squares, the model
+    free to answer, summed over the channels), in its recording where it acts in one."""
     number = place_of(state, term)
     if number is None:
         return 0.0
@@ -112,7 +113,7 @@ def _practical_size(state: State, term: Term) -> float:
     mine = rows.use & _recorded(state, term.place.recording)
     torque = np.sum(np.where(mine, rows.Y, 0.0) ** 2, axis=1)
     more = np.sum(np.where(mine, rest.residual**2 - state.residual**2, 0.0), axis=1)
-    return float(np.max(more / np.maximum(torque, 1e-300)))
+    return float(np.sum(more / np.maximum(torque, 1e-300)))
 
 
 def _recorded(state: State, recording: str | None) -> np.ndarray:
@@ -170,7 +171,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
     )
 
 
-def unexplained_of(u: Unnamed, outcome: Outcome, begun: Opened) -> Unexplained:
+def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:
     state = outcome.last
     joint = int(state.problem.robot.joint_labels[state.model.channels[u.channel].joint])
     name = _channel(u.channel, state)
@@ -284,7 +285,7 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
     return tuple(out)
 
 
-def explainable(outcome: Outcome, begun: Opened) -> dict[str, dict[str, float]]:
+def explainable(outcome: Outcome) -> dict[str, dict[str, float]]:
     """Per channel: nats that names explain of what names and functions without a name do together."""
     state = outcome.last
     named, nameless = np.zeros(state.rows.channels), np.zeros(state.rows.channels)

@@ -5,7 +5,7 @@ is left; the turn-over that fits best in that noise."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 
@@ -23,6 +23,7 @@ from ident.equations.fitted import FittedModel
 from modelgen.effects.place import Motion
 from modelgen.geometry.robot import Robot
 
+QUIETER = 0.9  # of what was new from row to row: dry friction is sought in all its range again
 ROUNDS, CHANGE = 8, 1e-3  # of the residual, from which on columns that read the model stay as they are
 
 
@@ -198,19 +199,22 @@ def settled(state: State, rounds: int = 2) -> State:
     """Estimate, noise and turn-over in turn."""
     for _ in range(rounds):
         state = solved(state)
+        before = state.whiteners
         state = replace(state, whiteners=whiteners(state.rows, state.noise, state.rows.usable))
-        state = turned(state)
+        quieter = [w.sigma < QUIETER * old.sigma for w, old in zip(state.whiteners, before)]
+        state = turned(state, {state.model.channels[c].joint for c in np.flatnonzero(quieter)})
     return solved(state)
 
 
-def turned(state: State) -> State:
-    """Dry friction turns over as fits best beside everything found."""
+def turned(state: State, afresh: Collection[int] = ()) -> State:
+    """Dry friction turns over as fits best beside everything found; on the joints `afresh` sought in all its
+    range: in a louder residual another width was best, and no small step leads from it to the right one."""
     p = state.problem
     dry = (*p.dry, *_found_dry(state))
     if not dry:
         return state
     design, B = state.design
-    turns = settle(state.rows, design, B, state.whiteners, state.segments, dry, state.turns)
+    turns = settle(state.rows, design, B, state.whiteners, state.segments, dry, state.turns, afresh)
     if turns == state.turns:
         return state
     rows = state.rows

@@ -9,7 +9,7 @@ width, then a parabola through the best three, joint after joint, until no width
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from ident.diagnosis.whitened import Whitener
 from ident.signals.dry_friction import TurnOver
 
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
-SHORTEST, LONGEST = 2e-5, 2e-3  # of the joint's travel: least and largest presliding
+SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding
 STEPS = 1.5  # ratio of the grid
 ORDERS = (("rate", "travel"), ("travel", "rate"))  # which width first; either can stand in for the other
 
@@ -98,9 +98,11 @@ def settle(
     segments: Sequence[FineSegment],
     dry: Sequence[Dry],
     turns: Mapping[int, TurnOver],
+    afresh: Collection[int] = (),
     sweeps: int = 3,
 ) -> dict[int, TurnOver]:
-    """The widths that fit best beside everything in `design` (whose first columns are the rows' base)."""
+    """The widths that fit best beside everything in `design` (whose first columns are the rows' base), near
+    `turns`; those of joints without any, and of the joints `afresh`, from all their range."""
     fitted = rows.fitted
     dry = [d for d in dry if reverses(segments, d.joint)]
     X = [w @ values for (_, values), w in zip(design, whiteners)]
@@ -114,7 +116,7 @@ def settle(
         power += float(y[c][on] @ y[c][on])
     out = dict(turns)
     moved = {d.joint: True for d in dry}
-    for _ in range(sweeps):
+    for first in (True, *(False,) * (sweeps - 1)):
         for d in dry:
             if not moved[d.joint]:
                 continue
@@ -146,13 +148,14 @@ def settle(
 
             before = out.get(d.joint)
             ladders = grids(segments, d.joint)
-            begun = [before] if before else [TurnOver(float(ladders["rate"][0]))]
-            if begun[0].travel > 0:
-                begun.append(replace(begun[0], travel=0.0))
+            orders = ORDERS if d.travels else (("rate",),)
+            starts = [] if before is None else [(before, orders[0], False)]
+            if before is not None and before.travel > 0:
+                starts.append((replace(before, travel=0.0), orders[0], False))
+            if before is None or (d.joint in afresh and first):
+                starts += [(TurnOver(float(ladders["rate"][0])), order, True) for order in orders]
             ends = [
-                _climbed(turn, order, ladders, before is None, lambda t: trial(t)[0])
-                for turn in begun
-                for order in (ORDERS[: 1 if before else 2] if d.travels else (("rate",),))
+                _climbed(turn, order, whole, ladders, lambda t: trial(t)[0]) for turn, order, whole in starts
             ]
             plain = [replace(t, travel=0.0) for t in ends]
             asked = np.log(max(int(fitted.sum()), 2))  # a second width has to pay for itself (twice its nats)
@@ -172,15 +175,15 @@ def settle(
 def _climbed(
     turn: TurnOver,
     order: Sequence[str],
+    whole: bool,
     ladders: Mapping[str, np.ndarray],
-    afresh: bool,
     explained: Callable[[TurnOver], float],
 ) -> TurnOver:
     """One width after the other at its best, the first once more at the end; from where they are, or from
     all their range. No travel at all is always tried."""
     for name in (*order, order[0]):
         grid, now = ladders[name], getattr(turn, name)
-        if not afresh and now > 0:
+        if not whole and now > 0:
             near = now * STEPS ** np.arange(-2.0, 2.5)
             grid = near[(near >= 0.999 * grid[0]) & (near <= 1.001 * grid[-1])]
         trials = [replace(turn, **{name: float(w)}) for w in grid]
