@@ -29,12 +29,12 @@ WEAK = 1e4  # variance of what is not known yet, over that of one observation
 def threshold(run_length: float) -> float:
     """h of a one-sided CUSUM of standard normals with this mean run length L without a change.
 
-    2 k^2 L = e^u - u - 1, u = 2 k (h + 1.166), k the slack: u = log(u + 1 + 2 k^2 L) is a contraction.
+    2 k^2 L = e^u - u - 1, u = 2 k (h + 1.166), k the slack.
     """
+    from scipy.optimize import brentq
+
     most = 2 * SLACK**2 * max(run_length, 2.0)
-    u = math.log(2 + most)
-    for _ in range(100):
-        u = math.log(u + 1 + most)
+    u = brentq(lambda u: u - math.log(u + 1 + most), 0.0, 2 * (1 + math.log(2 + most)))
     return max(u / (2 * SLACK) - 1.166, 0.0)
 
 

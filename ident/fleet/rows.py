@@ -21,9 +21,11 @@ Fitted = SummaryFit | IdentError
 
 
 def ready() -> None:
-    """Import what the table needs: pyarrow looks for pandas at its first array, better while workers work."""
+    """Import what the table and the trends need, better while workers work: pyarrow looks for pandas at its
+    first array."""
     import pyarrow as pa
     import pyarrow.parquet
+    import scipy.optimize  # noqa: F401
 
     pa.array([0.0])
 
