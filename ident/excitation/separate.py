@@ -10,7 +10,8 @@ parameters (Danskin): exact through W, by differences through the effects, which
 
 The log likelihood ratio has mean T s / 2 and variance T s after s seconds of rows that judge; it is beyond
 what a diagnosis asks, tau, with probability 1 - alpha when sqrt(T s) = z + sqrt(z^2 + 2 tau), z the normal
-quantile of 1 - alpha. The rows that are fitted come on top.
+quantile of 1 - alpha. A diagnosis asks enough of its blocks to agree as well; one with T_b does with the
+probability Phi(sqrt(T_b) / 2). The rows that are fitted come on top.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ import scipy.signal
 import scipy.stats
 import sympy as sp
 
+from ident.diagnosis.evidence import BLOCK_S, FEWEST, agreement
 from ident.diagnosis.loop import threshold
 from ident.equations.terms import Term, plain, torque_of
 from ident.excitation.information import Rows
@@ -39,19 +41,26 @@ RATE_HZ = 50.0  # at which a motion is designed
 SAME = 1e-4  # share of what is visible of an effect below which it is imitated
 ALPHA = 0.01
 SHAPES = 60  # starting shapes that are tried
+LONGEST = 1e8  # s: what would need longer is never told apart
 
 
 @dataclass(frozen=True)
 class Imitation:
     """Effect a against the best of b: T per second, the base parameters and b that imitate it, what is left.
 
-    `visible`: T of a against the base model alone, per second."""
+    `visible`: T of a against the base model alone, per second; `period` s of the motion."""
 
     rate: float
     visible: float
     d: Array  # (b,)
     other: Term
     residual: Array  # (N, C) over sigma
+    period: float
+
+    @property
+    def seconds(self) -> float:
+        """Until a diagnosis decides, rightly in 1 - ALPHA of all cases."""
+        return seconds_needed(ROWS_HZ * np.sum(self.residual**2, axis=1), self.period)
 
     @property
     def same(self) -> bool:
@@ -161,6 +170,7 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
         d,
         other,
         residual.reshape(project.instants, -1),
+        float(project.motion.t[-1] - project.motion.t[0]),
     )
 
 
@@ -281,10 +291,25 @@ def _instant(term: Term) -> bool:
     return plain(term) and not term.effect.state and type(term.effect).states is Effect.states
 
 
-def seconds_needed(rate: float, alpha: float = ALPHA) -> float:
-    """s of a motion with T = rate per second until a diagnosis decides, rightly in 1 - alpha of all cases."""
-    z = scipy.stats.norm.isf(alpha)
-    return float((z + np.sqrt(z * z + 2 * threshold(alpha))) ** 2 / rate) if rate > 0 else float("inf")
+def seconds_needed(rates: Array, period: float, alpha: float = ALPHA) -> float:
+    """s of a motion with T = rates (N,) per second along its period until a diagnosis decides, rightly in
+    1 - alpha of all cases: by the likelihood, and by the blocks that agree."""
+    rate, z = float(np.mean(rates)), scipy.stats.norm.isf(alpha)
+    if not rate > 0:
+        return float("inf")
+
+    def agree(seconds: float) -> bool:
+        length = min(BLOCK_S, seconds / FEWEST)
+        blocks = round(seconds / length)
+        pieces = np.array_split(rates, min(max(round(period / length), 1), len(rates)))
+        each = scipy.stats.norm.cdf([np.sqrt(length * piece.mean()) / 2 for piece in pieces]).mean()
+        chance = scipy.stats.binom.isf(agreement(blocks, alpha), blocks, 0.5)
+        return bool(scipy.stats.binom.sf(chance, blocks, each) >= 1 - alpha)
+
+    seconds = (z + np.sqrt(z * z + 2 * threshold(alpha))) ** 2 / rate
+    while seconds < LONGEST and not agree(seconds):
+        seconds *= 1.05
+    return float(seconds) if seconds < LONGEST else float("inf")
 
 
 def proof(a: Term, b: Term) -> str | None:

@@ -16,7 +16,7 @@ import numpy as np
 from ident.equations.terms import Term
 from ident.excitation.known import ROWS_HZ, Known, sized, term_of
 from ident.excitation.limits import Bounds, ExcitationError
-from ident.excitation.separate import Imitation, Projector, imitation, proof, seconds_needed
+from ident.excitation.separate import Imitation, Projector, imitation, proof
 
 Array = np.ndarray
 HIDDEN = 1e-9  # share of an effect's own square below which the model holds it already
@@ -38,8 +38,7 @@ class Pair:
     @property
     def seconds(self) -> float:
         """For a decision that is right in 99 of 100."""
-        rates = [its.rate for its in self.both if not its.same]
-        return seconds_needed(min(rates)) if rates else float("inf")
+        return max((its.seconds for its in self.both if not its.same), default=float("inf"))
 
 
 @dataclass(frozen=True)
