@@ -112,10 +112,12 @@ def cross_evidence(
         a.log_e + b.log_e,
         a.gain + b.gain,
         np.concatenate([a.blocks, b.blocks]),
+        np.concatenate([a.expected, b.expected]),
         0.5 * (a.sizes + b.sizes),
         a.per_channel + b.per_channel,
         a.rss + b.rss,
         min(a.left, b.left),
+        a.free + b.free,
     )
 
 

@@ -9,8 +9,10 @@ whose parameters stay free there (residual contrasts: Perez-Ortiz et al., Ann. S
 is the logarithm of a split likelihood ratio (Wasserman, Ramdas, Balakrishnan, PNAS 117(29), 2020): whatever
 the search on the fitted rows was, P(log E > ln 1/alpha) <= alpha if the noise is what it is taken for. That
 it is, is not taken for granted: blocks of `BLOCK_S` each give their own gain, and enough of them must be
-positive (a sign test, which needs no noise model; by signed ranks, which let a few large blocks count for
-more, two laws of one friction were told where one was wrong)."""
+positive: a sign test, which needs no noise model. A block counts by how surely it would be positive were the
+effect there as the fitted rows have it (the log of the odds, at most TRUST), which the judged torque has no
+part in: where an effect hardly acts the sign is a coin's. (By signed ranks, which let large gains count for
+more, two laws of one friction were told where one was wrong.)"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.whitened import Whitener
@@ -26,6 +28,9 @@ from ident.diagnosis.whitened import Whitener
 Columns = Mapping[int, np.ndarray]  # channel -> (M, p), the same p everywhere
 BLOCK_S = 2.0  # s, longer than the noise remembers; shorter where there would be too few to agree
 FEWEST, MANY = 12, 20
+LENIENT = 0.05  # what few blocks may agree by chance, at most
+TRUST = 0.95  # no block counts as surer than this
+FINE = 5000  # steps of the weights of all blocks
 TOLERANCE = 1e-10  # of the scaled Gram matrix: a direction without data
 
 
@@ -58,28 +63,28 @@ class Metric:
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """log_e on judged rows, gain (nats) on fitted ones, the blocks' own gains, the sizes as fitted."""
+    """log_e on judged rows, gain (nats) on fitted ones, the blocks' own gains and what these are expected to
+    be, the sizes as fitted."""
 
     log_e: float
     gain: float
     blocks: np.ndarray  # (blocks,)
+    expected: np.ndarray  # (blocks,) nats, were the effect as fitted; inf: all blocks alike
     sizes: np.ndarray  # (p,)
     per_channel: np.ndarray  # (C,) of log_e
     rss: np.ndarray  # (C,) whitened, judged rows
     left: float  # smallest share of a column that the model leaves, 1: orthogonal to it
+    free: np.ndarray  # (C,) judged rows less the parameters that they determine
 
-    @property
-    def sign_p(self) -> float:
-        """One-sided: as many positive blocks by chance."""
-        told = self.blocks[self.blocks != 0]
-        if not len(told):
-            return 1.0
-        return float(scipy.stats.binom.sf(int((told > 0).sum()) - 1, len(told), 0.5))
+    def drop_percent(self, c: int) -> float:
+        """By how much the whitened error of a channel falls on the judged rows."""
+        return float(100 * (1 - np.exp(-self.per_channel[c] / max(self.free[c], 1.0))))
 
     def supported(self, alpha: float) -> bool:
         """Enough blocks agree."""
-        told = int((self.blocks != 0).sum())
-        return self.sign_p <= agreement(told, alpha)
+        told = self.blocks != 0
+        weight = weights(self.expected[told])
+        return bool(weight @ (self.blocks[told] > 0) >= enough(weight, alpha))
 
     def beats(self, other: Evidence, tau: float, alpha: float) -> bool:
         """These data tell the two apart: the same comparison as against nothing, with the other as the null.
@@ -88,14 +93,32 @@ class Evidence:
             return False
         if self.blocks.shape != other.blocks.shape:
             return True  # a window's blocks are its own
-        return replace(self, blocks=self.blocks - other.blocks).supported(alpha)
+        apart = self.blocks - other.blocks
+        return replace(self, blocks=apart, expected=np.full(len(apart), np.inf)).supported(alpha)
 
 
-def agreement(blocks: int, alpha: float) -> float:
-    """How often chance may make as many of so many blocks agree: at the rate alpha; of fewer than MANY less
-    can be asked (ten of twelve have 2 %), and they only guard the likelihood, which has passed alpha
-    itself."""
-    return alpha * max(1.0, (MANY / max(blocks, 1)) ** 2)
+def weights(expected: np.ndarray) -> np.ndarray:
+    """(blocks,) log odds that a block's gain is positive, of expected gains (nats; it is normal about these
+    with twice the variance), in whole steps of which all blocks have about FINE."""
+    sure = np.clip(scipy.special.ndtr(np.sqrt(np.maximum(expected, 0.0) / 2)), 0.5, TRUST)
+    odds = np.log(sure / (1 - sure))
+    return np.round(odds * (FINE / max(float(odds.sum()), 1e-300))).astype(int)
+
+
+def enough(weight: np.ndarray, alpha: float) -> int:
+    """The least weight that must agree, of blocks with so much each: coins that add up to it are as rare as
+    alpha; of fewer blocks than MANY less can be asked (ten of twelve have 2 %), and they only guard the
+    likelihood, which has passed alpha itself."""
+    alike = float(weight.sum()) ** 2 / max(float(np.sum(weight**2)), 1.0)  # as many blocks of one weight
+    rare = min(alpha * max(1.0, (MANY / max(alike, 1.0)) ** 2), LENIENT)
+    likely = np.ones(1)
+    for step in weight:
+        longer = np.zeros(len(likely) + step)
+        longer[: len(likely)] += likely / 2
+        longer[step:] += likely / 2
+        likely = longer
+    tail = np.cumsum(likely[::-1])[::-1]
+    return int(np.argmax(tail <= rare)) if tail[-1] <= rare else len(tail)
 
 
 def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:
@@ -183,14 +206,18 @@ def weigh(
     gain = float(np.sum(m.fitted.free / 2 * np.log(m.fitted.rss / np.maximum(fitted_rss, 1e-300))))
     spread = np.maximum(rss / m.judged.free, 1e-300)[:, None]
     each = np.sum((m.judged.residual**2 - residual**2) / (2 * spread), axis=0)
+    change = np.sum((m.judged.residual - residual) ** 2 / (2 * spread), axis=0)
+    here = m.judged.mask if inside is None else m.judged.mask & inside
     return Evidence(
         float(per_channel.sum()),
         gain,
-        block_sums(m.rows, each, m.judged.mask if inside is None else m.judged.mask & inside),
+        block_sums(m.rows, each, here),
+        block_sums(m.rows, change, here),
         sizes,
         per_channel,
         rss,
         share,
+        m.judged.free,
     )
 
 
@@ -204,11 +231,13 @@ def over(null: Metric, m: Metric, told: Evidence) -> Evidence:
     ahead = nats(null.judged, m.judged)
     spread = np.maximum(told.rss / m.judged.free, 1e-300)[:, None]
     each = np.sum((null.judged.residual**2 - m.judged.residual**2) / (2 * spread), axis=0)
+    change = np.sum((null.judged.residual - m.judged.residual) ** 2 / (2 * spread), axis=0)
     return replace(
         told,
         log_e=told.log_e + float(ahead.sum()),
         gain=told.gain + float(nats(null.fitted, m.fitted).sum()),
         blocks=told.blocks + block_sums(m.rows, each, m.judged.mask),
+        expected=told.expected + block_sums(m.rows, change, m.judged.mask),
         per_channel=told.per_channel + ahead,
     )
 

@@ -138,7 +138,6 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
     left = {u.channel for u in outcome.unnamed}
     own = set(place.rows(state.model.channels))
     partly = place.joint is not None and bool(left & own)
-    drop = 100 * (1 - np.exp(-e.per_channel[c] / max(state.metric.judged.free[c], 1.0)))
     return Finding(
         term.effect.name,
         _joints(term, state),
@@ -151,13 +150,13 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
         float(min(1.0, np.exp(-e.log_e) * BUDGET)),
         float(e.log_e),
         float(e.gain),
-        float(drop),
+        e.drop_percent(c),
         tuple(
             Alternative(
                 eq.term.effect.name,
                 _joints(eq.term, state),
                 float(eq.log_e),
-                float(100 * (1 - np.exp(-eq.log_e / max(state.metric.judged.free[c], 1.0)))),
+                float(100 * (1 - np.exp(-eq.log_e / max(e.free[c], 1.0)))),
                 None if eq.term.place.source is None else int(labels[eq.term.place.source]),
                 eq.term.place.link,
                 seconds_apart(state, term, eq.term, outcome.tau),

@@ -21,7 +21,7 @@ def leading_metric(state: State, refined: Sequence[Refined]) -> Metric:
     least = list(state.whiteners)
     sizes = [_innovations(w, state.noise[c], state.rows.use[c] & usable) for c, w in enumerate(least)]
     for r in refined:
-        trial = _with(state, r)
+        trial = with_hypothesis(state, r)
         own = r.term.place.rows(state.model.channels)
         for c in own if r.term.place.joint is not None else r.columns:
             counted = state.rows.use[c] & usable
@@ -42,7 +42,7 @@ def beside_function(state: State, c: int, column: np.ndarray, variables: tuple[s
     return metric(state.rows, design, B, [own if k == c else w for k, w in enumerate(state.whiteners)])
 
 
-def _with(state: State, r: Refined) -> State:
+def with_hypothesis(state: State, r: Refined) -> State:
     """The state with a hypothesis in it, as the fitted rows have both."""
     return solved(state.plus(Found(r.term, r.columns, r.sizes)))
 
@@ -58,7 +58,7 @@ def outside_metric(state: State, r: Refined, inside: np.ndarray) -> Metric:
     rows have it: on the rows that judge it is what that model predicts wrongly. A load that says more than
     this is no weakness of a model that has seen too little."""
     usable = state.rows.usable
-    trial = _with(state, r)
+    trial = with_hypothesis(state, r)
     whiteners = []
     for c, use in enumerate(state.rows.use):
         rest = use & usable & ~inside

@@ -16,6 +16,8 @@ import numpy as np
 from ident.diagnosis.candidates import Library, Ranked, screen
 from ident.diagnosis.events import Event, best_event, still_holds
 from ident.diagnosis.evidence import Evidence, weigh
+from ident.diagnosis.halves import by_halves
+from ident.diagnosis.halves import still_holds as holds_by_halves
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import place_of, refined_together, settled_in
@@ -113,6 +115,12 @@ def trace(
             state = with_found(state, Found(r.term, r.columns, r.sizes))
             continue
         if not weighed.passed:
+            hidden = by_halves(state, weighed, tau, alpha)
+            if hidden is not None:
+                r, e, others = hidden
+                steps.append(Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others)))
+                state = refined_together(with_found(state, Found(r.term, r.columns, r.sizes)))
+                continue
             held = _doubtful(state, weighed, tau, alpha)
             told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
             end = None if held is not None else _at_an_end(state, weighed, told, tau, alpha)
@@ -263,7 +271,9 @@ def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[S
                     weak = (-np.inf, number)
                 continue
             e = weigh(others.metric, f.columns)
-            if e.log_e < tau and (weak is None or e.log_e < weak[0]):
+            if e.log_e >= tau or holds_by_halves(others, f.columns, f.sizes, tau):
+                continue
+            if weak is None or e.log_e < weak[0]:
                 weak = (e.log_e, number)
         if weak is None:
             return state, steps

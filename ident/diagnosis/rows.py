@@ -106,6 +106,16 @@ def _sides(t: np.ndarray, recording: np.ndarray, roles: Sequence[str]) -> tuple[
     if (role == "validate").any():
         return role == "identify", role == "validate", True
     own = role == "identify"
+    return _parted(t, recording, own)
+
+
+def halved(rows: Rows) -> tuple[np.ndarray, np.ndarray]:
+    """(M,), (M,) bool: the fitted rows in two parts, by recordings where there is more than one of them."""
+    first, second, _ = _parted(rows.t, rows.recording, rows.fitted)
+    return first, second
+
+
+def _parted(t: np.ndarray, recording: np.ndarray, own: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     runs = np.unique(recording[own])
     if len(runs) > 1:
         sizes = np.array([(recording == r).sum() for r in runs])

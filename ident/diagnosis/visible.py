@@ -10,9 +10,9 @@ where dry friction's turn-over takes up nothing; what it does take up is in abso
 
 
 The effect is seen where the sum, and the gain on the fitted rows, are more than tau, enough blocks agree (the
-loop's own rule), and the last fit finds its sizes to be other than zero, its shape free (a Wald test). Draws
-of d and u tell how often that is; the size at which it is POWER is told. A shape that is searched costs half
-a chi-square each. Shapes are those of the search next to a usual robot's."""
+loop's own rule), and the last fit finds its sizes to be other than zero (a Wald test). Draws of d and u tell
+how often that is; the size at which it is POWER is told. A shape that is searched costs half a chi-square
+each. Shapes are those of the search next to a usual robot's."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ import scipy.stats
 
 from ident.diagnosis.absorbed import Dryness, dryness, products
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import Metric, agreement, orthonormal, project
+from ident.diagnosis.evidence import Metric, enough, project, weights
 from ident.diagnosis.loop import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -96,15 +96,9 @@ def _visible(
     names = effect.parameters_of(place)
     v = np.array([linear[name] for name in names])
     columns = {c: z.astype(float) for c, z in library.kept[key].items()}
-    beside = [library.kept[other] for _, other in _neighbours(theta, shapes)]
-    turned = [
-        {c: z @ v - columns[c] @ v for c, z in made.items() if c in columns}
-        for made in beside
-        if next(iter(made.values())).shape[1] == len(v)
-    ]
     if not np.any(v) or next(iter(columns.values())).shape[1] != len(v):
         return None
-    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha, turned, dry)
+    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha, dry)
     if size is None:
         return None
     limits = {p.name: max(abs(p.low), abs(p.high)) for p in effect.linear}
@@ -137,16 +131,14 @@ def seen_from(
     shapes: int,
     tau: float,
     alpha: float,
-    turned: Sequence[Mapping[int, np.ndarray]] = (),
     dry: Dryness | None = None,
 ) -> float | None:
     """The factor of v (p,) from which on an effect of these columns is seen with POWER; None: from none.
 
-    turned: how its torque at v changes with each shape, {channel: (M,)}, to any scale. dry: the
-    joint's turn-over, which may take up some of it."""
+    dry: the joint's turn-over, which may take up some of it."""
     white = m.whiten(columns)
-    A, free_shape = _alone(m, columns, turned)
-    own = project(m, m.fitted, white)[1]
+    cross, own, _ = project(m, m.fitted, white)
+    A = own - cross.T @ cross
     if not v @ A @ v > LEAST * (v @ own @ v):
         return None
     both = products(m, white, dry)
@@ -158,7 +150,6 @@ def seen_from(
     draws = rng.normal(size=(DRAWS, len(v)))
     u = rng.normal(size=(DRAWS, len(plain.A_blocks)))
     searched = rng.chisquare(shapes, DRAWS) / 2 if shapes else np.zeros(DRAWS)
-    enough = _enough(len(plain.A_blocks), alpha)
     asked = scipy.stats.chi2.isf(alpha / BUDGET, len(v))
     free = float(sum(m.judged.free[c] for c in columns))
     last = draws @ _root(A).T
@@ -175,8 +166,9 @@ def seen_from(
         log_e = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / (free + wrong), -0.99))
         gain = np.einsum("ri,ij,rj->r", b, left.A, b) / 2 + searched
         settled = size * v + last
-        fitted = np.einsum("ri,ij,rj->r", settled, free_shape, settled) > asked
-        agree = (each > 0).sum(axis=1) >= enough
+        fitted = np.einsum("ri,ij,rj->r", settled, A, settled) > asked
+        weight = weights(squares.mean(axis=0) / 2)
+        agree = (each > 0) @ weight >= enough(weight, alpha)
         return float(np.mean((log_e > tau) & (gain > tau) & agree & fitted))
 
     first = np.sqrt(2 * (tau + 2 * np.sqrt(tau)) / min(whole, float(v @ A @ v)))
@@ -189,39 +181,6 @@ def seen_from(
     return high
 
 
-def _alone(
-    m: Metric, columns: Mapping[int, np.ndarray], turned: Sequence[Mapping[int, np.ndarray]]
-) -> tuple[np.ndarray, np.ndarray]:
-    """(p, p) products of the columns on the fitted rows beside the model: as they are, and beside changes of
-    the shape as well."""
-    p = next(iter(columns.values())).shape[1]
-    wide = {
-        c: np.column_stack([z, *(change.get(c, np.zeros(len(z))) for change in turned)])
-        for c, z in columns.items()
-    }
-    cross, own, _ = project(m, m.fitted, m.whiten(wide))
-    whole = own - cross.T @ cross
-    A, B, C = whole[:p, :p], whole[:p, p:], whole[p:, p:]
-    basis = orthonormal(C) if C.size else np.zeros((0, 0))
-    return A, A - (B @ basis) @ (B @ basis).T if C.size else A
-
-
-def _neighbours(
-    theta: Mapping[str, float], shapes: Sequence[tuple[dict[str, float], tuple]]
-) -> list[tuple[dict[str, float], tuple]]:
-    """Of each shape parameter, the kept shape that differs least in it and not in the others."""
-    out = []
-    for name in theta:
-        others = [
-            shape
-            for shape in shapes
-            if shape[0][name] != theta[name] and all(shape[0][n] == theta[n] for n in theta if n != name)
-        ]
-        if others:
-            out.append(min(others, key=lambda shape: abs(shape[0][name] - theta[name])))
-    return out
-
-
 def _root(A: np.ndarray) -> np.ndarray:
     """(p, r) whose square is the inverse of A, without directions that A does not see."""
     d = np.sqrt(np.maximum(np.diag(A), 1e-300))
@@ -230,13 +189,6 @@ def _root(A: np.ndarray) -> np.ndarray:
     root = np.zeros_like(A)
     root[:, good] = V[:, good] / np.sqrt(values[good]) / d[:, None]
     return root
-
-
-def _enough(blocks: int, alpha: float) -> int:
-    """How many of so many blocks must agree (Evidence.supported)."""
-    counts = np.arange(blocks + 1)
-    good = scipy.stats.binom.sf(counts - 1, blocks, 0.5) <= agreement(blocks, alpha)
-    return int(counts[good].min()) if good.any() else blocks + 1
 
 
 def _apart(theta: Mapping[str, float], usual: Mapping[str, float]) -> float:

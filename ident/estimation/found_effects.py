@@ -27,7 +27,9 @@ class FoundParameter:
 @dataclass(frozen=True, slots=True)
 class FoundEffect:
     """One effect of the study as the fit has it. essential: the F-test kept it. p_value: of its sizes being
-    zero, all at once, in the fit's covariance for coloured noise (Wald)."""
+    zero, all at once, in the fit's covariance for coloured noise (Wald), its shapes as found: without
+    the effect there are none, so that this is the ratio of the likelihoods, and a shape that is poorly known
+    does not make the effect doubtful."""
 
     term: Term
     joint: int | None  # as the robot file numbers it
@@ -96,8 +98,21 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
             for name, its in told.items()
         },
         reasons[0] if reasons else None,
-        _wald(result.full.chi[sizes], result.full_covariance[np.ix_(sizes, sizes)]),
+        _wald(
+            result.full.chi[sizes],
+            _given(result.full_covariance, sizes, [k for k in own.values() if k not in sizes]),
+        ),
     )
+
+
+def _given(covariance: np.ndarray, of: list[int], known: list[int]) -> np.ndarray:
+    """(p, p) covariance of some parameters where others are what they are."""
+    own = covariance[np.ix_(of, of)]
+    known = [k for k in known if np.isfinite(covariance[k, k]) and covariance[k, k] > 0]
+    if not known or not np.all(np.isfinite(own)):
+        return own
+    cross = covariance[np.ix_(of, known)]
+    return own - cross @ np.linalg.pinv(covariance[np.ix_(known, known)], hermitian=True) @ cross.T
 
 
 def _wald(sizes: np.ndarray, covariance: np.ndarray) -> float:

@@ -1,10 +1,12 @@
 """The criterion: an e-value on rows that chose nothing, blind to the rigid model's parameters."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.stats
 
-from ident.diagnosis.evidence import block_sums, orthonormal, weigh
+from ident.diagnosis.evidence import block_sums, enough, orthonormal, weigh, weights
 
 M = 480
 
@@ -37,7 +39,7 @@ def test_what_is_there_is_found(tiny):
     rng = np.random.default_rng(1)
     m, z = problem(tiny, rng, size=1.0)
     e = weigh(m, {0: z[:, [0]]})
-    assert e.log_e > np.log(4000) and e.sign_p < 0.01 and e.supported(0.01)
+    assert e.log_e > np.log(4000) and e.supported(0.01)
     assert e.sizes == pytest.approx([1.0], abs=0.2)
     assert e.per_channel.sum() == pytest.approx(e.log_e) and e.left > 0.9
 
@@ -86,6 +88,40 @@ def test_a_single_burst_is_not_supported(tiny):
     m = tiny["metric"](tiny["rows"](rng.normal(size=(long, 3)), y + 8 * z))
     e = weigh(m, {0: (z + 1e-2 * rng.normal(size=long))[:, None]})
     assert e.log_e > np.log(4000) and not e.supported(0.01)
+
+
+def test_blocks_that_count_alike_are_a_sign_test():
+    for blocks in (12, 30):
+        weight = weights(np.full(blocks, np.inf))
+        asked = -(-enough(weight, 0.01) // int(weight[0]))
+        rare = min(0.01 * max(1.0, (20 / blocks) ** 2), 0.05)
+        assert (
+            scipy.stats.binom.sf(asked - 1, blocks, 0.5)
+            <= rare
+            < scipy.stats.binom.sf(asked - 2, blocks, 0.5)
+        )
+
+
+def test_agreement_by_chance_is_as_rare_as_it_says():
+    """Whatever the blocks are expected to gain, coins pass no more often than alpha."""
+    rng = np.random.default_rng(7)
+    for expected in (np.full(40, 3.0), rng.exponential(1.0, 40), np.geomspace(1e-3, 50.0, 40)):
+        weight = weights(expected)
+        passed = np.mean((rng.random((20_000, 40)) < 0.5) @ weight >= enough(weight, 0.01))
+        alike = weight.sum() ** 2 / np.sum(weight**2)
+        assert passed <= 1.2 * min(0.01 * max(1.0, (20 / alike) ** 2), 0.05)
+
+
+def test_blocks_in_which_an_effect_does_not_act_have_no_say(tiny):
+    """It acts in a sixth of them: their signs are half and half elsewhere, and all agree there."""
+    rng = np.random.default_rng(8)
+    long = 5 * M
+    acts = (np.arange(long) // 50) % 6 == 0
+    z = np.where(acts, 1.0, 0.01) * rng.normal(size=long)
+    m = tiny["metric"](tiny["rows"](rng.normal(size=(long, 3)), rng.normal(size=long) + 0.4 * z))
+    e = weigh(m, {0: z[:, None]})
+    alike = replace(e, expected=np.full(len(e.blocks), np.inf))
+    assert e.supported(0.01) and not alike.supported(0.01)
 
 
 def test_orthonormal_leaves_out_what_has_no_data():

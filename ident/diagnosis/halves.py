@@ -1,0 +1,93 @@
+"""What the rows that judge cannot show, judged by halves of the fitted ones.
+
+Where a run that judges moves less than the fitted ones, what an effect does there is what the model's own
+parameters, which stay free, do as well: such rows hold no contrast for it, whatever is true. Then each half
+of the fitted rows judges what the other chose, by everything that is asked elsewhere. The search has seen
+both: that both must say so, each at the limit, is what it pays with. The rows that judge keep their say: they
+must not speak against it, and it must foretell them better."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ident.diagnosis.evidence import Columns, Evidence, Metric, metric, project, weigh
+from ident.diagnosis.leading import with_hypothesis
+from ident.diagnosis.refine import Refined, refine
+from ident.diagnosis.rows import Rows, halved
+from ident.diagnosis.state import State
+from ident.diagnosis.sufficiency import sufficiency, sufficient
+from ident.diagnosis.weighing import Weighed, holds, main_channel
+
+
+def by_halves(
+    state: State, weighed: Weighed, tau: float, alpha: float
+) -> tuple[Refined, Evidence, tuple[tuple[Refined, Evidence], ...]] | None:
+    """Of the hypotheses that the judged rows cannot show the simplest of the best, with its evidence on the
+    half that says less; and what else held. None where nothing does."""
+    sides = [replace(state, rows=rows) for rows in halves(state.rows)]
+    metrics = [_in_its_noise(side, weighed.metric) for side in sides]
+    held = []
+    for r, e in weighed.all:
+        if not (
+            unseen(weighed.metric, r.columns, e.sizes, tau) and e.log_e > -tau and _foretells(state, r, e)
+        ):
+            continue
+        told = [_judged(side, m, r, tau, alpha) for side, m in zip(sides, metrics)]
+        if all(t is not None for t in told):
+            held.append((r, min((t for t in told if t is not None), key=lambda t: t.log_e)))
+    if not held:
+        return None
+    most = max(e.log_e for _, e in held)
+    equal = [(r, e) for r, e in held if e.log_e > most - tau]
+    best = min(equal, key=lambda its: (its[0].term.free, not its[0].term.effect.common, -its[1].log_e))
+    others = tuple(its for its in equal if its is not best and set(its[0].columns) & set(best[0].columns))
+    return *best, others
+
+
+def still_holds(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
+    """Whether what the judged rows of a state cannot show is asked for by both halves of the fitted ones."""
+    if not unseen(state.metric, columns, sizes, tau):
+        return False
+    sides = (replace(state, rows=rows) for rows in halves(state.rows))
+    return all(weigh(side.metric, columns).log_e > tau for side in sides)
+
+
+def unseen(m: Metric, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
+    """Whether these columns at these sizes, were they true, would not reach the limit on the judged rows."""
+    cross, own, _ = project(m, m.judged, m.whiten(columns))
+    return 0.5 * float(sizes @ (own - cross.T @ cross) @ sizes) < tau
+
+
+def halves(rows: Rows) -> tuple[Rows, Rows]:
+    """The fitted rows alone, each half judging the other."""
+    first, second = halved(rows)
+    return replace(rows, fitted=first, judged=second), replace(rows, fitted=second, judged=first)
+
+
+def _in_its_noise(side: State, m: Metric) -> Metric:
+    design, B = side.design
+    return metric(side.rows, design, B, m.whiteners)
+
+
+def _judged(side: State, m: Metric, r: Refined, tau: float, alpha: float) -> Evidence | None:
+    """What one half says of it as the other has it; None where it does not hold."""
+    own = refine(m, side.scene, r.term, turns=2)
+    if not own.columns:
+        return None
+    e = weigh(m, own.columns)
+    if not holds(side, m, own, e, tau, alpha):
+        return None
+    flex = sufficiency(side, m, own.term, main_channel(e, own.term, side), tau)
+    return e if sufficient(own.term, e, flex, tau) else None
+
+
+def _foretells(state: State, r: Refined, e: Evidence) -> bool:
+    """Whether the judged rows are foretold better with it, by the parameters of the fitted rows: where it
+    says most, and on the whole."""
+    trial, c = with_hypothesis(state, r), main_channel(e, r.term, state)
+    on = state.rows.use & state.rows.judged
+    torque = np.maximum(np.sum(np.where(on, state.rows.Y, 0.0) ** 2, axis=1), 1e-300)
+    before, after = (np.sum(np.where(on, s.residual, 0.0) ** 2, axis=1) / torque for s in (state, trial))
+    return bool(after[c] < before[c] and after.sum() < before.sum())
