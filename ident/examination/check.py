@@ -7,7 +7,7 @@ message and the remedy are those of the RecordingError that ends the command.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any, Literal
 
 from ident.errors import RecordingError
@@ -29,15 +29,17 @@ _GRAVEST = (
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """recording: label, empty where all are meant; rows: first and last row of the table, from 1, or None."""
+    """recording: label, empty where all are meant; rows: first and last row of the table, from 1, or None.
+    hint: it only shows that something is wrong; a check of the same signals that says what replaces it."""
 
     check: str
-    recording: str
     signals: tuple[str, ...]
-    rows: tuple[int, int] | None
-    outcome: Outcome
     message: str
-    remedy: str
+    remedy: str = ""
+    outcome: Outcome = "warned"
+    recording: str = ""
+    rows: tuple[int, int] | None = None
+    hint: bool = False
 
     @property
     def sentence(self) -> str:
@@ -48,18 +50,34 @@ class Check:
 
     def document(self) -> dict[str, Any]:
         """As fit.json and diagnosis.json hold it."""
-        plain = asdict(self)
-        return plain | {"signals": list(self.signals), "rows": list(self.rows) if self.rows else None}
+        return {
+            "check": self.check,
+            "recording": self.recording,
+            "signals": list(self.signals),
+            "rows": list(self.rows) if self.rows else None,
+            "outcome": self.outcome,
+            "message": self.message,
+            "remedy": self.remedy,
+        }
 
 
 def worst_first(checks: Iterable[Check]) -> tuple[Check, ...]:
-    """Refused before warned before mended, what makes every number wrong before what touches one."""
+    """Refused before warned before mended, what makes every number wrong before what touches one; without
+    the hints of which another check says the cause."""
+    checks = tuple(checks)
+    causes = [check for check in checks if not check.hint and check.outcome != "mended"]
+
+    def told(hint: Check) -> bool:
+        return any(
+            set(hint.signals) <= set(cause.signals) and cause.recording in ("", hint.recording)
+            for cause in causes
+        )
 
     def rank(check: Check) -> tuple[int, int]:
         grave = _GRAVEST.index(check.check) if check.check in _GRAVEST else len(_GRAVEST)
         return _WORST[check.outcome], grave
 
-    return tuple(sorted(dict.fromkeys(checks), key=rank))
+    return tuple(sorted(dict.fromkeys(c for c in checks if not (c.hint and told(c))), key=rank))
 
 
 def refuse(file: str, checks: Iterable[Check]) -> None:
@@ -69,25 +87,25 @@ def refuse(file: str, checks: Iterable[Check]) -> None:
         raise RecordingError(file, f"{ranked[0].message.rstrip('.')}; {ranked[0].remedy}", ranked)
 
 
-def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, float]]) -> str:
-    """The study's `columns:` line with some keys of some signals changed; scales multiply those there are."""
+def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> str:
+    """The study's `columns:` line with some keys of some signals changed; scales and signs multiply those
+    there are. `of`: the signal whose column is read for this one."""
     parts = []
     for signal, change in changes.items():
-        known = maps.get(signal)
-        values: dict[str, Any] = {}
+        source = change.get("of", signal)
+        known = maps.get(source)
+        values: dict[str, Any] = {"column": source} if "of" in change else {}
         if known is not None:
             values = {"column": known.column}
             values |= {"scale": known.scale} if known.scale != 1 else {}
             values |= {"offset": known.offset} if known.offset else {}
             values |= {"sign": known.sign} if known.sign != 1 else {}
-        for key, value in change.items():
-            if key in ("scale", "sign"):
-                value = values.pop(key, 1) * value
-                if key == "sign" and value == 1:
-                    continue
-            values[key] = value
+        for key in [key for key in ("scale", "sign") if key in change]:
+            value = values.pop(key, 1) * change[key]
+            if key == "scale" or value != 1:
+                values[key] = value
         text = ", ".join(f"{k}: {v:.6g}" if isinstance(v, float) else f"{k}: {v}" for k, v in values.items())
-        parts.append(f"{signal}: {{{text}}}")
+        parts.append(f"{signal}: {values['column'] if list(values) == ['column'] else f'{{{text}}}'}")
     return f"columns: {{{', '.join(parts)}}}"
 
 
@@ -100,4 +118,4 @@ def listed(items: Iterable[object], most: int = 8) -> str:
 def turned_sign(names: tuple[str, ...], message: str, maps: Mapping[str, Any]) -> Check:
     """Torques with the other sign, and the line that turns them."""
     line = column_line(maps, {name: {"sign": -1} for name in names})
-    return Check("torque_sign", "", names, None, "warned", message, line)
+    return Check("torque_sign", names, message, line)

@@ -37,15 +37,14 @@ def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | N
     name, scale = found
     return Check(
         "time_unit",
-        recording,
         ("t",),
-        None,
-        "refused",
         f"the samples are {step:g} apart in t, {1 / step:.3g} a second if that were s; "
         f"t looks recorded in {name}",
         "write " + column_line(maps, {"t": {"scale": scale}})
         if scale != 1
         else "give its scale to seconds, columns: {t: {column: t, scale: ...}}, or leave t out for rate_hz:",
+        outcome="refused",
+        recording=recording,
     )
 
 
@@ -89,21 +88,20 @@ def time_stamps(recording: str, clock: Clock, shared: int, rows: int) -> Check:
     if clock.believable:
         return Check(
             "time_stamps",
-            recording,
             ("t",),
-            (1, rows),
-            "mended",
             f"{what}; the stamps are those of a uniform clock of {clock.rate_hz:.6g} Hz within "
             f"{1e3 * clock.worst_s:.3g} ms, which was used instead",
-            "",
+            outcome="mended",
+            recording=recording,
+            rows=(1, rows),
         )
     return Check(
         "time_stamps",
-        recording,
         ("t",),
-        (1, rows),
-        "refused",
         f"{what}, and no uniform clock is behind them (they leave the nearest by "
         f"{1e3 * clock.worst_s:.3g} ms)",
         "record the stamps where the samples are taken, or leave t out and give rate_hz: beside the file",
+        outcome="refused",
+        recording=recording,
+        rows=(1, rows),
     )

@@ -45,10 +45,7 @@ def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
         before, after = (100 * float(np.sqrt(np.mean(x.error[which] ** 2))) for x in (fit, other))
         check = Check(
             "channel_delay",
-            "",
             names,
-            None,
-            "warned",
             f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(LAGS[best]):g} s "
             f"{word} the positions{' or smoothed as much' if LAGS[best] > 0 else ''}: so moved, the error "
             f"falls from {before:.0f} to {after:.0f} %",

@@ -22,7 +22,7 @@ from ident.examination.check import Check, column_line, listed, refuse, turned_s
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
 from ident.examination.geometry import base_orientation, joint_axes, parts_of, unseen
-from ident.examination.limits import beyond_limits
+from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.signals import TURNS
@@ -48,11 +48,10 @@ from ident.recordings.study import Study
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
-FALLEN = 0.7  # of the error before, at most, where one position's unit or sign is blamed
+FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is blamed, and anything else
 FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
 BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
 DEGREES, HALF = np.pi / 180, 0.5
-UNDONE = ("torque_sign", "torque_scale", "swapped_signals", "position_sign", "base_orientation", "angle_unit")
 
 
 def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
@@ -75,7 +74,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     quick = quick_of(columns, samples)
     if not (quick.identify.rows > 10).any():
         return ()
-    maps, currents = dict(prepared.study.columns), _currents(prepared)
+    maps, currents = dict(prepared.study.columns), reads_currents(prepared)
     how, found = quick.plain(), []
     for _ in range(FAULTS):
         fit = quick.fit(how)
@@ -86,11 +85,12 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
             refuse(stream.file, [*examine_tables(prepared), *found])
-        if best.check.check in ("base_orientation", "joint_axis"):
+        if best.how == how and best.quick is None:  # nothing here that later questions could stand on
             return tuple(found)
         how, quick = best.how, best.quick or quick
     last = quick.fit(how)
-    alone = [] if found else list(recordings_apart(quick, how, currents))
+    doubted = any(check.hint for stream in prepared.streams for check in stream.checks)
+    alone = [] if found or doubted else list(recordings_apart(quick, how, currents))
     found += motor_signs(quick, last, maps, "i" if currents else "tau_m")
     beside = alone or list(unexplained(quick, last, currents))
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
@@ -100,17 +100,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
 
 def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
     """Warnings of a fit's result as checks."""
-    return tuple(Check(check, "", (), None, "warned", text, "") for text in texts)
-
-
-def _currents(prepared: Prepared) -> bool:
-    """Whether motor torques are computed from currents."""
-    study = prepared.study
-    if study.drive_gains is None:
-        return False
-    stream = prepared.streams[0]
-    number = f"i{stream.need.joints[0]}"
-    return number in study.columns or number in stream.names
+    return tuple(Check(check, (), text) for text in texts)
 
 
 def _best(
@@ -142,27 +132,26 @@ def _best(
 
 
 def _believed(quick: Quick, before: Fit, h: Hypothesis) -> bool:
-    """Whether the model explains, and predicts, the signals that the hypothesis blames once it is taken, and
-    where a position has another unit or sign what it left before: where something large is missing in the
-    model (a cable over two joints, gravity elsewhere), one wrong sign or order may leave less than another
-    without being the cause. A single joint is known by its friction, whatever else is missing."""
+    """Whether the model explains, and predicts, the signals that the hypothesis blames once it is taken; all
+    of them where it blames positions, which stand in every torque, and clearly better than before where it
+    is one position alone: where something large is missing in the model (a cable over two joints, gravity
+    elsewhere), one wrong sign or order may leave less than another without being the cause. A torque that no
+    other contradicts is known by its friction, whatever else is missing."""
     taken = h.quick or quick
     fit = taken.fit(h.how)
     joints = [str(joint) for joint in quick.columns.need.joints]
-    blamed = {"".join(filter(str.isdigit, name)) for name in h.check.signals}
-    other = h.check.check in ("angle_unit", "position_sign")
-    if other or any(name.startswith("q") for name in h.check.signals):  # a position stands in every torque
-        blamed = set(joints)
+    motion = any(name.startswith("q") for name in h.check.signals)
+    blamed = set(joints) if motion else {"".join(filter(str.isdigit, name)) for name in h.check.signals}
     its = [
         c for c, j in enumerate(quick.columns.joint_of) if joints[j] in blamed and np.isfinite(fit.error[c])
     ]
-    alone = h.check.check == "torque_sign" and len(fit.error) == 1
-    if alone and evidence(taken, fit, h.how).friction[0] > SURE:
+    if h.quick is None and len(fit.error) == 1 and evidence(taken, fit, h.how).friction[0] > SURE:
         return bool(fit.error[0] < NOTHING)
     explained = bool((fit.error[its] <= EXPLAINED).all())
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
-    return explained and predicted and (not other or _rms(fit) < FALLEN * _rms(before))
+    alone = motion and len(h.check.signals) == 1
+    return explained and predicted and _rms(fit) < (FALLEN if alone else RISEN) * _rms(before)
 
 
 def _rms(fit: Fit) -> float:
@@ -191,14 +180,12 @@ def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> I
             names = [f"q{j}" for j, turns in zip(columns.need.joints, which) if turns]
             check = Check(
                 "angle_unit",
-                "",
                 tuple(names),
-                None,
-                "refused",
                 f"{'the positions' if which is turning else listed(names)} "
                 f"{'are' if len(names) > 1 else 'is'} in degrees: taken so, the errors of the torques fall "
                 f"from {100 * np.nanmax(fit.error):.0f} to {100 * np.nanmax(other.error):.0f} % at most",
                 "write " + column_line(maps, {name: {"scale": 0.0174533} for name in names}),
+                outcome="refused",
             )
             yield Hypothesis(other.gain_over(fit), how, check, moved)
 
@@ -263,7 +250,7 @@ def mended_study(study: Study, checks: Iterable[Check]) -> Study | None:
     changes: dict[str, Any] = {}
     columns, own = dict(study.columns), [dict(entry.columns) for entry in study.recordings]
     for check in checks:
-        if check.check not in UNDONE or check.outcome != "warned" or not check.remedy:
+        if check.outcome != "warned" or not check.remedy:
             continue
         try:
             line = yaml.safe_load(check.remedy)

@@ -26,7 +26,7 @@ CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on vali
 SAMPLES = 260
 AXES_SAMPLES = 160
 DIRECTIONS = 120
-CARRIED, KEPT = 2.5, 0.3  # gain on validate alone, and what identify may lose by it
+CARRIED, KEPT = 2.2, 0.3  # gain on both together, and what identify may lose by it
 UNSEEN = 0.5  # gain of the gravity that is assumed over another, below which neither is known
 LEAST_ANGLE = 8.0  # degrees; smaller tilts are the diagnosis's effect base_tilt
 ROUND_ANGLE = 4.0  # within it an axis of the base is meant
@@ -211,10 +211,7 @@ def base_orientation(
         how,
         Check(
             "base_orientation",
-            "",
             (),
-            None,
-            "warned",
             f"gravity is {turned}: {why}; so taken, the errors of the torques{where} "
             f"fall from {_span(plain)} to {_span(now)}",
             line,
@@ -236,10 +233,7 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
         angle, now = max(told, key=lambda its: its[0])
         yield Check(
             "poor_excitation",
-            "",
             (),
-            None,
-            "warned",
             f"these motions do not show how the base is mounted: with gravity turned by {angle:.0f} degrees "
             f"the model explains the torques about as well (errors of {_span(now)}, not {_span(plain)})",
             "gravity is taken as the robot file has it, make sure that it is",
@@ -255,8 +249,8 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
 def _by_validate(
     identify: Parts, validate: Parts | None, assumed: np.ndarray, size: float
 ) -> np.ndarray | None:
-    """Gravity along an axis of the base where the fitted motion is too poor to tell and only the other
-    recordings do: those that are fitted keep their error, the others lose most of theirs."""
+    """Gravity along an axis of the base where the fitted motion is too poor to tell and the other recordings
+    do: those that are fitted keep their error or lose some, the others lose most of theirs."""
     plain, held = errors(identify, validate, assumed)
     if validate is None or held is None:
         return None
@@ -266,8 +260,9 @@ def _by_validate(
             axis = sign * size * np.eye(3)[k]
             now, after = errors(identify, validate, axis)
             predicted = after is not None and np.nanmax(after) < 1.0  # better than nothing, on every joint
-            if predicted and gain(plain, now) > -KEPT and _angle(assumed, axis) > LEAST_ANGLE:
-                told.append((gain(held, after), tuple(axis)))
+            fitted = gain(plain, now)
+            if predicted and fitted > -KEPT and _angle(assumed, axis) > LEAST_ANGLE:
+                told.append((fitted + gain(held, after), tuple(axis)))
     told.sort(reverse=True)
     if not told or told[0][0] < CARRIED or (len(told) > 1 and told[0][0] - told[1][0] < 0.25 * CARRIED):
         return None
@@ -374,10 +369,7 @@ def joint_axes(
         how,
         Check(
             "joint_axis",
-            "",
             (),
-            None,
-            "warned",
             f"the robot file seems wrong: {best[2]}{also}; so turned, the errors of the torques fall "
             f"from {_span(plain)} "
             f"to {_span(best[3])}",

@@ -30,7 +30,14 @@ def beyond_limits(prepared: Prepared, torques: bool = True) -> Iterator[Check]:
     for stream in prepared.streams:
         yield from _positions(stream, limits, prismatic)
         if torques and study.drive_gains != "identify":  # else motor signals are in the drive's own unit
-            yield from _torques(stream, limits)
+            yield from _torques(stream, limits, "i" if reads_currents(prepared) else "tau_m")
+
+
+def reads_currents(prepared: Prepared) -> bool:
+    """Whether motor torques are computed from currents."""
+    study, stream = prepared.study, prepared.streams[0]
+    number = f"i{stream.need.joints[0]}"
+    return study.drive_gains is not None and (number in study.columns or number in stream.names)
 
 
 def _positions(
@@ -58,17 +65,16 @@ def _beyond(low: float, high: float, limits: tuple[float, float]) -> tuple[float
     return max((limits[0] - low, low), (high - limits[1], high))
 
 
-def _torques(stream: RecordingStream, limits: list[Mapping[str, Any]]) -> Iterator[Check]:
+def _torques(stream: RecordingStream, limits: list[Mapping[str, Any]], motor: str) -> Iterator[Check]:
     n, need = len(stream.need.joints), stream.need
-    places = [(k, f"tau_m{need.joints[k]}") for k in need.motor]
-    places += [(k, f"tau_l{need.joints[k]}") for k in need.sensor]
+    places = [(k, "tau_m", motor) for k in need.motor] + [(k, "tau_l", "tau_l") for k in need.sensor]
     largest = np.maximum(np.abs(stream.survey.lowest), np.abs(stream.survey.highest))[n:]
     told, names = [], []
-    for (k, name), reached in zip(places, largest):
+    for (k, torque, recorded), reached in zip(places, largest):
         most = limits[k].get("tau")
         if most is not None and reached > TIMES * most:
-            names.append(name)
-            told.append(f"{name} reaches {reached:.3g} (limit {most:.3g})")
+            names.append(f"{recorded}{need.joints[k]}")
+            told.append(f"{torque}{need.joints[k]} reaches {reached:.3g} (limit {most:.3g})")
     if told:
         yield _check(stream, names, told, "its unit, the drive's gain and the order of the joints")
 
@@ -76,10 +82,9 @@ def _torques(stream: RecordingStream, limits: list[Mapping[str, Any]]) -> Iterat
 def _check(stream: RecordingStream, signals: list[str], told: list[str], look: str) -> Check:
     return Check(
         "beyond_limits",
-        stream.label,
         tuple(signals),
-        None,
-        "warned",
         f"{', '.join(told[:4])}{' and others' if len(told) > 4 else ''}: far beyond what the robot file says",
         f"check {look}, or correct the limits in the robot file",
+        recording=stream.label,
+        hint=True,
     )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -24,20 +25,23 @@ from ident.examination.signals import (
 
 def of_table(
     columns: Columns, mender: Mender, excerpt: Excerpt, lowest: np.ndarray, highest: np.ndarray, rows: int
-) -> Iterable[Check]:
-    """Every check of one table."""
+) -> list[Check]:
+    """Every check of one table, with the recording's name."""
     said, slow = repeats.held(columns, excerpt)
-    yield from lost_samples(columns, mender, rows)
-    yield from wraps(columns, mender)
-    yield from units(columns, lowest, highest)
-    yield from position_steps(columns, mender)
-    yield from dead_and_resting(columns, lowest, highest)
-    yield from flags(columns, excerpt)
-    yield from limits_hit(columns, excerpt, slow)
-    yield from said
-    yield from repeats.copies(columns, excerpt)
     lost = sum((c for kind, c in mender.counts.items() if kind != "spike"), np.zeros(len(columns.signals)))
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
-    yield from repeats.standing(columns, excerpt, slow | gone)
-    yield from repeats.unsigned(columns, excerpt)
-    yield from repeats.coarse(columns, excerpt, slow)
+    found = chain(
+        lost_samples(columns, mender, rows),
+        wraps(columns, mender),
+        units(columns, mender, lowest, highest),
+        position_steps(columns, mender),
+        dead_and_resting(columns, lowest, highest),
+        flags(columns, excerpt),
+        limits_hit(columns, excerpt, slow),
+        said,
+        repeats.copies(columns, excerpt),
+        repeats.standing(columns, excerpt, slow | gone),
+        repeats.unsigned(columns, excerpt),
+        repeats.coarse(columns, excerpt, slow),
+    )
+    return [replace(check, recording=columns.recording) for check in found]

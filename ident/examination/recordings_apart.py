@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ident.examination.check import Check, Outcome, listed
+from ident.examination.check import Check, listed
 from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, solve
 from ident.examination.torques import signal_of
 
@@ -108,8 +108,7 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
 
 
 def _check(check: str, apart: Apart, signals: tuple[str, ...], words: str, remedy: str) -> Check:
-    outcome: Outcome = "warned"
-    return Check(check, apart.sample.label, signals, None, outcome, f"in this recording {words}", remedy)
+    return Check(check, signals, f"in this recording {words}", remedy, recording=apart.sample.label)
 
 
 def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:

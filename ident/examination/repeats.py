@@ -41,12 +41,14 @@ def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         soft = m < columns.n or (k >= columns.n and same_joint)  # a mimicking joint, a torque from a current
         outcome: Outcome = "warned" if soft else "refused"
         yield Check(
-            "copied_signal", columns.recording, names, None, outcome,
+            "copied_signal",
+            names,
             f"{names[1]} is {names[0]} again{'' if np.isclose(slope, 1) else ' times a number'}: one column "
             "read for two signals, or a log that repeats it",
             f"map the right columns with columns: {{{names[1]}: ...}}"
             + (f", or leave it out with {columns.without([names[1]])}" if m >= columns.n else ""),
-        )  # fmt: skip
+            outcome=outcome,
+        )
 
 
 def _runs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -86,13 +88,15 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
         refused = share > MOST_STILL
         name, (_, first, _, x) = columns.signals[k], found[0]
         yield Check(
-            "dead_channel", columns.recording, (name,), (first, found[-1][2]),
-            "refused" if refused else "warned",
+            "dead_channel",
+            (name,),
             f"{name} stands still at {x:.4g} for {100 * share:.2g} % of the samples while joint "
             f"{columns.labels[j]} moves (rows {first} to {found[0][2]}"
             f"{' and others' if len(found) > 1 else ''}): a drive that was off, a cable, a value held",
             f"leave the stretch out with from: and to:, or the torque with {columns.without([name])}",
-        )  # fmt: skip
+            outcome="refused" if refused else "warned",
+            rows=(first, found[-1][2]),
+        )
 
 
 def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
@@ -108,11 +112,12 @@ def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         if count >= VISITS and not excerpt.fewer(k, FEW):
             name = columns.signals[k]
             yield Check(
-                "unsigned_torque", columns.recording, (name,), None, "warned",
+                "unsigned_torque",
+                (name,),
                 f"{name} comes down to zero {count} times and never changes its sign: a magnitude, or a "
                 "sensor of one direction",
                 f"record it with its sign, or leave it out with {columns.without([name])}",
-            )  # fmt: skip
+            )
 
 
 def _others(every: np.ndarray, found: list[tuple[int, int, int, float]]) -> np.ndarray:
@@ -151,7 +156,7 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
         f"recorded at {1 / seconds:.3g} Hz and held, which is late by {500 * seconds:.3g} ms in the mean"
     )
     remedy = "record them at the rate of the others; cut-offs above a fifth of theirs show the steps"
-    return [Check("held_signal", columns.recording, names, None, "warned", text, remedy)], set(slow)
+    return [Check("held_signal", names, text, remedy)], set(slow)
 
 
 def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
@@ -174,8 +179,9 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
             told[name] = step
     if told:
         yield Check(
-            "coarse_signal", columns.recording, tuple(told), None, "warned",
+            "coarse_signal",
+            tuple(told),
             f"{listed(told)} move{'s' if len(told) == 1 else ''} in steps of {max(told.values()):.3g}, few "
             "of which fit into the whole motion: rates and accelerations are mostly those steps",
             "record with a finer resolution, a larger motion, or a lower filter: {position_cutoff_hz: ...}",
-        )  # fmt: skip
+        )

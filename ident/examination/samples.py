@@ -200,7 +200,7 @@ class Mender:
             turns = -np.rint(step / (2 * np.pi))
             turns[~(np.abs(turns) <= 1) | ~(np.abs(step + 2 * np.pi * turns) <= 1.0)] = 0.0  # NaN: no turn
             jumps = np.flatnonzero(turns)
-            if len(jumps) and np.quantile(np.abs(step), 0.95) > 1.0:  # no positions in rad at all
+            if len(jumps) and np.quantile(np.abs(step + 2 * np.pi * turns), 0.95) > 1.0:  # not in rad at all
                 turns[:] = 0.0
             column += 2 * np.pi * (self._turns[k] + np.concatenate([[0.0], np.cumsum(turns)]))
             for at in np.flatnonzero(turns):

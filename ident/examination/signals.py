@@ -89,23 +89,20 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
         check = "missing_values" if kind == "sentinel" else kind
         yield Check(
             check,
-            columns.recording,
             () if kind == "frozen" else names,
-            span,
-            "refused" if refused else "mended",
             message,
             _CURE[kind] if refused else "",
+            outcome="refused" if refused else "mended",
+            rows=span,
         )
     if mender.truncated is not None:
         row = mender.truncated + 1
         yield Check(
             "truncated",
-            columns.recording,
             (),
-            (row, row),
-            "mended",
             f"the last row ({row}) is not whole and was left out",
-            "",
+            outcome="mended",
+            rows=(row, row),
         )
 
 
@@ -122,13 +119,11 @@ def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
         rows = mending.wrap_rows[mending.wrap_columns == k] + 1
         yield Check(
             "wrap",
-            columns.recording,
             (columns.signals[k],),
-            (int(rows[0]), int(rows[-1])),
-            "mended",
             f"{columns.signals[k]} leaps by a whole turn {len(rows)} time{'s' if len(rows) > 1 else ''} "
             f"(first in row {rows[0]}); made continuous",
-            "",
+            outcome="mended",
+            rows=(int(rows[0]), int(rows[-1])),
         )
 
 
@@ -143,13 +138,12 @@ def position_steps(columns: Columns, mender: Mender) -> Iterator[Check]:
     names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
     yield Check(
         "position_step",
-        columns.recording,
         names,
-        (row + 1, row + 1),
-        "refused",
         f"{columns.signals[k]} leaps by {size:.3g} {unit} in row {row + 1} and stays there, "
         "as when an encoder slips or rows were cut out",
         "use the part before or after it with from: and to:",
+        outcome="refused",
+        rows=(row + 1, row + 1),
     )
 
 
@@ -161,10 +155,7 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
         which = listed(columns.labels[k] for k in still)
         yield Check(
             "resting_joint",
-            columns.recording,
             tuple(columns.signals[k] for k in still),
-            None,
-            "warned",
             f"joint {which} never moves, so its own parameters cannot be seen here",
             "record it moving",
         )
@@ -176,16 +167,14 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
     value = f"{lowest[dead[0]]:g}"
     yield Check(
         "dead_channel",
-        columns.recording,
         names,
-        None,
-        "refused",
         f"{listed(names)} {'reads' if len(names) == 1 else 'read'} {value} throughout: dead or absent"
         if not everything
         else f"no torque is recorded: {listed(names)} never changes while joints move",
         "map the right columns with columns: {...}"
         if everything
         else f"leave {'it' if len(names) == 1 else 'them'} out with {columns.without(names)}",
+        outcome="refused",
     )
 
 
@@ -198,10 +187,7 @@ def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             if k >= columns.n and not _switch(distinct):
                 yield Check(
                     "coarse_signal",
-                    columns.recording,
                     (name,),
-                    None,
-                    "warned",
                     f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: it stays below its "
                     "own resolution, and nothing is seen of it",
                     f"leave it out with {columns.without([name])}",
@@ -210,13 +196,11 @@ def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             out = f", or leave it out with {columns.without([name])}" if k >= columns.n else ""
             yield Check(
                 "flag_column",
-                columns.recording,
                 (name,),
-                None,
-                "refused",
                 f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: a switch, or a signal "
                 "below its own resolution",
                 f"map the right column with columns: {{{name}: {{column: ...}}}}{out}",
+                outcome="refused",
             )
 
 
@@ -247,10 +231,7 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
             if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
                 yield Check(
                     "saturation",
-                    columns.recording,
                     (columns.signals[k],),
-                    None,
-                    "warned",
                     f"{columns.signals[k]} stays exactly at its {word} value {sign * y.max():.4g} "
                     f"for {100 * count / len(x):.2g} % of the samples, as a signal that is clipped",
                     "record with a wider range, or a slower motion",
@@ -258,7 +239,7 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                 break
 
 
-def units(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:
+def units(columns: Columns, mender: Mender, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:
     """Positions beyond what joints reach: counts of an encoder; torques that only N mm give."""
     n = columns.n
     reach = np.maximum(np.abs(lowest), np.abs(highest))
@@ -268,37 +249,32 @@ def units(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator
         change = {"scale": "2*pi/(counts per turn * gear ratio)"}
         yield Check(
             "angle_unit",
-            columns.recording,
             tuple(names),
-            None,
-            "refused",
             f"{names[0]} reaches {reach[counts[0]]:.4g}, which no joint does in rad: {listed(names)} look "
             "like an encoder's counts",
             f"write columns: {{{names[0]}: {{scale: {change['scale']}}}, ...}} in the study, as a number",
+            outcome="refused",
         )
-    far = [k for k in range(n) if TURNS < reach[k] <= COUNTS and not columns.prismatic[k]]
+    no_doubt = {*np.flatnonzero(columns.prismatic), *mender.mending().wrap_columns}  # leaps by 2 pi are rad
+    far = [k for k in range(n) if TURNS < reach[k] <= COUNTS and k not in no_doubt]
     if far:
         names = [columns.signals[k] for k in far]
         yield Check(
             "angle_unit",
-            columns.recording,
             tuple(names),
-            None,
-            "warned",
             f"{names[0]} reaches {reach[far[0]]:.4g}, more than two turns in rad, it looks like degrees or "
             f"the motor's side of the gear (joints {listed(columns.labels[k] for k in far)})",
             "if degrees, write " + column_line(columns.maps, {name: {"scale": 0.0174533} for name in names}),
+            hint=True,
         )
     large = [k for k in range(n, len(reach)) if reach[k] > 2e4]
     if large:
         names = [columns.signals[k] for k in large]
         yield Check(
             "torque_scale",
-            columns.recording,
             tuple(names),
-            None,
-            "warned",
-            f"{names[0]} reaches {reach[large[0]]:.3g} N m, more than robots' joints give; it looks "
-            f"like N mm ({listed(names)})",
-            "if so write " + column_line(columns.maps, {name: {"scale": 0.001} for name in names}),
+            f"{names[0]} reaches {reach[large[0]]:.3g} N m, more than robots' joints give: N mm, or "
+            f"another gain ({listed(names)})",
+            "if N mm, write " + column_line(columns.maps, {name: {"scale": 0.001} for name in names}),
+            hint=True,
         )

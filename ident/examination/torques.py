@@ -189,27 +189,22 @@ def several_signs(
 
 
 def swapped(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
-    """Two torques of one side in each other's place."""
+    """Two torques of one side in each other's place, each with its sign or the other one."""
     columns = quick.columns
-    for a, b in combinations(np.flatnonzero(quick.identify.rows > 10), 2):
+    for a, b in combinations(np.flatnonzero(quick.identify.rows > 10).tolist(), 2):
         if columns.need.channels[a].side != columns.need.channels[b].side:
             continue
-        turned = how.swapped(int(a), int(b))
-        other = quick.fit(turned)
-        if other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED:
-            names = (signal_of(quick, int(a), currents), signal_of(quick, int(b), currents))
-            yield Hypothesis(
-                other.gain_over(fit),
-                turned,
-                _swap_check(
-                    names,
-                    maps,
-                    f"{columns.channels[a][5:]} and {columns.channels[b][5:]}",
-                    "torques",
-                    fit,
-                    other,
-                ),
-            )
+        best, gain, signs, other = how, -np.inf, (1, 1), fit
+        for pair in ((1, 1), (1, -1), (-1, 1), (-1, -1)):  # other signs have to gain by themselves
+            turned = how.swapped(a, b).times([a], pair[0]).times([b], pair[1])
+            tried = quick.fit(turned)
+            if tried.gain_over(fit) > gain + (0.0 if pair == (1, 1) else CLEARLY):
+                best, gain, signs, other = turned, tried.gain_over(fit), pair, tried
+        least = SWAPPED if signs == (1, 1) else 2 * SWAPPED  # another place and another sign
+        if gain > least and other.holds_over(fit) > 0.5 * least:
+            names = (signal_of(quick, a, currents), signal_of(quick, b, currents))
+            which = f"{columns.channels[a][5:]} and {columns.channels[b][5:]}"
+            yield Hypothesis(gain, best, _swap_check(names, maps, which, "torques", fit, other, signs))
 
 
 def swapped_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> Iterator[Hypothesis]:
@@ -231,10 +226,7 @@ def swapped_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> It
         else:
             check = Check(
                 "position_sign",
-                "",
                 (f"q{labels[a]}",),
-                None,
-                "warned",
                 f"the position of joint {labels[a]} looks recorded with the other sign, or its axis in "
                 "the robot "
                 f"file points the other way: turned, {_falls(fit, other)}",
@@ -258,10 +250,7 @@ def scaled_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> Ite
                 continue
             check = Check(
                 "angle_unit",
-                "",
                 (f"q{label}",),
-                None,
-                "warned",
                 f"q{label} looks {1 / factor:.3g} times too large: another unit, or a gear that is counted "
                 f"twice or not at all; so taken, {_falls(fit, other)}",
                 column_line(maps, {f"q{label}": {"scale": factor}}),
@@ -290,38 +279,37 @@ def other_orders(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: 
         if not (other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED):
             continue
         wrong = [k for k in same if order[k] != k]
-        changes = {f"q{labels[k]}": f"q{labels[order[k]]}" for k in wrong}
+        changes = {f"q{labels[k]}": {"of": f"q{labels[order[k]]}"} for k in wrong}
         changes |= {
-            signal_of(quick, c, currents): signal_of(quick, k, currents)
+            signal_of(quick, c, currents): {"of": signal_of(quick, k, currents)}
             for c, k in enumerate(source)
             if c != k
         }
-        line = ", ".join(f"{a}: {maps[b].column if b in maps else b}" for a, b in changes.items())
         which = ", ".join(labels[k] for k in order)
         check = Check(
             "swapped_signals",
-            "",
             tuple(changes),
-            None,
-            "warned",
             f"the joints look recorded in another order: positions and torques of {which} where "
             f"{', '.join(labels)} are meant; so taken, {_falls(fit, other)}",
-            f"columns: {{{line}}}",
+            column_line(maps, changes),
         )
         yield Hypothesis(other.gain_over(fit), taken, check, turned)
 
 
-def _swap_check(names: tuple[str, str], maps: dict, which: str, what: str, fit: Fit, other: Fit) -> Check:
-    first, second = (str(maps[name].column) if name in maps else name for name in names)
-    return Check(
-        "swapped_signals",
-        "",
-        names,
-        None,
-        "warned",
-        f"the {what} of joints {which} look swapped; exchanged, {_falls(fit, other)}",
-        f"columns: {{{names[0]}: {second}, {names[1]}: {first}}}",
-    )
+def _swap_check(
+    names: tuple[str, str],
+    maps: dict,
+    which: str,
+    what: str,
+    fit: Fit,
+    other: Fit,
+    signs: tuple[int, int] = (1, 1),
+) -> Check:
+    turned = [name for name, sign in zip(names, signs) if sign < 0]
+    also = f", {' and '.join(turned)} with the other sign" if turned else ""
+    message = f"the {what} of joints {which} look swapped{also}; exchanged, {_falls(fit, other)}"
+    changes = {a: {"of": b, "sign": sign} for a, b, sign in zip(names, names[::-1], signs)}
+    return Check("swapped_signals", names, message, column_line(maps, changes))
 
 
 def _falls(before: Fit, after: Fit) -> str:
@@ -350,19 +338,17 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
             yield _one_of_two(quick, fit, how.times([int(c)], factor), int(c), factor, other, maps, currents)
             return
         size = f"{1 / factor:.3g} times too large" if factor < 1 else f"{factor:.3g} times too small"
-        unit = "it looks like N mm" if abs(np.log(factor * 1000)) < 0.2 else "gear ratio, unit or drive gain"
+        milli = abs(np.log(factor * 1000)) < 0.2
+        unit = "it looks like N mm" if milli else "gear ratio, unit or drive gain"
         yield Hypothesis(
             other.gain_over(fit),
             how.times([int(c)], factor),
             Check(
                 "torque_scale",
-                "",
                 (name,),
-                None,
-                "warned",
                 f"{name} is {size} beside the other torques ({unit}): scaled, its error falls from "
                 f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %",
-                column_line(maps, {name: {"scale": float(f"{factor:.3g}")}}),
+                column_line(maps, {name: {"scale": 0.001 if milli else float(f"{factor:.3g}")}}),
             ),
         )
 
@@ -382,10 +368,7 @@ def _one_of_two(
     milli = abs(np.log(ratio / 1000)) < 0.2
     check = Check(
         "torque_scale",
-        "",
         names[:1] if milli else names,
-        None,
-        "warned",
         f"{names[0]} is {ratio:.3g} times too large beside {names[1]}"
         + (" (it looks like N mm)" if milli else f", or {names[1]} as much too small")
         + f": scaled, {_falls(fit, other)}",
@@ -395,7 +378,7 @@ def _one_of_two(
 
 
 def _unrelated(names: tuple[str, ...], message: str, remedy: str) -> Check:
-    return Check("unrelated_torque", "", names, None, "warned", message, remedy)
+    return Check("unrelated_torque", names, message, remedy)
 
 
 def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
@@ -409,10 +392,7 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
     if nothing or (len(seen) == 1 and error[0] > NOTHING):
         yield Check(
             "wrong_robot",
-            "",
             tuple(quick.columns.channels),
-            None,
-            "warned",
             f"the model explains little of these torques (errors of {100 * error.min():.0f} to "
             f"{100 * error.max():.0f} % of each): another robot's or another run's signals, or a wrong "
             "robot file",
@@ -450,14 +430,12 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         if np.median(held) > max(1.0, 3 * float(np.median(error))):
             yield Check(
                 "wrong_robot",
-                ", ".join(s.label for s in quick.samples if s.role == "validate"),
                 tuple(quick.columns.channels),
-                None,
-                "warned",
                 f"what identify explains ({100 * np.median(error):.0f} % error) does not predict "
                 "validate at all "
                 f"({100 * np.median(held):.0f} %): another robot, load or unit there, or motions that "
                 "have nothing in "
                 "common",
                 "check that these recordings are of the same robot in the same state",
+                recording=", ".join(s.label for s in quick.samples if s.role == "validate"),
             )

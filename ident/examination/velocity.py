@@ -24,6 +24,7 @@ SLIGHT = 0.05  # disagreement that is said
 WRONG = 0.25  # that is refused
 ALIKE = 0.9  # correlation from which two signals are the same but for a factor
 UNLIKE = 0.5
+ABOVE_NOISE = 5.0  # what a signal changes in a cell of the comparison
 LAG_S = 0.05
 DEGREE = 180 / np.pi
 
@@ -84,36 +85,33 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
             clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.6g}")}})
             remedy = f"write {clock} where t is wrong, {repair} where the velocities are"
         check = "angle_unit" if "degrees" in message and factor < 1 else "clock_rate"
-        yield Check(check, columns.recording, ("t", *names), None, "refused", message, remedy)
+        yield Check(check, ("t", *names), message, remedy, outcome="refused", recording=columns.recording)
     if slight:
         text = ", ".join(f"dq{j} {alike[j]:.3f}" for j in slight)
         yield Check(
             "clock_rate",
-            columns.recording,
             tuple(f"dq{j}" for j in slight),
-            None,
-            "warned",
             f"logged velocities differ slightly from the derivative of the positions (factor: {text})",
             "nothing here uses them; check the clock if all differ alike",
+            recording=columns.recording,
         )
     if strangers:
         names = tuple(f"dq{j}" for j in strangers)
         yield Check(
             "clock_rate",
-            columns.recording,
             (*names, *(f"q{j}" for j in strangers)),
-            None,
-            "warned",
             f"{listed(names)} {'is' if len(names) == 1 else 'are'} not the derivative of "
             f"{listed('q' + j for j in strangers)} (correlation "
             f"{min(abs(found[j][1]) for j in strangers):.2f}): one of the two belongs to another joint, "
             "signal or run",
             "check the columns",
+            recording=columns.recording,
         )
 
 
 def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[float, float] | None:
-    """(dq over the derivative of q, their correlation) of one joint; None where it hardly moves.
+    """(dq over the derivative of q, their correlation) of one joint; None where it hardly moves, or where
+    noise alone may be why the two differ.
 
     t (N,) increasing; both are averaged over the same cells of a twentieth of the time scale of the motion.
     """
@@ -141,7 +139,15 @@ def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[float, float] |
         r = float(x @ y / np.sqrt(max((x @ x) * (y @ y), 1e-300)))
         if abs(r) > abs(best[1]):
             best = (float(x @ y / (x @ x)), r)
+    if abs(best[1]) < ALIKE and not (_moves(q, width) and _moves(total, width)):
+        return None
     return best if best[1] else None
+
+
+def _moves(x: np.ndarray, width: int) -> bool:
+    """Whether what x (N,) gains over `width` samples is more than the noise that a cubic leaves of it."""
+    noise = x[2:-2] - (-x[:-4] + 4 * x[1:-3] + 4 * x[3:-1] - x[4:]) / 6
+    return bool(np.std(x[width:] - x[:-width]) > ABOVE_NOISE * np.std(noise))
 
 
 def _read(

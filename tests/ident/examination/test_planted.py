@@ -21,6 +21,7 @@ from planted import (
 
 from ident.equations.prepared import prepare_study
 from ident.errors import StudyError
+from ident.examination.check import worst_first
 from ident.examination.examine import examine_fit, examine_tables, mended_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
@@ -111,10 +112,14 @@ def test_a_clipped_torque_that_is_negative_all_along(tmp_path):
     assert {(c.check, c.signals) for c in tables(study)} == {("saturation", ("tau_m2",))}
 
 
-@pytest.mark.parametrize("gravity", [(9.81, 0, 0), (0, 0, 9.81)])
-def test_gravity_that_only_the_other_recording_tells(gravity):
-    """The KR 300's slow motion fits as well with any gravity; its other run is predicted with one alone."""
-    (check,) = examine_fit(prepare_study(measured("kuka_kr300").with_(gravity=gravity)))
+@pytest.mark.parametrize(
+    ("robot", "gravity"),
+    [("kuka_kr300", (9.81, 0, 0)), ("kuka_kr300", (0, 0, 9.81)), ("staubli_tx40", (0, 0, 9.81))],
+)
+def test_gravity_that_the_other_recording_tells(robot, gravity):
+    """The KR 300's slow motion fits as well with any gravity, and the TX40's nearly so; the other run is
+    predicted with one alone."""
+    (check,) = examine_fit(prepare_study(measured(robot).with_(gravity=gravity)))
     assert check.check == "base_orientation" and check.remedy == "gravity: [0, 0, -9.81]"
     assert "that validate" in check.message
 
@@ -149,6 +154,23 @@ def test_a_wrapped_encoder_is_made_continuous(tmp_path):
     prepared = prepare_study(study)
     assert {c.check for c in examine_tables(prepared)} == {"wrap"}
     assert examine_fit(prepared) == ()
+
+
+def test_an_encoder_that_rests_where_it_wraps(tmp_path):
+    """Its noise alone leaps to and fro in every tenth row while the joint stands still."""
+
+    def wrapped(q):
+        return (q - np.median(q)) % (2 * np.pi)
+
+    study = planted(tmp_path, changed("q2", wrapped), measured("ur10e"))
+    assert {c.check for c in tables(study)} == {"wrap"}
+
+
+def test_a_joint_of_many_turns_that_wraps_is_in_rad(tmp_path):
+    study = planted(
+        tmp_path, changed("q1", lambda q: q % (2 * np.pi)), measured("kinova_gen3_joint7_friction")
+    )
+    assert {c.check for c in tables(study)} == {"wrap", "spike"}
 
 
 @pytest.mark.parametrize(("signal", "size"), [("q3", 0.2), ("i2", 400.0)])
@@ -273,6 +295,43 @@ def test_one_torque_of_another_scale(tmp_path, factor):
     ]
     mended = mended_study(study, checks)
     assert mended is not None and abs(mended.columns["i3"].scale * factor - 1) < 0.3
+
+
+def test_a_scale_that_the_fitted_motion_does_not_feel(tmp_path):
+    """The size alone tells it; another joint was blamed that it no longer predicts."""
+    study = planted(tmp_path, changed("tau_m2", lambda x: x * 1e3), measured("kuka_kr300"))
+    prepared = prepare_study(study)
+    said = worst_first([*examine_tables(prepared), *examine_fit(prepared)])
+    assert {(c.check, c.signals) for c in said} == {("torque_scale", ("tau_m2",))}
+
+
+def test_a_limit_that_is_passed_gives_way_to_why(tmp_path):
+    study = planted(tmp_path, changed("i2", lambda x: x * 1e3))
+    prepared = prepare_study(study)
+    tables_said = examine_tables(prepared)
+    said = worst_first([*tables_said, *examine_fit(prepared)])
+    assert "beyond_limits" in {c.check for c in tables_said}
+    assert [(c.check, c.signals) for c in said] == [("torque_scale", ("i2",))]
+
+
+def test_a_joint_at_rest_is_not_said_to_have_anothers_velocity(tmp_path):
+    """In degrees its noise is more than what is a motion in rad."""
+    study = planted(
+        tmp_path,
+        lambda c: {k: np.degrees(v) if k.lstrip("d")[0] == "q" else v for k, v in c.items()},
+        measured("airbot_play"),
+    )
+    assert {c.check for c in tables(study)} == {"angle_unit"}
+
+
+def test_two_sensors_exchanged_of_which_one_was_turned(tmp_path):
+    """tau_l1 and tau_l3 of the arm are turned; so they are told back, each with its own sign."""
+    exchange = {"tau_l2": "tau_l3", "tau_l3": "tau_l2"}
+    change = lambda c: c | {"tau_l1": -c["tau_l1"]} | {a: c[b] for a, b in exchange.items()}  # noqa: E731
+    study = planted(tmp_path, change, live_arm())
+    (check,) = checks = examine_fit(prepare_study(study))
+    assert check.remedy == "columns: {tau_l2: tau_l3, tau_l3: {column: tau_l2, sign: -1}}"
+    assert examine_fit(prepare_study(mended_study(study, checks))) == ()
 
 
 @pytest.mark.parametrize("kind", ["i", "q"])
