@@ -177,11 +177,16 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
             continue
         if np.ptp(x) / step < levels:
             told[name] = step
-    if told:
-        yield Check(
-            "coarse_signal",
-            tuple(told),
-            f"{listed(told)} move{'s' if len(told) == 1 else ''} in steps of {max(told.values()):.3g}, few "
-            "of which fit into the whole motion: rates and accelerations are mostly those steps",
-            "record with a finer resolution, a larger motion, or a lower filter: {position_cutoff_hz: ...}",
-        )
+    positions = {name: step for name, step in told.items() if name in columns.signals[: columns.n]}
+    for its, what, also in (
+        (positions, "rates and accelerations are", ", or a lower filter: {position_cutoff_hz: ...}"),
+        ({name: told[name] for name in told if name not in positions}, "what is fitted to them is", ""),
+    ):
+        if its:
+            yield Check(
+                "coarse_signal",
+                tuple(its),
+                f"{listed(its)} move{'s' if len(its) == 1 else ''} in steps of {max(its.values()):.3g}, few "
+                f"of which fit into the whole motion: {what} mostly those steps",
+                f"record with a finer resolution or a larger motion{also}",
+            )
