@@ -265,7 +265,7 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
     out = []
     for check in checks:
         effect = by_check.get(check.check)
-        if effect is None:
+        if effect is None or check.hint:
             continue
         values: dict[str, dict[str, Any]] = {}
         if mended.gravity is not None and mended.gravity != study.gravity and not check.signals:
