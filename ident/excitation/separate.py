@@ -7,11 +7,6 @@ What of effect a no model with effect b can imitate is, in noise,
 with the base parameters d and all parameters of b refitted. The motion makes 1/(1/T(a|b) + 1/T(b|a)) large,
 which is next to the smaller of the two. At the inner optimum its slope is that of the residual at fixed
 parameters (Danskin): exact through W, by differences through the effects, which may have any form and memory.
-
-The log likelihood ratio has mean T s / 2 and variance T s after s seconds of rows that judge; it is beyond
-what a diagnosis asks, tau, with probability 1 - alpha when sqrt(T s) = z + sqrt(z^2 + 2 tau), z the normal
-quantile of 1 - alpha. A diagnosis asks enough of its blocks to agree as well; one with T_b does with the
-probability Phi(sqrt(T_b) / 2). The rows that are fitted come on top.
 """
 
 from __future__ import annotations
@@ -24,24 +19,19 @@ from itertools import combinations
 import numpy as np
 import scipy.optimize
 import scipy.signal
-import scipy.stats
-import sympy as sp
 
-from ident.diagnosis.evidence import BLOCK_S, FEWEST, agreement
-from ident.diagnosis.loop import threshold
 from ident.equations.terms import Term, plain, torque_of
+from ident.excitation.deciding import seconds_needed
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion
 from ident.excitation.motion import Basis
-from modelgen.effects.effect import SIGNALS, Effect
+from modelgen.effects.effect import Effect
 from modelgen.effects.place import Motion
 
 Array = np.ndarray
 RATE_HZ = 50.0  # at which a motion is designed
 SAME = 1e-4  # share of what is visible of an effect below which it is imitated
-ALPHA = 0.01
 SHAPES = 60  # starting shapes that are tried
-LONGEST = 1e8  # s: what would need longer is never told apart
 
 
 @dataclass(frozen=True)
@@ -289,57 +279,3 @@ class Separation:
 def _instant(term: Term) -> bool:
     """An instant's torque is that of the joint's state then: no memory, no model."""
     return plain(term) and not term.effect.state and type(term.effect).states is Effect.states
-
-
-def seconds_needed(rates: Array, period: float, alpha: float = ALPHA) -> float:
-    """s of a motion with T = rates (N,) per second along its period until a diagnosis decides, rightly in
-    1 - alpha of all cases: by the likelihood, and by the blocks that agree."""
-    rate, z = float(np.mean(rates)), scipy.stats.norm.isf(alpha)
-    if not rate > 0:
-        return float("inf")
-
-    def agree(seconds: float) -> bool:
-        length = min(BLOCK_S, seconds / FEWEST)
-        blocks = round(seconds / length)
-        pieces = np.array_split(rates, min(max(round(period / length), 1), len(rates)))
-        each = scipy.stats.norm.cdf([np.sqrt(length * piece.mean()) / 2 for piece in pieces]).mean()
-        chance = scipy.stats.binom.isf(agreement(blocks, alpha), blocks, 0.5)
-        return bool(scipy.stats.binom.sf(chance, blocks, each) >= 1 - alpha)
-
-    seconds = (z + np.sqrt(z * z + 2 * threshold(alpha))) ** 2 / rate
-    while seconds < LONGEST and not agree(seconds):
-        seconds *= 1.05
-    return float(seconds) if seconds < LONGEST else float("inf")
-
-
-def proof(a: Term, b: Term) -> str | None:
-    """The identity that makes b an imitation of a, shown symbolically; None where none was found.
-
-    Looked for: a's terms as combinations of b's and of 1, dq, ddq, sign dq of the joint, with rational
-    coefficients, for own-joint terms without states."""
-    if not (plain(a) and plain(b)) or a.place.joint != b.place.joint or a.effect.state or b.effect.state:
-        return None
-    S = SIGNALS
-    names = {"q", "dq", "ddq", "sign_dq"}
-    if not (a.effect.needs | b.effect.needs) <= names or a.effect.nonlinear != b.effect.nonlinear:
-        return None
-    theirs = [b.effect.terms[name] for name in b.linear] + [sp.Integer(1), S.dq, S.ddq, S.sign_dq]
-    rng = np.random.default_rng(3)
-    signals = {name: rng.uniform(-2, 2, 60) for name in ("q", "dq", "ddq")}
-    symbols = [S.q, S.dq, S.ddq, S.sign_dq]
-    numbers = [*signals.values(), np.sign(signals["dq"])]
-    fixed = {sp.Symbol(name, real=True): sp.Rational(repr(v)) for name, v in a.theta.items()}
-    columns = [np.broadcast_to(sp.lambdify(symbols, e.subs(fixed))(*numbers), 60) for e in theirs]
-    told = []
-    for name in a.linear:
-        mine = a.effect.terms[name]
-        y = np.broadcast_to(sp.lambdify(symbols, mine.subs(fixed))(*numbers), 60)
-        found = np.linalg.lstsq(np.stack(columns, 1), y, rcond=1e-10)[0]
-        exact = sum(
-            (sp.nsimplify(round(c, 9), rational=True) * e for c, e in zip(found, theirs)), sp.Integer(0)
-        )
-        both = (mine - exact).subs(sp.Abs(S.dq), S.dq * S.sign_dq)
-        if sp.simplify(sp.expand(both).subs(S.sign_dq**2, 1)) != 0:
-            return None
-        told.append(f"{mine} = {exact}")
-    return "; ".join(told)

@@ -16,7 +16,8 @@ import numpy as np
 from ident.equations.terms import Term
 from ident.excitation.known import ROWS_HZ, Known, sized, term_of
 from ident.excitation.limits import Bounds, ExcitationError
-from ident.excitation.separate import Imitation, Projector, imitation, proof
+from ident.excitation.same import proof
+from ident.excitation.separate import Imitation, Projector, imitation
 
 Array = np.ndarray
 HIDDEN = 1e-9  # share of an effect's own square below which the model holds it already
