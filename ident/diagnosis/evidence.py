@@ -106,11 +106,8 @@ def weights(expected: np.ndarray) -> np.ndarray:
 
 
 def enough(weight: np.ndarray, alpha: float) -> int:
-    """The least weight that must agree, of blocks with so much each: coins that add up to it are as rare as
-    alpha; of fewer blocks than MANY less can be asked (ten of twelve have 2 %), and they only guard the
-    likelihood, which has passed alpha itself."""
-    alike = float(weight.sum()) ** 2 / max(float(np.sum(weight**2)), 1.0)  # as many blocks of one weight
-    rare = min(alpha * max(1.0, (MANY / max(alike, 1.0)) ** 2), LENIENT)
+    """The least weight that must agree, of blocks with so much each: coins seldom add up to it."""
+    rare = rarely(float(weight.sum()) ** 2 / max(float(np.sum(weight**2)), 1.0), alpha)
     likely = np.ones(1)
     for step in weight:
         longer = np.zeros(len(likely) + step)
@@ -119,6 +116,13 @@ def enough(weight: np.ndarray, alpha: float) -> int:
         likely = longer
     tail = np.cumsum(likely[::-1])[::-1]
     return int(np.argmax(tail <= rare)) if tail[-1] <= rare else len(tail)
+
+
+def rarely(blocks: float, alpha: float) -> float:
+    """How often coins may agree as well as so many blocks that count alike: at the rate alpha; of fewer than
+    MANY less can be asked (ten of twelve have 2 %), and they only guard the likelihood, which has passed
+    alpha itself."""
+    return min(alpha * max(1.0, (MANY / max(blocks, 1.0)) ** 2), LENIENT)
 
 
 def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from ident.diagnosis.evidence import block_sums, enough, orthonormal, weigh, weights
+from ident.diagnosis.evidence import block_sums, enough, orthonormal, rarely, weigh, weights
 
 M = 480
 
@@ -94,7 +94,7 @@ def test_blocks_that_count_alike_are_a_sign_test():
     for blocks in (12, 30):
         weight = weights(np.full(blocks, np.inf))
         asked = -(-enough(weight, 0.01) // int(weight[0]))
-        rare = min(0.01 * max(1.0, (20 / blocks) ** 2), 0.05)
+        rare = rarely(blocks, 0.01)
         assert (
             scipy.stats.binom.sf(asked - 1, blocks, 0.5)
             <= rare
@@ -109,7 +109,7 @@ def test_agreement_by_chance_is_as_rare_as_it_says():
         weight = weights(expected)
         passed = np.mean((rng.random((20_000, 40)) < 0.5) @ weight >= enough(weight, 0.01))
         alike = weight.sum() ** 2 / np.sum(weight**2)
-        assert passed <= 1.2 * min(0.01 * max(1.0, (20 / alike) ** 2), 0.05)
+        assert passed <= 1.2 * rarely(alike, 0.01)
 
 
 def test_blocks_in_which_an_effect_does_not_act_have_no_say(tiny):
