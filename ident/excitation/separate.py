@@ -20,11 +20,6 @@ import numpy as np
 import scipy.optimize
 import scipy.signal
 
-<<<<<<< ident/excitation/separate.py
-=======
-from ident.diagnosis.evidence import BLOCK_S, FEWEST, rarely
-from ident.diagnosis.loop import threshold
->>>>>>> /tmp/lead/ident/excitation/separate.py
 from ident.equations.terms import Term, plain, torque_of
 from ident.excitation.deciding import seconds_needed
 from ident.excitation.information import Rows
@@ -284,60 +279,3 @@ class Separation:
 def _instant(term: Term) -> bool:
     """An instant's torque is that of the joint's state then: no memory, no model."""
     return plain(term) and not term.effect.state and type(term.effect).states is Effect.states
-<<<<<<< ident/excitation/separate.py
-=======
-
-
-def seconds_needed(rates: Array, period: float, alpha: float = ALPHA) -> float:
-    """s of a motion with T = rates (N,) per second along its period until a diagnosis decides, rightly in
-    1 - alpha of all cases: by the likelihood, and by the blocks that agree."""
-    rate, z = float(np.mean(rates)), scipy.stats.norm.isf(alpha)
-    if not rate > 0:
-        return float("inf")
-
-    def agree(seconds: float) -> bool:
-        length = min(BLOCK_S, seconds / FEWEST)
-        blocks = round(seconds / length)
-        pieces = np.array_split(rates, min(max(round(period / length), 1), len(rates)))
-        each = scipy.stats.norm.cdf([np.sqrt(length * piece.mean()) / 2 for piece in pieces]).mean()
-        coins = scipy.stats.binom.isf(rarely(blocks, alpha), blocks, 0.5)  # of two rivals they count alike
-        return bool(scipy.stats.binom.sf(coins, blocks, each) >= 1 - alpha)
-
-    seconds = (z + np.sqrt(z * z + 2 * threshold(alpha))) ** 2 / rate
-    while seconds < LONGEST and not agree(seconds):
-        seconds *= 1.05
-    return float(seconds) if seconds < LONGEST else float("inf")
-
-
-def proof(a: Term, b: Term) -> str | None:
-    """The identity that makes b an imitation of a, shown symbolically; None where none was found.
-
-    Looked for: a's terms as combinations of b's and of 1, dq, ddq, sign dq of the joint, with rational
-    coefficients, for own-joint terms without states."""
-    if not (plain(a) and plain(b)) or a.place.joint != b.place.joint or a.effect.state or b.effect.state:
-        return None
-    S = SIGNALS
-    names = {"q", "dq", "ddq", "sign_dq"}
-    if not (a.effect.needs | b.effect.needs) <= names or a.effect.nonlinear != b.effect.nonlinear:
-        return None
-    theirs = [b.effect.terms[name] for name in b.linear] + [sp.Integer(1), S.dq, S.ddq, S.sign_dq]
-    rng = np.random.default_rng(3)
-    signals = {name: rng.uniform(-2, 2, 60) for name in ("q", "dq", "ddq")}
-    symbols = [S.q, S.dq, S.ddq, S.sign_dq]
-    numbers = [*signals.values(), np.sign(signals["dq"])]
-    fixed = {sp.Symbol(name, real=True): sp.Rational(repr(v)) for name, v in a.theta.items()}
-    columns = [np.broadcast_to(sp.lambdify(symbols, e.subs(fixed))(*numbers), 60) for e in theirs]
-    told = []
-    for name in a.linear:
-        mine = a.effect.terms[name]
-        y = np.broadcast_to(sp.lambdify(symbols, mine.subs(fixed))(*numbers), 60)
-        found = np.linalg.lstsq(np.stack(columns, 1), y, rcond=1e-10)[0]
-        exact = sum(
-            (sp.nsimplify(round(c, 9), rational=True) * e for c, e in zip(found, theirs)), sp.Integer(0)
-        )
-        both = (mine - exact).subs(sp.Abs(S.dq), S.dq * S.sign_dq)
-        if sp.simplify(sp.expand(both).subs(S.sign_dq**2, 1)) != 0:
-            return None
-        told.append(f"{mine} = {exact}")
-    return "; ".join(told)
->>>>>>> /tmp/lead/ident/excitation/separate.py
