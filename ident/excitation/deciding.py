@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.stats
 
-from ident.diagnosis.evidence import BLOCK_S, FEWEST, LENIENT, MANY
+from ident.diagnosis.evidence import BLOCK_S, FEWEST, rarely
 from ident.diagnosis.loop import threshold
 
 ALPHA = 0.01
@@ -30,8 +30,7 @@ def seconds_needed(rates: np.ndarray, period: float, alpha: float = ALPHA) -> fl
         blocks = round(seconds / length)
         pieces = np.array_split(rates, min(max(round(period / length), 1), len(rates)))
         each = scipy.stats.norm.cdf([np.sqrt(length * piece.mean()) / 2 for piece in pieces]).mean()
-        rare = min(alpha * max(1.0, (MANY / blocks) ** 2), LENIENT)  # as evidence.enough of equal blocks
-        chance = scipy.stats.binom.isf(rare, blocks, 0.5)
+        chance = scipy.stats.binom.isf(rarely(blocks, alpha), blocks, 0.5)
         return bool(scipy.stats.binom.sf(chance, blocks, each) >= 1 - alpha)
 
     seconds = (z + np.sqrt(z * z + 2 * threshold(alpha))) ** 2 / rate
