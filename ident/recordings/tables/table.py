@@ -125,7 +125,8 @@ def of_columns(file: str, flat: Mapping[str, np.ndarray]) -> Table:
         numbers = {name: seconds_or_numbers(file, name, flat[name]) for name in dict.fromkeys(columns)}
         rows = len(next(iter(numbers.values()))) if numbers else 0
         for start in range(0, rows, ROWS):
-            yield np.column_stack([numbers[name][start : start + ROWS] for name in columns]).astype(float)
+            block = [numbers[name][start : start + ROWS] for name in columns]
+            yield np.column_stack(block).astype(float, copy=False)
 
     return Table(file, tuple(flat), not all(name.isdigit() for name in flat), read, in_memory=True)
 
