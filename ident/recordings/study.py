@@ -492,7 +492,8 @@ def as_study_error(error: ValidationError, file: Path) -> StudyError:
         problem = str(first["ctx"]["error"])
     else:
         problem = f"{given!r} does not fit: {first['msg'][0].lower()}{first['msg'][1:]}"
-    return StudyError(shortened(str(file), 200), key, " ".join(problem.split()))
+    problem = re.sub(r"\S{200,}", lambda word: shortened(word[0]), problem)  # names that were given
+    return StudyError(shortened(str(file), 200), key, shortened(problem, 1000))
 
 
 class _Shown:

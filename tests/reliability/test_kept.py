@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.reliability import recordings, robot_files
+from tests.reliability import recordings, robot_files, studies
 from tests.reliability.judge import Case, judged
 from tests.reliability.mutations import text_of
 
@@ -50,3 +50,15 @@ RECORDINGS = {
 def test_recordings_that_were_tracebacks_or_unprintable(name):
     outcome = judged(recordings.trial, Case(recordings.File("csv", RECORDINGS[name])))
     assert outcome.kind in ("accepted", "refused"), outcome
+
+
+STUDIES = {
+    "a term of a thousand letters": {"without": ["a" * 3000]},
+    "a number of a thousand letters": {"effects": ["stribeck_friction:2:Fs=" + "x" * 3000]},
+}
+
+
+@pytest.mark.parametrize("name", STUDIES)
+def test_studies_that_were_refused_at_length(name):
+    outcome = judged(studies.trial, Case(text_of(studies.FULL | STUDIES[name])))
+    assert outcome.kind == "refused", outcome
