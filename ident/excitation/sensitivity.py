@@ -99,15 +99,11 @@ def smallest_visible(
     whole = total * float(np.sum(project.torque(term) ** 2))
     factor = np.sqrt(aim / max(shown(1.0), 1e-300))
     if not term.effect.proportional:  # not a square law: searched between decades
-        decades = np.arange(-4.0, 3.5, 0.5)
-        above = [d for d in decades if shown(10**d) >= aim]
-        factor = np.inf
-        if above:
-            low, high = min(above) - 0.5, min(above)
-            for _ in range(12):
-                middle = (low + high) / 2
-                low, high = (low, middle) if shown(10**middle) >= aim else (middle, high)
-            factor = 10**high
+        decades = np.arange(-4.5, 3.5, 0.5)
+        first = next((d for d in decades if shown(10**d) >= aim), np.inf)
+        if decades[0] < first < np.inf:
+            first = scipy.optimize.brentq(lambda d: shown(10**d) - aim, first - 0.5, first, xtol=1e-4)
+        factor = 10**first
     hidden = shown(1.0) <= 1e-9 * whole
     joints = tuple(term.label.split(":")[1:])
     if hidden or not factor < RANGE:
