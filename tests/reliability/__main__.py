@@ -15,12 +15,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
-USUAL = {"robots": 2000, "studies": 2000, "recordings": 1000, "commands": 200, "kills": 10}
+USUAL = {"robots": 2000, "studies": 2000, "recordings": 1000, "fits": 500, "commands": 200, "kills": 10}
 
 
 def main() -> int:
     """Exit status."""
-    from tests.reliability import command_lines, kills, recordings, robot_files, studies
+    from tests.reliability import command_lines, fits, kills, recordings, robot_files, studies
     from tests.reliability.explore import explore, table
     from tests.reliability.judge import HANG_S
 
@@ -38,6 +38,7 @@ def main() -> int:
         ("robots", robot_files),
         ("studies", studies),
         ("recordings", recordings),
+        ("fits", fits),
         ("commands", command_lines),
         ("kills", kills),
     ):

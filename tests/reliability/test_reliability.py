@@ -4,11 +4,11 @@ import warnings
 
 import pytest
 
-from tests.reliability import command_lines, kills, recordings, robot_files, studies
+from tests.reliability import command_lines, fits, kills, recordings, robot_files, studies
 from tests.reliability.explore import explore, table
 from tests.reliability.judge import Case, Hang, judged, time_limit
 
-SLICE = ((robot_files, 500), (studies, 1000), (recordings, 150), (command_lines, 60))
+SLICE = ((robot_files, 500), (studies, 1000), (recordings, 150), (fits, 60), (command_lines, 60))
 
 
 @pytest.mark.parametrize(("module", "inputs"), SLICE, ids=lambda x: getattr(x, "__name__", "").split(".")[-1])
