@@ -63,9 +63,9 @@ class Check:
 
 def worst_first(checks: Iterable[Check]) -> tuple[Check, ...]:
     """Refused before warned before mended, what makes every number wrong before what touches one; without
-    the hints of which another check says the cause."""
+    hints at signals that another check wants read otherwise: then there is something else to look at."""
     checks = tuple(checks)
-    causes = [check for check in checks if not check.hint and check.outcome != "mended"]
+    causes = [c for c in checks if not c.hint and (c.outcome == "refused" or "columns:" in c.remedy)]
 
     def told(hint: Check) -> bool:
         return any(

@@ -462,13 +462,17 @@ def _known_keys(model: type[BaseModel]) -> list[str]:
 def as_study_error(error: ValidationError, file: Path) -> StudyError:
     """The first complaint of pydantic as one sentence: key, problem, remedy."""
     first = error.errors()[0]
-    where = [part for part in first["loc"] if not (isinstance(part, str) and ("[" in part or part in _TAGS))]
+    unknown, loc = first["type"] == "extra_forbidden", first["loc"]
+    tags = [isinstance(part, str) and ("[" in part or part in _TAGS) for part in loc]
+    if unknown:
+        tags[-1] = False  # a key that was given, whatever is in it
+    where = [part for part, tag in zip(loc, tags) if not tag]
     key = ""
     for part in where:
         text = shortened(str(part))
         key += f"[{part + 1}]" if isinstance(part, int) else (f".{text}" if key else text)
     kind, given = first["type"], _Shown(first.get("input"))
-    if kind == "extra_forbidden":
+    if unknown:
         owner: type[BaseModel] = Study
         for parent, model in (
             ("recordings", RecordingEntry),

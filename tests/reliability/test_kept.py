@@ -54,11 +54,13 @@ def test_recordings_that_were_tracebacks_or_unprintable(name):
 
 STUDIES = {
     "a term of a thousand letters": {"without": ["a" * 3000]},
+    "an unknown key with a bracket": {"columns[": None},
+    "an unknown key like a type": {"tuple": 1},
     "a number of a thousand letters": {"effects": ["stribeck_friction:2:Fs=" + "x" * 3000]},
 }
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_studies_that_were_refused_at_length(name):
+def test_studies_that_were_tracebacks_or_refused_at_length(name):
     outcome = judged(studies.trial, Case(text_of(studies.FULL | STUDIES[name])))
     assert outcome.kind == "refused", outcome

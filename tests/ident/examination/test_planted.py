@@ -334,6 +334,11 @@ def test_two_sensors_exchanged_of_which_one_was_turned(tmp_path):
     assert examine_fit(prepare_study(mended_study(study, checks))) == ()
 
 
+def test_a_limit_that_is_passed_is_said_beside_what_does_not_explain_it(tmp_path):
+    study = planted(tmp_path, changed("i2", lambda x: np.clip(9 * x, -9 * x.max() / 2, None)))
+    assert {"beyond_limits", "saturation"} <= {c.check for c in worst_first(tables(study))}
+
+
 @pytest.mark.parametrize("kind", ["i", "q"])
 def test_two_signals_in_each_others_place(tmp_path, kind):
     a, b = f"{kind}2", f"{kind}3"
