@@ -28,6 +28,7 @@ from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.last_fit import compared_exactly, extended, replaced
 from ident.diagnosis.loop import Outcome, trace
 from ident.diagnosis.opening import opened
+from ident.diagnosis.remaining import remaining
 from ident.diagnosis.room import thrifty
 from ident.diagnosis.visible import Visible, smallest_visible
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
@@ -106,8 +107,11 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
-    last, refused = extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.97))
+    last, refused = extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
     outcome, last, refused = replaced(known, outcome, base, last, refused, begun, alpha)
+    while (rest := remaining(outcome, last, refused, alpha)) is not outcome:
+        outcome = rest
+        last, refused = extended(known, outcome, base, begun, alpha, silent)
     outcome, last = compared_exactly(known, outcome, base, last, begun, alpha)
     findings = (*told_by_checks(study, mended, checks), *findings_of(outcome, last))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)

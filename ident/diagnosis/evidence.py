@@ -28,7 +28,6 @@ from ident.diagnosis.whitened import Whitener
 Columns = Mapping[int, np.ndarray]  # channel -> (M, p), the same p everywhere
 BLOCK_S = 2.0  # s, longer than the noise remembers; shorter where there would be too few to agree
 FEWEST, MANY = 12, 20
-LENIENT = 0.05  # what few blocks may agree by chance, at most
 TRUST = 0.95  # no block counts as surer than this
 FINE = 5000  # steps of the weights of all blocks
 TOLERANCE = 1e-10  # of the scaled Gram matrix: a direction without data
@@ -107,7 +106,7 @@ def weights(expected: np.ndarray) -> np.ndarray:
 
 def enough(weight: np.ndarray, alpha: float) -> int:
     """The least weight that must agree, of blocks with so much each: coins seldom add up to it."""
-    rare = rarely(float(weight.sum()) ** 2 / max(float(np.sum(weight**2)), 1.0), alpha)
+    rare = rarely(len(weight), alpha)
     likely = np.ones(1)
     for step in weight:
         longer = np.zeros(len(likely) + step)
@@ -118,11 +117,10 @@ def enough(weight: np.ndarray, alpha: float) -> int:
     return int(np.argmax(tail <= rare)) if tail[-1] <= rare else len(tail)
 
 
-def rarely(blocks: float, alpha: float) -> float:
-    """How often coins may agree as well as so many blocks that count alike: at the rate alpha; of fewer than
-    MANY less can be asked (ten of twelve have 2 %), and they only guard the likelihood, which has passed
-    alpha itself."""
-    return min(alpha * max(1.0, (MANY / max(blocks, 1.0)) ** 2), LENIENT)
+def rarely(blocks: int, alpha: float) -> float:
+    """How often coins may agree as well as so many blocks: at the rate alpha; of fewer than MANY less can be
+    asked (ten of twelve have 2 %), and they only guard the likelihood, which has passed alpha itself."""
+    return alpha * max(1.0, (MANY / max(blocks, 1)) ** 2)
 
 
 def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int]:

@@ -17,7 +17,7 @@ from ident.diagnosis.leading import with_hypothesis
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.rows import Rows, halved
 from ident.diagnosis.state import State
-from ident.diagnosis.sufficiency import sufficiency, sufficient
+from ident.diagnosis.sufficiency import signals_read, sufficiency, sufficient
 from ident.diagnosis.weighing import Weighed, holds, main_channel
 
 
@@ -30,6 +30,8 @@ def by_halves(
     metrics = [_in_its_noise(side, weighed.metric) for side in sides]
     held = []
     for r, e in weighed.all:
+        if _is_left_of_a_law(state, r):
+            continue
         if not (
             unseen(weighed.metric, r.columns, e.sizes, tau) and e.log_e > -tau and _foretells(state, r, e)
         ):
@@ -44,6 +46,14 @@ def by_halves(
     best = min(equal, key=lambda its: (its[0].term.free, not its[0].term.effect.common, -its[1].log_e))
     others = tuple(its for its in equal if its is not best and set(its[0].columns) & set(best[0].columns))
     return *best, others
+
+
+def _is_left_of_a_law(state: State, r: Refined) -> bool:
+    """Whether an effect found on its joint reads the same signals: what is left there is first of all what
+    that law is wrong by, and a second one needs rows that judge."""
+    read = signals_read(r.term)
+    known = [signals_read(t) for t in state.terms if t.place.joint == r.term.place.joint]
+    return read is not None and any(k is not None and read <= k for k in known)
 
 
 def still_holds(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:

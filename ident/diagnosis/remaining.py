@@ -1,0 +1,72 @@
+"""What the last fit leaves out goes out of the loop's model as well: what was found beside it, which it may
+have made to look right, has to hold without it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import replace
+
+from ident.diagnosis.evidence import Evidence, Metric, weigh
+from ident.diagnosis.halves import still_holds
+from ident.diagnosis.last_fit import is_told
+from ident.diagnosis.leading import leading_metric
+from ident.diagnosis.loop import Outcome, Step, leftovers, pruned
+from ident.diagnosis.refine import Refined
+from ident.diagnosis.settling import place_of, refined_together
+from ident.diagnosis.state import Found, State, without
+from ident.diagnosis.weighing import holds
+from ident.estimation.fit import FitResult
+
+
+def remaining(outcome: Outcome, last: FitResult, refused: Collection[tuple], alpha: float) -> Outcome:
+    """The outcome without the effects that the last fit does without (those that it could not be made of,
+    `refused`, are told as that), nor those that do not hold then; what is left is asked for again. The
+    outcome itself where all are there."""
+    gone = [s.term for s in outcome.steps if not is_told(last, s.term) and s.term.key not in refused]
+    if not gone:
+        return outcome
+    state, steps, tau = outcome.last, list(outcome.steps), outcome.tau
+    for term in gone:
+        at = place_of(state, term)
+        state = state if at is None else without(state, at)
+        steps = [step for step in steps if step.term.key != term.key]
+    state, steps = pruned(refined_together(state), steps, tau, alpha)
+    while (weak := _weakest(state, tau, alpha)) is not None:
+        untrue = state.found[weak].term
+        steps = [step for step in steps if untrue is None or step.term.key != untrue.key]
+        state = without(state, weak)
+    steps = [_weighed_again(state, step) for step in steps]
+    first = [u for u in outcome.unnamed if u.nearest is not None]  # in the model; the others were left over
+    closed = {state.model.channels[u.channel].joint for u in first}
+    state, steps, left = leftovers(state, steps, closed, tau, alpha)
+    if steps or first or any(u.carries_over for u in left):
+        left = [u for u in left if u.carries_over]
+    return replace(outcome, last=state, steps=tuple(steps), unnamed=(*first, *left))
+
+
+def _weakest(state: State, tau: float, alpha: float) -> int | None:
+    """The number of what holds least, if it does not hold."""
+    out: tuple[float, int] | None = None
+    for number, f in enumerate(state.found):
+        if f.term is None or f.term.place.recording is not None:
+            continue  # a load on one recording has been asked for by `pruned`
+        others = state.but(number)
+        r, e, m = _beside(others, f)
+        if holds(others, m, r, e, tau, alpha) or still_holds(others, f.columns, f.sizes, tau):
+            continue
+        out = min(out or (e.log_e, number), (e.log_e, number))
+    return None if out is None else out[1]
+
+
+def _beside(others: State, f: Found) -> tuple[Refined, Evidence, Metric]:
+    assert f.term is not None
+    r = Refined(f.term, f.columns, f.sizes, 0.0)
+    m = leading_metric(others, [r])
+    return r, weigh(m, f.columns), m
+
+
+def _weighed_again(state: State, step: Step) -> Step:
+    at = place_of(state, step.term)
+    if at is None or step.term.place.recording is not None:
+        return step
+    return replace(step, evidence=_beside(state.but(at), state.found[at])[1])
