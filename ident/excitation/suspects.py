@@ -52,7 +52,8 @@ class Separated:
 
     @property
     def seconds(self) -> float:
-        return max(pair.seconds for pair in self.pairs)
+        """Until all are told apart that a motion can tell apart; infinite where it can none."""
+        return max((pair.seconds for pair in self.pairs if not all(pair.same)), default=float("inf"))
 
 
 def suspects(known: Known, texts: Sequence[str], bounds: Bounds, project: Projector) -> tuple[Term, ...]:

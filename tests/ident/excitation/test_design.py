@@ -1,5 +1,7 @@
 """Gradients against differences; what separates; what would be seen, held to by an arm of its own."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -18,6 +20,7 @@ from ident.excitation.motion import Basis
 from ident.excitation.same import proof
 from ident.excitation.sensitivity import FINE_HZ, projector, smallest_visible
 from ident.excitation.separate import Projector, Separation, imitation
+from ident.excitation.suspects import Separated
 from ident.twin.requests import parse_effect
 from ident.twin.twin import ActiveEffect, make_twin, placed, run_twin
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
@@ -109,6 +112,13 @@ def test_the_seconds_that_are_told_decide_99_of_100(bursts):
         blocks = each.reshape(-1, 20).sum(axis=1)
         right += each.sum() > threshold(0.01) and (blocks > 0).sum() >= agreeing
     assert right > 970
+
+
+def test_suspects_that_are_one_in_any_motion_ask_for_no_longer_one():
+    one = SimpleNamespace(same=(True, True), seconds=float("inf"))
+    two = SimpleNamespace(same=(False, True), seconds=30.0)
+    assert Separated(("a", "b", "c"), (one, two), "").seconds == 30.0
+    assert Separated(("a", "b"), (one,), "").seconds == float("inf")
 
 
 @pytest.mark.parametrize("name", ["stribeck_friction:4", "spring:2", "offset_drift:3"])
