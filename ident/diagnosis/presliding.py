@@ -4,7 +4,8 @@ How far dry friction gives way before it slips is free in every hypothesis, so t
 reversal that is a little softer than a sign. Where that travel lowers the error of the joint's torque on the
 rows that chose nothing, it is what the model lacks: there the model's own friction is held to turn over by
 its rate alone, and the travel has to stand as an effect, like any other. A torque that comes late turns over
-late, too: where a shift in time says as much as a travel, it stays a nuisance."""
+late, too: where a shift in time says as much as a travel, it stays a nuisance. So does a travel that is over
+before the samples can show it: it is when a sign was sampled."""
 
 from __future__ import annotations
 
@@ -18,18 +19,31 @@ from ident.diagnosis.turn_over import grids, sign_column, with_column
 from ident.signals.dry_friction import TurnOver
 
 SEEN = 0.1  # of the error
+SAMPLES = 2.0  # in which a joint covers what its recording cannot show of a travel
 LATE_S = tuple(sign * late for late in (0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04) for sign in (1, -1))
 
 
 def told_as_effects(state: State) -> State:
     """The state with the travel of those joints left to the search that the error asks for."""
-    soft = [d.joint for d in state.problem.dry if d.joint in state.turns and state.turns[d.joint].travel > 0]
+    travels = {j: turn.travel for j, turn in state.turns.items()}
+    soft = [d.joint for d in state.problem.dry if travels.get(d.joint, 0.0) > _unseen_travel(state, d.joint)]
     if not soft:
         return state
     bare = _by_rate_alone(state, soft)
     seen = {j for j in soft if _error(state, j) < (1 - SEEN) * _error(bare, j)}
     seen -= _late(bare, state, seen)
     return bare if seen == set(soft) else _by_rate_alone(state, seen) if seen else state
+
+
+def _unseen_travel(state: State, joint: int) -> float:
+    """What a joint covers within SAMPLES of its usual turn [rad | m]."""
+    steps, rate = [], state.segments[0].rate_hz
+    for s in state.segments:
+        speed = s.speed[:, joint]
+        turns = np.flatnonzero(speed[1:] * speed[:-1] < 0)
+        steps.append(np.abs(speed[turns + 1] - speed[turns]))
+    each = np.concatenate(steps)
+    return float(0.5 * np.median(each) * SAMPLES**2 / rate) if len(each) else 0.0
 
 
 def _by_rate_alone(state: State, joints: Collection[int]) -> State:
