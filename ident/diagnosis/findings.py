@@ -159,7 +159,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
                 float(100 * (1 - np.exp(-eq.log_e / max(e.free[c], 1.0)))),
                 None if eq.term.place.source is None else int(labels[eq.term.place.source]),
                 eq.term.place.link,
-                seconds_apart(state, term, eq.term, outcome.tau),
+                seconds_apart(state, term, eq.term),
             )
             for eq in step.equivalent
         ),

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy.stats
 
+from ident.diagnosis.deciding import seconds_needed
 from ident.diagnosis.evidence import orthonormal, project
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 
-SURE = 0.99
 SAME = 1e-4  # share of what is seen of an effect, below which the other one imitates it
 
 
-def seconds_apart(state: State, term: Term, rival: Term, tau: float) -> float | None:
-    """s of rows that judge until the evidence for a term of the state against a rival is beyond tau in SURE
-    of all cases, the rival as near to it as its sizes allow; None where it looks the same.
-
-    What of the term the rival does not imitate has the square T a second in whitened rows: the difference of
-    log likelihoods after s seconds has mean T s / 2 and variance T s."""
+def seconds_apart(state: State, term: Term, rival: Term) -> float | None:
+    """s of rows that judge until a diagnosis decides between a term of the state and a rival, the rival as
+    near to it as its sizes allow; None where it looks the same. What of the term the rival does not imitate
+    has the square T a second in whitened rows."""
     number = next(k for k, f in enumerate(state.found) if f.term is term)
     its = state.found[number]
     others = state.but(number)
@@ -43,9 +40,9 @@ def seconds_apart(state: State, term: Term, rival: Term, tau: float) -> float | 
         left += float(G[0, 0] - np.sum((basis.T @ G[1:, 0]) ** 2))
     if not left > SAME * seen:
         return None
-    z = scipy.stats.norm.isf(1 - SURE)
-    seconds = float(state.rows.usable.sum()) * state.rows.hop
-    return float((z + np.sqrt(z * z + 2 * tau)) ** 2 / left * seconds)
+    period = float(state.rows.usable.sum()) * state.rows.hop
+    seconds = seconds_needed(np.array([left / period]), period)
+    return seconds if np.isfinite(seconds) else None
 
 
 def _width(columns: dict[int, np.ndarray]) -> int:

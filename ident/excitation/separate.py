@@ -20,8 +20,8 @@ import numpy as np
 import scipy.optimize
 import scipy.signal
 
+from ident.diagnosis.deciding import seconds_needed
 from ident.equations.terms import Term, plain, torque_of
-from ident.excitation.deciding import seconds_needed
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion
 from ident.excitation.motion import Basis

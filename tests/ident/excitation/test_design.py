@@ -7,11 +7,11 @@ import pytest
 import scipy.stats
 import sympy as sp
 
+from ident.diagnosis.deciding import seconds_needed
 from ident.diagnosis.evidence import enough
 from ident.diagnosis.loop import threshold
 from ident.diagnosis.requests import request_of, separating_command
 from ident.equations.terms import Term
-from ident.excitation.deciding import seconds_needed
 from ident.excitation.diagnosed import split_requests
 from ident.excitation.information import CRITERIA, Rows, criteria
 from ident.excitation.known import as_motion, known_robot, term_of
