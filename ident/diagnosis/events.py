@@ -21,6 +21,7 @@ from ident.diagnosis.evidence import Evidence, Metric, _side, weigh
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import Found, State
+from ident.diagnosis.sufficiency import NEARLY
 from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
@@ -92,7 +93,8 @@ def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
 def is_load(
     state: State, halves: tuple[Metric, Metric], columns: Mapping[int, np.ndarray], tau: float, alpha: float
 ) -> bool:
-    """It says more than the window's own friction, and all of the model's parameters say no more than it."""
+    """It says more than the window's own friction, and all of the model's parameters say hardly more than it
+    (NEARLY, as of any law: what its columns are wrong by grows with it)."""
     inside = acting(columns)
     drive = own_columns(state, inside, bodies=False)
     none = np.zeros((len(inside), next(iter(columns.values())).shape[1]))
@@ -100,7 +102,8 @@ def is_load(
     friction, loaded, whole = (
         cross_evidence(halves, z, inside) for z in (drive, load, own_columns(state, inside, bodies=True))
     )
-    return loaded.beats(friction, tau, alpha) and not whole.beats(loaded, tau, alpha)
+    short = NEARLY * whole.log_e > loaded.log_e and whole.beats(loaded, tau, alpha)
+    return loaded.beats(friction, tau, alpha) and not short
 
 
 def cross_evidence(
