@@ -75,10 +75,6 @@ class Evidence:
     left: float  # smallest share of a column that the model leaves, 1: orthogonal to it
     free: np.ndarray  # (C,) judged rows less the parameters that they determine
 
-    def drop_percent(self, c: int) -> float:
-        """By how much the whitened error of a channel falls on the judged rows."""
-        return float(100 * (1 - np.exp(-self.per_channel[c] / max(self.free[c], 1.0))))
-
     def supported(self, alpha: float) -> bool:
         """Enough blocks agree."""
         told = self.blocks != 0
@@ -94,6 +90,11 @@ class Evidence:
             return True  # a window's blocks are its own
         apart = self.blocks - other.blocks
         return replace(self, blocks=apart, expected=np.full(len(apart), np.inf)).supported(alpha)
+
+
+def drop_percent(nats: float, free: float) -> float:
+    """By how much the whitened error of a channel with `free` judged rows falls where log E is so many."""
+    return float(100 * (1 - np.exp(-nats / max(free, 1.0))))
 
 
 def weights(expected: np.ndarray) -> np.ndarray:

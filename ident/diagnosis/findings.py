@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from ident.diagnosis.evidence import drop_percent
 from ident.diagnosis.last_fit import is_told, same
 from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
-from ident.diagnosis.settling import place_of
-from ident.diagnosis.state import State, solved, without
+from ident.diagnosis.settling import place_of, without_terms
+from ident.diagnosis.state import State, solved
 from ident.diagnosis.sufficiency import explained_share, signals_read
 from ident.diagnosis.terms import Term
 from ident.estimation.fit import FitResult
@@ -110,16 +111,12 @@ def _practical_size(state: State, term: Term) -> float:
     if number is None:
         return 0.0
     rows, rest = state.rows, solved(state.but(number))
-    mine = rows.use & _recorded(state, term.place.recording)
+    mine, recording = rows.use, term.place.recording
+    if recording is not None:
+        mine = mine & (rows.recording == rows.names.index(recording))
     torque = np.sum(np.where(mine, rows.Y, 0.0) ** 2, axis=1)
     more = np.sum(np.where(mine, rest.residual**2 - state.residual**2, 0.0), axis=1)
     return float(np.sum(more / np.maximum(torque, 1e-300)))
-
-
-def _recorded(state: State, recording: str | None) -> np.ndarray:
-    """(M,) bool: rows of a recording (None: of all)."""
-    labels = np.concatenate([np.full(s.rows, s.label, object) for s in state.segments])
-    return np.ones(len(labels), bool) if recording is None else labels == recording
 
 
 def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> Finding:
@@ -150,13 +147,13 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
         float(min(1.0, np.exp(-e.log_e) * BUDGET)),
         float(e.log_e),
         float(e.gain),
-        e.drop_percent(c),
+        drop_percent(e.per_channel[c], e.free[c]),
         tuple(
             Alternative(
                 eq.term.effect.name,
                 _joints(eq.term, state),
                 float(eq.log_e),
-                float(100 * (1 - np.exp(-eq.log_e / max(e.free[c], 1.0)))),
+                drop_percent(eq.log_e, e.free[c]),
                 None if eq.term.place.source is None else int(labels[eq.term.place.source]),
                 eq.term.place.link,
                 seconds_apart(state, term, eq.term),
@@ -191,12 +188,7 @@ def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:
 
 def as_told(outcome: Outcome, last: FitResult) -> State:
     """The loop's state with what is handed over alone."""
-    state = outcome.last
-    for f in outcome.last.found:
-        if f.term is not None and not is_told(last, f.term):
-            at = place_of(state, f.term)
-            state = state if at is None else without(state, at)
-    return state
+    return without_terms(outcome.last, (t for t in outcome.last.terms if not is_told(last, t)))
 
 
 def not_fitted(step: Step, outcome: Outcome) -> Unexplained:

@@ -18,7 +18,7 @@ from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.rows import Rows, halved
 from ident.diagnosis.state import State
 from ident.diagnosis.sufficiency import signals_read, sufficiency, sufficient
-from ident.diagnosis.weighing import Weighed, holds, main_channel
+from ident.diagnosis.weighing import Weighed, holds, main_channel, simplicity
 
 
 def by_halves(
@@ -26,16 +26,20 @@ def by_halves(
 ) -> tuple[Refined, Evidence, tuple[tuple[Refined, Evidence], ...]] | None:
     """Of the hypotheses that the judged rows cannot show the simplest of the best, with its evidence on the
     half that says less; and what else held. None where nothing does."""
+    hidden = [
+        r
+        for r, e in weighed.all
+        if not _is_left_of_a_law(state, r)
+        and unseen(weighed.metric, r.columns, e.sizes, tau)
+        and e.log_e > -tau
+        and _foretells(state, r, e)
+    ]
+    if not hidden:
+        return None
     sides = [replace(state, rows=rows) for rows in halves(state.rows)]
     metrics = [_in_its_noise(side, weighed.metric) for side in sides]
     held = []
-    for r, e in weighed.all:
-        if _is_left_of_a_law(state, r):
-            continue
-        if not (
-            unseen(weighed.metric, r.columns, e.sizes, tau) and e.log_e > -tau and _foretells(state, r, e)
-        ):
-            continue
+    for r in hidden:
         told = [_judged(side, m, r, tau, alpha) for side, m in zip(sides, metrics)]
         if all(t is not None for t in told):
             held.append((r, min((t for t in told if t is not None), key=lambda t: t.log_e)))
@@ -43,7 +47,7 @@ def by_halves(
         return None
     most = max(e.log_e for _, e in held)
     equal = [(r, e) for r, e in held if e.log_e > most - tau]
-    best = min(equal, key=lambda its: (its[0].term.free, not its[0].term.effect.common, -its[1].log_e))
+    best = min(equal, key=lambda its: (*simplicity(its[0].term), -its[1].log_e))
     others = tuple(its for its in equal if its is not best and set(its[0].columns) & set(best[0].columns))
     return *best, others
 
@@ -56,7 +60,7 @@ def _is_left_of_a_law(state: State, r: Refined) -> bool:
     return read is not None and any(k is not None and read <= k for k in known)
 
 
-def still_holds(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
+def holds_by_halves(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
     """Whether what the judged rows of a state cannot show is asked for by both halves of the fitted ones."""
     if not unseen(state.metric, columns, sizes, tau):
         return False

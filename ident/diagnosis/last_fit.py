@@ -11,7 +11,7 @@ from ident.diagnosis.loop import BUDGET, Outcome, swapped
 from ident.diagnosis.opening import Opened
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Equivalent
+from ident.diagnosis.weighing import Equivalent, simplicity
 from ident.equations.placing import entry_of
 from ident.equations.terms import Term as StudyTerm
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError
@@ -115,7 +115,7 @@ def compared_exactly(
                 tried.append((other, fit))
         nats = [_nats(begun.state, fit) for _, fit in tried]
         equal = [k for k, n in enumerate(nats) if n > max(nats) - outcome.tau]
-        best = min(equal, key=lambda k: (_free(tried[k][0].steps[at].term), -nats[k]))
+        best = min(equal, key=lambda k: (*simplicity(tried[k][0].steps[at].term), -nats[k]))
         own = step.evidence.log_e
         told = tuple(
             Equivalent(tried[k][0].steps[at].term, own + nats[k] - nats[best]) for k in equal if k != best
@@ -125,10 +125,6 @@ def compared_exactly(
         outcome, last = tried[best]
         outcome = outcome.with_step(at, replace(outcome.steps[at], equivalent=(*told, *others)))
     return outcome, last
-
-
-def _free(term: Term) -> tuple[int, bool]:
-    return term.free, not term.effect.common
 
 
 def is_told(fit: FitResult, term: Term) -> bool:

@@ -8,7 +8,7 @@ the same signals may be sufficient together. What is left in the end is asked fo
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -16,8 +16,7 @@ import numpy as np
 from ident.diagnosis.candidates import Library, Ranked, screen
 from ident.diagnosis.events import Event, best_event, still_holds
 from ident.diagnosis.evidence import Evidence, weigh
-from ident.diagnosis.halves import by_halves
-from ident.diagnosis.halves import still_holds as holds_by_halves
+from ident.diagnosis.halves import by_halves, holds_by_halves
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import place_of, refined_together, settled_in
@@ -168,9 +167,7 @@ def trace(
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
-    state, steps, left = leftovers(state, steps, closed, tau, alpha)
-    if steps or unnamed or any(u.carries_over for u in left):
-        left = [u for u in left if u.carries_over]
+    state, steps, left = leftovers(state, steps, unnamed, tau, alpha)
     return Outcome(first, state, tuple(steps), (*unnamed, *left), tau)
 
 
@@ -284,9 +281,10 @@ def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[S
 
 
 def leftovers(
-    state: State, steps: list[Step], closed: set[int], tau: float, alpha: float
+    state: State, steps: list[Step], unnamed: Sequence[Unnamed], tau: float, alpha: float
 ) -> tuple[State, list[Step], list[Unnamed]]:
-    """What functions of everything still explain, channel by channel; names beside it must hold alone."""
+    """What functions of everything still explain, channel by channel; names beside it must hold alone. What
+    does not carry over is told where nothing else is, `unnamed` included."""
     out: list[Unnamed] = []
     for c in range(state.rows.channels):
         if not (state.rows.use[c] & state.rows.judged).any():
@@ -314,5 +312,6 @@ def leftovers(
                 steps = [s for s in steps if s.term.key != f.term.key]
                 state = without(state, number)
         out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share))
-        closed.add(state.model.channels[c].joint)
+    if steps or unnamed or any(u.carries_over for u in out):
+        out = [u for u in out if u.carries_over]
     return state, steps, out

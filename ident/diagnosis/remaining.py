@@ -7,12 +7,12 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from ident.diagnosis.evidence import Evidence, Metric, weigh
-from ident.diagnosis.halves import still_holds
+from ident.diagnosis.halves import holds_by_halves
 from ident.diagnosis.last_fit import is_told
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.loop import Outcome, Step, leftovers, pruned
 from ident.diagnosis.refine import Refined
-from ident.diagnosis.settling import place_of, refined_together
+from ident.diagnosis.settling import place_of, refined_together, without_terms
 from ident.diagnosis.state import Found, State, without
 from ident.diagnosis.weighing import holds
 from ident.estimation.fit import FitResult
@@ -26,21 +26,15 @@ def remaining(outcome: Outcome, last: FitResult, refused: Collection[tuple], alp
     if not gone:
         return outcome
     state, steps, tau = outcome.last, list(outcome.steps), outcome.tau
-    for term in gone:
-        at = place_of(state, term)
-        state = state if at is None else without(state, at)
-        steps = [step for step in steps if step.term.key != term.key]
-    state, steps = pruned(refined_together(state), steps, tau, alpha)
+    steps = [step for step in steps if step.term not in gone]
+    state, steps = pruned(refined_together(without_terms(state, gone)), steps, tau, alpha)
     while (weak := _weakest(state, tau, alpha)) is not None:
         untrue = state.found[weak].term
         steps = [step for step in steps if untrue is None or step.term.key != untrue.key]
         state = without(state, weak)
     steps = [_weighed_again(state, step) for step in steps]
     first = [u for u in outcome.unnamed if u.nearest is not None]  # in the model; the others were left over
-    closed = {state.model.channels[u.channel].joint for u in first}
-    state, steps, left = leftovers(state, steps, closed, tau, alpha)
-    if steps or first or any(u.carries_over for u in left):
-        left = [u for u in left if u.carries_over]
+    state, steps, left = leftovers(state, steps, first, tau, alpha)
     return replace(outcome, last=state, steps=tuple(steps), unnamed=(*first, *left))
 
 
@@ -52,7 +46,7 @@ def _weakest(state: State, tau: float, alpha: float) -> int | None:
             continue  # a load on one recording has been asked for by `pruned`
         others = state.but(number)
         r, e, m = _beside(others, f)
-        if holds(others, m, r, e, tau, alpha) or still_holds(others, f.columns, f.sizes, tau):
+        if holds(others, m, r, e, tau, alpha) or holds_by_halves(others, f.columns, f.sizes, tau):
             continue
         out = min(out or (e.log_e, number), (e.log_e, number))
     return None if out is None else out[1]

@@ -3,6 +3,7 @@ beside it."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +12,7 @@ from ident.diagnosis.candidates import with_size
 from ident.diagnosis.evidence import Evidence, metric, over, weigh
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
-from ident.diagnosis.state import Found, State, converged, settled, solved, with_found
+from ident.diagnosis.state import Found, State, converged, settled, solved, with_found, without
 from ident.diagnosis.sufficiency import sufficiency, sufficient
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Weighed, holds, passes
@@ -56,6 +57,14 @@ def place_of(state: State, term: Term) -> int | None:
     """Where a hypothesis stands among what was found; None: it acts nowhere any more."""
     places = (k for k, f in enumerate(state.found) if f.term is not None and f.term.key == term.key)
     return next(places, None)
+
+
+def without_terms(state: State, terms: Iterable[Term]) -> State:
+    """The state without those of the terms that are in it, settled again."""
+    for term in terms:
+        at = place_of(state, term)
+        state = state if at is None else without(state, at)
+    return state
 
 
 def _afresh(state: State, r: Refined, joint: int | None) -> State:

@@ -67,7 +67,12 @@ def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     rows = int((weighed.metric.fitted.mask & weighed.metric.rows.use.any(axis=0)).sum())
     worth = [e.gain - 0.5 * r.term.free * np.log(rows) for r, e in equal]  # each number chosen there is paid
     equal = [its for its, w in zip(equal, worth) if w > max(worth) - tau]
-    return min(equal, key=lambda item: (item[0].term.free, not item[0].term.effect.common, -item[1].log_e))
+    return min(equal, key=lambda item: (*simplicity(item[0].term), -item[1].log_e))
+
+
+def simplicity(term: Term) -> tuple[int, bool]:
+    """The simplest explanation has least of this: few numbers, then an effect that many robots have."""
+    return term.free, not term.effect.common
 
 
 def holds(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
