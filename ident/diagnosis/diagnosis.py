@@ -105,14 +105,14 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory)
     library = Library(list(catalogue().values()), begun.layout, begun.room.library)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
-    closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
-    visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     last, refused = extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
     outcome, last, refused = replaced(known, outcome, base, last, refused, begun, alpha)
     while (rest := remaining(outcome, last, refused, alpha)) is not outcome:
         outcome = rest
         last, refused = extended(known, outcome, base, begun, alpha, silent)
     outcome, last = compared_exactly(known, outcome, base, last, begun, alpha)
+    closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
+    visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     findings = (*told_by_checks(study, mended, checks), *findings_of(outcome, last))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += tuple(not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
