@@ -130,6 +130,7 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "joints": list(u.joints),
         "channel": u.channel,
         "depends_on": list(u.depends_on),
+        "or_on": list(u.alike),
         "share_of_residual_percent": u.share_of_residual_percent,
         "log_e": u.log_e,
         "nearest": None if u.nearest is None else _alternative(u.nearest),

@@ -74,6 +74,7 @@ class Unexplained:
     nearest: Alternative | None
     carries_over: bool
     picture: Picture | None = None
+    alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
 
 
 def _joints(term: Term, state: State) -> tuple[int, ...]:
@@ -183,6 +184,7 @@ def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:
         else Alternative(near.term.effect.name, _joints(near.term, state), float(near.log_e), 0.0),
         u.carries_over,
         picture(state, None, u.channel, u.variables),
+        u.alike,
     )
 
 

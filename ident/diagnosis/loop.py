@@ -26,6 +26,7 @@ from ident.diagnosis.sufficiency import (
     explained_share,
     heard,
     margin,
+    move_alike,
     signals_read,
     sufficiency,
     sufficient,
@@ -70,6 +71,7 @@ class Unnamed:
     share: float  # of the channel's residual variance on the judged rows
     nearest: Equivalent | None = None
     carries_over: bool = True
+    alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
 
 
 @dataclass(frozen=True)
@@ -146,7 +148,8 @@ def trace(
                 taken, evidence, state = held
                 steps.append(Step(taken.term, evidence, (), could_stand(weighed, best, tau)))
                 continue
-            pair = _pair(state, weighed, best, flex, tau, alpha)
+            alike = move_alike(flex, tau)
+            pair = None if alike else _pair(state, weighed, best, flex, tau, alpha)
             if pair is None:
                 unnamed.append(
                     Unnamed(
@@ -156,6 +159,7 @@ def trace(
                         flex.evidence.gain,
                         explained_share(state, c, flex.column),
                         Equivalent(best.term, evidence.log_e),
+                        alike=alike,
                     )
                 )
                 closed.add(state.model.channels[c].joint)

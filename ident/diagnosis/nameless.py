@@ -36,12 +36,14 @@ class Signals:
 
 @dataclass(frozen=True, slots=True)
 class Flexible:
-    """The best function found: its signals, its column (M,) as learned, what it says."""
+    """The best function found: its signals, its column (M,) as learned, what it says; and what functions of
+    the same signal of other joints say (their names, nats), where that was asked."""
 
     variables: tuple[str, ...]
     column: np.ndarray
     prior_evidence: float  # nats on the fitted rows, its own size paid for
     evidence: Evidence
+    others: tuple[tuple[str, float], ...] = ()
 
 
 def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:

@@ -3,6 +3,8 @@ everything."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ident.diagnosis.evidence import Evidence, Metric
@@ -41,8 +43,17 @@ def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> 
     NEARLY."""
     if flex is None:
         return True
+    if move_alike(flex, tau):
+        return False
     asked = flex.evidence.log_e * (NEARLY if term.free <= LAW else 1.0)
     return own.log_e > asked + margin(term.free, tau)
+
+
+def move_alike(flex: Flexible, tau: float) -> tuple[str, ...]:
+    """Signals of other joints whose functions say as much, within the limit: where several joints follow one
+    signal, the motion does not show whose position a torque follows."""
+    least = max(tau, flex.evidence.log_e - tau)
+    return tuple(name for name, log_e in flex.others if log_e > least)
 
 
 def margin(numbers: int, tau: float) -> float:
@@ -50,11 +61,19 @@ def margin(numbers: int, tau: float) -> float:
 
 
 def sufficiency(state: State, m: Metric, term: Term, c: int, tau: float) -> Flexible | None:
-    """The best function without a name of the signals that the effect reads."""
+    """The best function without a name of the signals that the effect reads. For a law of the position that
+    few robots have, other joints' positions are asked as well (LWR4+: five joints followed one signal, and a
+    counterbalance was told of the wrist)."""
     read = signals_read(term)
     if read is None or term.effect.replaces:  # what the study itself left out is there, whatever else is
         return None
-    return ask(state, m, c, tau, read)
+    flex = ask(state, m, c, tau, read)
+    own = f"q{(term.place.joint or 0) + 1}"
+    if flex is None or term.effect.common or read != {own}:
+        return flex
+    others = (f"q{k + 1}" for k in range(state.segments[0].q.shape[1]))
+    asked = ((name, ask(state, m, c, tau, frozenset({name}))) for name in others if name != own)
+    return replace(flex, others=tuple((name, f.evidence.log_e) for name, f in asked if f is not None))
 
 
 def ask(

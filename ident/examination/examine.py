@@ -23,7 +23,7 @@ from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
 from ident.examination.geometry import base_orientation, joint_axes, parts_of, unseen
 from ident.examination.limits import beyond_limits, reads_currents
-from ident.examination.quick import Assignment, Fit, Quick, quick_of, take
+from ident.examination.quick import Assignment, Carried, Fit, Quick, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.signals import TURNS
 from ident.examination.torques import (
@@ -33,6 +33,7 @@ from ident.examination.torques import (
     SURE,
     Hypothesis,
     all_signs,
+    carried_scales,
     evidence,
     one_sign,
     other_orders,
@@ -127,7 +128,7 @@ def _best(
     found = [h for h in found if _believed(quick, fit, h)]
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        found += _geometry(prepared, quick, how, best, axes=bad)
+        found += _geometry(prepared, quick, fit, how, best, currents, axes=bad)
     return max(found, key=lambda h: h.gain, default=None)
 
 
@@ -191,15 +192,19 @@ def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> I
 
 
 def _geometry(
-    prepared: Prepared, quick: Quick, how: Assignment, prior: float, axes: bool
+    prepared: Prepared, quick: Quick, fit: Fit, how: Assignment, prior: float, currents: bool, axes: bool
 ) -> Iterable[Hypothesis]:
     """Gravity and the axes of the table; asked last because they cost most."""
     made = _parts(prepared, quick, how)
     if made is None:
         return
     table, samples, gravity, identify, validate = made
+
+    def rivals() -> list[Carried]:
+        return carried_scales(quick, fit, how, currents)
+
     alone = prior == 0 and how == quick.plain()
-    tilted = list(base_orientation(identify, validate, gravity, how, alone))
+    tilted = list(base_orientation(identify, validate, gravity, how, rivals if alone else None))
     yield from tilted
     if axes and not tilted:
         yield from joint_axes(table, prepared.columns, samples, gravity, how, prior)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.examination.check import Check
-from ident.examination.quick import FLOOR, Assignment, Sample
+from ident.examination.quick import CARRIED, FLOOR, Assignment, Carried, Sample, carried
 from ident.examination.torques import EXPLAINED, Hypothesis
 from modelgen.geometry.names import INERTIAL, ParameterName
 
@@ -26,7 +26,6 @@ CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on vali
 SAMPLES = 260
 AXES_SAMPLES = 160
 DIRECTIONS = 120
-CARRIED, KEPT = 2.2, 0.3  # gain on both together, and what identify may lose by it
 UNSEEN = 0.5  # gain of the gravity that is assumed over another, below which neither is known
 LEAST_ANGLE = 8.0  # degrees; smaller tilts are the diagnosis's effect base_tilt
 ROUND_ANGLE = 4.0  # within it an axis of the base is meant
@@ -160,10 +159,15 @@ def gain(before: np.ndarray | None, after: np.ndarray | None) -> float:
 
 
 def base_orientation(
-    identify: Parts, validate: Parts | None, assumed: np.ndarray, how: Assignment, alone: bool = True
+    identify: Parts,
+    validate: Parts | None,
+    assumed: np.ndarray,
+    how: Assignment,
+    rivals: Callable[[], Sequence[Carried]] | None = None,
 ) -> Iterator[Hypothesis]:
     """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
-    alone: no other fault is known, so that what does not carry over to validate may be gravity's."""
+    rivals: the other faults with which the model would predict validate; None where a fault is known already.
+    What the fitted recordings do not show, validate tells only if none of them predicts it about as well."""
     size = float(np.linalg.norm(assumed)) or 9.81
     plain, held = errors(identify, validate, assumed)
 
@@ -186,10 +190,15 @@ def base_orientation(
     norm = float(np.linalg.norm(best))
     small = norm > 0 and _angle(assumed, best) < LEAST_ANGLE and abs(norm / size - 1) < 0.2
     if value < CLEARLY or gain(held, after) < 0.5 * CLEARLY or small:
-        carried = _by_validate(identify, validate, assumed, size) if alone else None
-        if carried is None:
+        told = [] if rivals is None else _by_validate(identify, validate, assumed, size)
+        if rivals is None or not told:
             return
-        best = carried
+        alike = [its for its in (*told[1:], *rivals()) if its.gain > told[0].gain - 0.25 * CARRIED]
+        if alike:
+            yield Hypothesis(told[0].gain, how, _ambiguous(held, [told[0], *alike]))
+            return
+        assert told[0].gravity is not None
+        best = told[0].gravity
         now, after = errors(identify, validate, best)
         assert held is not None and after is not None
         value, plain, now = gain(held, after), held, after
@@ -246,27 +255,34 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(a @ b / size if size else 0.0, -1, 1))))
 
 
-def _by_validate(
-    identify: Parts, validate: Parts | None, assumed: np.ndarray, size: float
-) -> np.ndarray | None:
+def _ambiguous(held: np.ndarray | None, told: Sequence[Carried]) -> Check:
+    assert held is not None
+    words = "; ".join(its.words for its in sorted(told, key=lambda its: -its.gain))
+    return Check(
+        "poor_excitation",
+        (),
+        f"what is fitted does not predict the recordings that validate (errors of {_span(held)}), and its "
+        f"motions do not show why: {words}: "
+        "each of these alone would predict them far better",
+        "check each of them, and record a motion that moves all joints more",
+    )
+
+
+def _by_validate(identify: Parts, validate: Parts | None, assumed: np.ndarray, size: float) -> list[Carried]:
     """Gravity along an axis of the base where the fitted motion is too poor to tell and the other recordings
-    do: those that are fitted keep their error or lose some, the others lose most of theirs."""
+    do: those that are fitted keep their error or lose some, the others lose most of theirs. Best first."""
     plain, held = errors(identify, validate, assumed)
     if validate is None or held is None:
-        return None
+        return []
     told = []
     for k in range(3):
         for sign in (-1.0, 1.0):
             axis = sign * size * np.eye(3)[k]
             now, after = errors(identify, validate, axis)
-            predicted = after is not None and np.nanmax(after) < 1.0  # better than nothing, on every joint
-            fitted = gain(plain, now)
-            if predicted and fitted > -KEPT and _angle(assumed, axis) > LEAST_ANGLE:
-                told.append((fitted + gain(held, after), tuple(axis)))
-    told.sort(reverse=True)
-    if not told or told[0][0] < CARRIED or (len(told) > 1 and told[0][0] - told[1][0] < 0.25 * CARRIED):
-        return None
-    return np.array(told[0][1])
+            value = carried(plain, now, held, after)
+            if value > CARRIED and (angle := _angle(assumed, axis)) > LEAST_ANGLE:
+                told.append(Carried(value, f"gravity turned by {angle:.0f} degrees", axis))
+    return sorted(told, key=lambda its: -its.gain)
 
 
 def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:

@@ -28,6 +28,7 @@ BLOCKS = 6  # of a recording
 FLOOR = 3e-3  # errors below it are not told apart
 CLUSTERS = 20  # stretches of one recording whose scores are taken as independent
 RIDGE = 1e-10
+CARRIED, KEPT = 2.2, 0.3  # gain on identify and validate together, and what identify may lose by it
 LAG_S = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 
@@ -110,6 +111,24 @@ class Fit:
 def gain_of(before: np.ndarray, after: np.ndarray) -> float:
     seen = np.isfinite(before) & np.isfinite(after)
     return float(np.sum(np.log(np.maximum(before[seen], FLOOR) / np.maximum(after[seen], FLOOR))))
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """A fault without which the model would predict validate, though the fitted recordings do not show it:
+    gain on both together, what it is, and the gravity (3,) that it stands for, if it is one."""
+
+    gain: float
+    words: str
+    gravity: np.ndarray | None = None
+
+
+def carried(before: np.ndarray, after: np.ndarray, held: np.ndarray | None, now: np.ndarray | None) -> float:
+    """Gain on identify (before, after) and validate (held, now) together, by errors (C,): minus infinity
+    where a torque of validate is predicted worse than by nothing, or identify loses too much."""
+    if held is None or now is None or not np.nanmax(now) < 1.0 or gain_of(before, after) < -KEPT:
+        return -np.inf
+    return gain_of(before, after) + gain_of(held, now)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,11 @@
 """One recording of several that says something else than the others: a sign, a scale, a place, a time.
 
 Every recording's torques are predicted by a fit of the recordings that are fitted, without it, and without
-the one among them that contradicts the others most. A cause is told only where it explains the recording:
-taken back, it is predicted as the others are. A load that is carried, a contact, a warmer gear change torques
-too; none of them turns, swaps or delays one, nor makes it unlike everything that the motion asks for.
+the one among them that contradicts the others most. How far the prediction may be wrong by itself, where what
+is fitted hardly shows what it asks for, a delete-block jackknife of the fit says. A cause is told only where
+it explains the recording: taken back, it is predicted as is expected. A load that is carried, a contact, a
+warmer gear change torques too; none of them turns, swaps or delays one, nor makes it unlike everything that
+the motion asks for.
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from ident.examination.torques import signal_of
 ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
 TOGETHER = 1.8  # that of all channels, in the mean
 ROWS = 300  # of a recording that is looked into
+PARTS = 12  # of the fitted recordings that are left out in turn
 HALVED = 0.6  # mean gain of the odd channels
 AS_OTHERS, ENOUGH = 1.7, 0.15  # a cause leaves the usual error times this, or this
 LEAST_LAG, LARGE = 0.05, 2.5
@@ -31,13 +34,14 @@ CLEAR = 0.3  # gain of the others' prediction by which one recording that is fit
 
 @dataclass(frozen=True, slots=True)
 class Apart:
-    """A recording, chi that the others give, errors (C,) here and elsewhere, channels that are odd; size and
-    travel (C,) of its torques and of their joints against the others'."""
+    """A recording, chi that the others give, errors (C,) here, elsewhere, and as they are expected here,
+    channels that are odd; size and travel (C,) of its torques and of their joints against the others'."""
 
     sample: Sample
     chi: np.ndarray
     error: np.ndarray
     usual: np.ndarray
+    expected: np.ndarray
     odd: tuple[int, ...]
     size: np.ndarray
     travel: np.ndarray
@@ -52,17 +56,17 @@ class Apart:
     def explains(self, sample: Sample, every: bool = True) -> bool:
         """Whether all odd channels (or all there are) are then as elsewhere."""
         live = [c for c in range(len(self.error)) if np.isfinite(self.error[c])] if every else list(self.odd)
-        most = np.fmax(AS_OTHERS * self.usual, ENOUGH)
+        most = np.fmax(AS_OTHERS * self.expected, ENOUGH)
         most = np.fmax(most, np.where(np.isin(np.arange(len(most)), self.odd), 0.0, 1.1 * self.error))
         left, odd = self.left(sample), list(self.odd)
         halved = np.mean(np.log(self.error[odd] / np.fmax(left[odd], 1e-6))) > HALVED
         return bool(halved and (left[live] < most[live]).all())
 
     def beyond(self, sample: Sample) -> bool:
-        """Whether the odd channels keep, in the mean, more than what is usual elsewhere."""
+        """Whether the odd channels keep, in the mean, more than what is expected."""
         odd = list(self.odd)
         with np.errstate(invalid="ignore", divide="ignore"):
-            return bool(np.nanmean(np.log(self.left(sample)[odd] / self.usual[odd])) > np.log(AS_OTHERS))
+            return bool(np.nanmean(np.log(self.left(sample)[odd] / self.expected[odd])) > np.log(AS_OTHERS))
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,15 +147,40 @@ def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
             continue  # a load of its own, or one of those that the others are compared with
         rest = [i for i in range(len(samples)) if i != k and i != odd_one]
         usual = _middle(errors[rest])
-        with np.errstate(invalid="ignore"):
-            times = errors[k] / usual
-            known_times = times[np.isfinite(times) & (times > 0)]
-            together = bool(len(known_times)) and np.exp(np.mean(np.log(known_times))) > TOGETHER
-            odd = np.flatnonzero((errors[k] > ODD) & (times > (TOGETHER if together else TIMES)))
+        if not len(_odd(errors[k], usual)):
+            continue
+        expected = np.hypot(usual, _unsure(sample, [samples[i] for i in fitted if i != odd_one], plain))
+        odd = _odd(errors[k], expected)
         if len(odd):
             size = sizes[k] / np.fmax(_middle(sizes[rest]), 1e-300)
             travel = reach[k] / np.fmax(np.median(reach[rest], axis=0), 1e-9)
-            yield Apart(_thinned(sample), chi, errors[k], usual, tuple(odd.tolist()), size, travel)
+            yield Apart(_thinned(sample), chi, errors[k], usual, expected, tuple(odd.tolist()), size, travel)
+
+
+def _odd(error: np.ndarray, expected: np.ndarray) -> np.ndarray:
+    """Channels whose error (C,) is far beyond what is expected; less is enough where all are."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        times = error / expected
+        known = times[np.isfinite(times) & (times > 0)]
+        together = bool(len(known)) and np.exp(np.mean(np.log(known))) > TOGETHER
+        return np.flatnonzero((error > ODD) & (times > (TOGETHER if together else TIMES)))
+
+
+def _unsure(sample: Sample, fitted: Sequence[Sample], how: Assignment) -> np.ndarray:
+    """(C,) standard deviation of the prediction of this recording, in its torque's size: the fit is made
+    without each of some stretches of the fitted recordings in turn."""
+    parts = [p for s in fitted for p in _stretches(s, max(2, PARTS // len(fitted)))]
+    sums = [normal for normal in (Normal.of([p]) for p in parts) if normal is not None]
+    chis = [solve(_added([*sums[:k], *sums[k + 1 :]]), None, how).chi for k in range(len(sums))]
+    thin = _thinned(sample)
+    made = np.stack([np.stack([W @ chi for W in thin.W], axis=1) for chi in chis])
+    spread = (len(chis) - 1) * made.var(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.sqrt((thin.weight * spread).sum(axis=0) / (thin.weight * thin.Y**2).sum(axis=0))
+
+
+def _stretches(s: Sample, count: int) -> list[Sample]:
+    return [_rows(s, rows) for rows in np.array_split(np.arange(len(s.t)), count)]
 
 
 def _middle(values: np.ndarray, of: Any = np.nanmedian) -> np.ndarray:
@@ -164,7 +193,10 @@ def _middle(values: np.ndarray, of: Any = np.nanmedian) -> np.ndarray:
 
 def _thinned(s: Sample) -> Sample:
     """Rows enough to judge by, few enough to try a hundred motions."""
-    pick = slice(None, None, max(1, len(s.t) // ROWS))
+    return _rows(s, slice(None, None, max(1, len(s.t) // ROWS)))
+
+
+def _rows(s: Sample, pick: slice | np.ndarray) -> Sample:
     parts = {name: getattr(s, name)[pick] for name in ("t", "q", "dq", "ddq", "sign", "Y", "weight")}
     return replace(s, W=s.W[:, pick], late=s.late[:, pick], **parts)
 

@@ -14,7 +14,17 @@ from itertools import combinations, product
 import numpy as np
 
 from ident.examination.check import Check, column_line, listed, turned_sign
-from ident.examination.quick import Assignment, Fit, Quick, functionals, model_columns, regressor
+from ident.examination.quick import (
+    CARRIED,
+    Assignment,
+    Carried,
+    Fit,
+    Quick,
+    carried,
+    functionals,
+    model_columns,
+    regressor,
+)
 from modelgen.geometry.names import ParameterName
 
 CLEARLY = 0.7  # gain: one channel's error is halved
@@ -351,6 +361,20 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
                 column_line(maps, {name: {"scale": 0.001 if milli else float(f"{factor:.3g}")}}),
             ),
         )
+
+
+def carried_scales(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> list[Carried]:
+    """Of each torque the factor with which validate is predicted best, where it is by far."""
+    told = []
+    for c in np.flatnonzero(quick.identify.rows > 10).tolist():
+        tried = []
+        for factor in (sign * f for f in np.geomspace(1e-3, 1e3, 61) for sign in (1, -1)):
+            other = quick.fit(how.times([c], factor))
+            tried.append((carried(fit.error, other.error, fit.validate, other.validate), factor))
+        value, factor = max(tried)
+        if value > CARRIED:
+            told.append(Carried(value, f"{signal_of(quick, c, currents)} times {factor:.2g}"))
+    return told
 
 
 def _one_of_two(

@@ -236,10 +236,15 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
             "course of its own in time: its past foretells it, and no signal of the robot does (a vibration, "
             "a slosh, a drift)."
         )
-    text += (
-        f"{percent(item['share_of_residual_percent'])} of what the model leaves there depends on "
-        f"{joined(list(item['depends_on']))}, and no effect of the catalogue has that shape."
+    alike = list(item.get("or_on") or ())
+    shape = (
+        f"or on {', '.join(alike)}, which move alike in these recordings: these do not show on which."
+        if alike
+        else "and no effect of the catalogue has that shape."
     )
+    share = item["share_of_residual_percent"]
+    part = "a part too small to show" if share < 0.05 else percent(share)
+    text += f"{part} of what the model leaves there depends on {joined(list(item['depends_on']))}, {shape}"
     if item.get("carries_over") is False:
         text += " It is in the fitted runs and does not carry over to the judged runs."
     near = item.get("nearest")

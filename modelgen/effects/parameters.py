@@ -44,6 +44,7 @@ STATES = ("z", "za", "zb", "zc")
 @dataclass(frozen=True)
 class LinearParameter:
     """A parameter that multiplies a column. `low`, `high`: plausible size; `sign`: what physics allows.
+    `share`: a part of what another signal is, so that more than the whole of it cannot be.
 
     Units are those of a revolute joint; :func:`modelgen.geometry.names.joint_unit` gives a prismatic one's.
     """
@@ -54,6 +55,7 @@ class LinearParameter:
     high: float
     sign: SignRule = "any"
     optional: bool = False  # a candidate may leave this term out
+    share: bool = False
 
     @property
     def symbol(self) -> sp.Symbol:

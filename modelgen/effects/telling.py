@@ -22,6 +22,8 @@ class Telling(Definition):
         for p in self.linear:
             if p.sign == "positive" and values.get(p.name, 0.0) < 0:
                 return f"{p.name} would be negative"
+            if p.share and abs(values.get(p.name, 0.0)) > 1:
+                return f"{p.name} would be more than the whole"
         for q in self.nonlinear:
             if q.low > 0 and values.get(q.name, q.low) <= 0:
                 return f"{q.name} would be negative or zero"

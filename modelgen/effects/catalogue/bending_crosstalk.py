@@ -30,8 +30,8 @@ class BendingCrosstalk(RecordingEffect):
     equation = "recorded += gain_x n_x + gain_y n_y, n the moment at the joint in its frame"
     remedy = "calibrate the sensor under bending, or support its bearing so that bending passes beside it"
     linear = (
-        LinearParameter("gain_x", "-", -0.3, 0.3),
-        LinearParameter("gain_y", "-", -0.3, 0.3),
+        LinearParameter("gain_x", "-", -0.3, 0.3, share=True),
+        LinearParameter("gain_y", "-", -0.3, 0.3, share=True),
     )
     channel = "sensor"
     stage: Stage = "crosstalk"

@@ -19,7 +19,7 @@ class SensorCrosstalk(RecordingEffect):
     equation = "recorded += gain tau_link of the source joint"
     remedy = "calibrate the sensors together, and take the share of the other joint off this channel"
     terms = {"gain": SIGNALS.tau_source}
-    linear = (LinearParameter("gain", "-", -0.5, 0.5),)
+    linear = (LinearParameter("gain", "-", -0.5, 0.5, share=True),)
     channel = "sensor"
     joints = "pair"
     stage: Stage = "crosstalk"

@@ -1,11 +1,14 @@
 """Penalised functions find structure, its signals, and nothing in noise."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from ident.diagnosis.nameless import _ridge, flexible, wave_peaks
+from ident.diagnosis.nameless import Flexible, _ridge, flexible, wave_peaks
 from ident.diagnosis.opening import opened
-from ident.diagnosis.sufficiency import heard
+from ident.diagnosis.sufficiency import heard, move_alike, sufficient
 from ident.equations.prepared import prepare_study
 
 
@@ -64,3 +67,14 @@ def test_a_wave_over_the_position_has_its_line(clean_arm):
     segments = clean_arm.state.segments
     back = [np.sin(31.0 * s.q[:, 1]) for s in segments]
     assert min(abs(k - 31.0) for k in wave_peaks(segments, 1, back, 400.0)) < 0.7
+
+
+def test_what_joints_that_move_alike_do_not_show_is_no_law():
+    """LWR4+: five joints followed one signal, and a function of any of their positions said as much."""
+    evidence = SimpleNamespace(log_e=142.0)
+    alone = Flexible(("q7",), np.zeros(1), 900.0, evidence, (("q1", 21.0), ("q2", -3.0)))
+    alike = replace(alone, others=(("q1", 141.8), ("q2", 4.0), ("q3", 139.0)))
+    term = SimpleNamespace(free=3)
+    own = SimpleNamespace(log_e=150.0)
+    assert move_alike(alone, 8.3) == () and sufficient(term, own, alone, 8.3)
+    assert move_alike(alike, 8.3) == ("q1", "q3") and not sufficient(term, own, alike, 8.3)

@@ -124,6 +124,34 @@ def test_gravity_that_the_other_recording_tells(robot, gravity):
     assert "that validate" in check.message
 
 
+def _five_seconds(study):
+    """Of what validates, with the default filter."""
+    short = [r if r.use == "identify" else r.model_copy(update={"to_s": 5.0}) for r in study.recordings]
+    return study.with_(recordings=tuple(short), filter=type(study.filter)())
+
+
+@pytest.mark.parametrize(
+    ("change", "gravity", "words"),
+    [
+        (lambda x: x, (9.81, 0, 0), "gravity turned by 90 degrees"),
+        (lambda x: x * 5, None, "tau_m2 times 0.16"),
+    ],
+)
+def test_what_validate_alone_tells_is_told_with_all_that_would_explain_it(tmp_path, change, gravity, words):
+    """Five seconds of slow motion fit with anything: a torque of five times its size was told as a base
+    turned over."""
+    study = _five_seconds(planted(tmp_path, changed("tau_m2", change), measured("kuka_kr300")))
+    study = study.with_(gravity=gravity)
+    (check,) = examine_fit(prepare_study(study))
+    assert check.check == "poor_excitation" and words in check.message and "tau_m1 times" in check.message
+
+
+def test_a_recording_that_the_fit_cannot_foretell_is_not_blamed():
+    """Without Coulomb friction the KR 300's fit foretells the other run at 220 %, and cannot say more."""
+    study = _five_seconds(measured("kuka_kr300")).with_(without=("coulomb_friction",))
+    assert not examine_fit(prepare_study(study))
+
+
 def test_dead_sensors_of_the_dual_arm_are_refused_with_the_line_that_leaves_them_out():
     text, checks = refused(load_study(DATA / "dualarm_v2_7dof" / "study.yaml"))
     assert checks == {"dead_channel"} and "tau_l5, tau_l6, tau_l7" in text

@@ -170,6 +170,11 @@ def test_unexplained_structure_names_its_signals_and_what_speaks_against_the_nea
     )
 
 
+def test_signals_that_move_alike_are_named_beside_the_one_that_was_asked():
+    item = DIAGNOSIS["unexplained"][0] | {"depends_on": ["q3"], "or_on": ["q1", "q6"], "nearest": None}
+    assert "depends on q3, or on q1, q6, which move alike in these recordings" in unexplained_sentence(item)
+
+
 def test_many_findings_are_grouped_by_effect():
     def found(name, *joints):
         return DIAGNOSIS["findings"][1] | {"effect": name, "joints": list(joints)}

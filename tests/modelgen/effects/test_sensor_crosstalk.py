@@ -27,3 +27,9 @@ def test_places_are_pairs_of_sensors():
 def test_any_sign_may_be_and_spread_is_that_of_draws():
     assert E.physical({"gain": -0.05}) is None
     check_report("sensor_crosstalk")
+
+
+def test_more_than_the_whole_of_another_torque_is_no_crosstalk():
+    """A sensor of five times its scale looked like 4.9 times the torque of another joint (rokae xMate)."""
+    assert E.physical({"gain": 4.9}) and E.physical({"gain": -1.1})
+    assert E.physical({"gain": 0.2}) is None
