@@ -19,7 +19,7 @@ from ident.diagnosis.evidence import Evidence, weigh
 from ident.diagnosis.halves import by_halves, holds_by_halves
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
-from ident.diagnosis.settling import place_of, refined_together, settled_in
+from ident.diagnosis.settling import in_time, place_of, refined_together, settled_in
 from ident.diagnosis.state import Found, State, solved, with_found, without
 from ident.diagnosis.sufficiency import (
     ask,
@@ -141,6 +141,12 @@ def trace(
             continue
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
+        if "dtau" in best.term.effect.needs and best.term.place.joint is not None:
+            held = in_time(state, library.places, best.term.place, tau, alpha)
+            if held is not None:
+                taken, evidence, state = held
+                steps.append(Step(taken.term, evidence, ()))
+                continue
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
         if flex is not None and not sufficient(best.term, evidence, flex, tau):
             held = settled_in(state, weighed, best, c, tau, alpha)

@@ -7,7 +7,7 @@ the size found."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from ident.diagnosis.terms import Scene, Term
 TURNS = 5
 STEEP = 1e100  # slopes beyond which a shape cannot be followed
 FACTORS = (0.5, 1.0, 2.0, 4.0, 8.0)  # of the size that a tangent gives
+NEAR = (0.8, 1.0, 1.25)  # of one that was found before
 PARABOLAS = 4
 
 
@@ -53,6 +54,8 @@ def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
     best = Refined(term, columns, sizes, gain)
     if term.size is None and len(sizes):
         best = _secant(m, scene, best)
+    elif term.size is not None and len(sizes) == 1:
+        best = _as_it_is(m, scene, replace(best, sizes=np.array(term.size)), NEAR)
     names = list(bounds)
     damp = 1.0
     for _ in range(turns if names and best.columns else 0):
@@ -110,7 +113,7 @@ def _secant(m: Metric, scene: Scene, start: Refined) -> Refined:
     return best if best.term.size is None or len(start.sizes) > 1 else _as_it_is(m, scene, best)
 
 
-def _as_it_is(m: Metric, scene: Scene, start: Refined) -> Refined:
+def _as_it_is(m: Metric, scene: Scene, start: Refined, factors: Sequence[float] = FACTORS) -> Refined:
     """The columns of that size at which the change that it makes fits best as it is.
 
     A coefficient beside a secant is no size: of a torque with steps any delay shorter than the true one is a
@@ -126,7 +129,7 @@ def _as_it_is(m: Metric, scene: Scene, start: Refined) -> Refined:
             tried[size] = _exactly(m, scene, start, size)
         return tried[size][0]
 
-    for factor in FACTORS if positive else (*FACTORS, -1.0):
+    for factor in factors if positive or factors is NEAR else (*factors, -1.0):
         gain(factor * first)
     for _ in range(PARABOLAS):
         top = max(tried, key=gain)

@@ -12,12 +12,27 @@ from ident.diagnosis.candidates import with_size
 from ident.diagnosis.evidence import Evidence, metric, over, weigh
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
-from ident.diagnosis.state import Found, State, converged, settled, solved, with_found, without
+from ident.diagnosis.state import (
+    Found,
+    State,
+    converged,
+    recolumned,
+    settled,
+    solved,
+    turned,
+    with_found,
+    without,
+)
 from ident.diagnosis.sufficiency import sufficiency, sufficient
 from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Weighed, holds, passes
+from ident.diagnosis.weighing import Weighed, holds, main_channel, passes
+from modelgen.effects.effect import Effect
+from modelgen.effects.place import Place
 
 ROUNDS, STAYS = 5, 0.03  # of a size: what it may still move by
+LATE_S = (0.005, 0.01, 0.02, 0.04)  # delays and lags to begin with; a turn-over imitates none that is early
+LATE_ROUNDS, LATEST = 3, 3  # of a delay and the turn-over beside it; hypotheses that are settled whole
+LIKELY = 0.8  # of the best one's gain, from which on another is settled, too
 SETTLED = 6  # explanations that are settled whole where the first one is not sufficient
 
 
@@ -46,7 +61,8 @@ def _refined_once(state: State) -> State:
         best = refine(others.metric, others.scene, f.term, turns=3)
         if not best.columns:
             continue
-        term = best.term if best.term.size is None else with_size(best.term, best.sizes)
+        several = best.term.size is not None and len(best.term.size) > 1
+        term = with_size(best.term, best.sizes) if several else best.term
         found = list(state.found)
         found[number] = Found(term, best.columns, best.sizes)
         state = solved(replace(state, found=tuple(found)))
@@ -81,6 +97,69 @@ def _beside(trial: State, key: tuple) -> tuple[State, Refined]:
     return trial.but(number), Refined(f.term, f.columns, f.sizes, 0.0)
 
 
+def in_time(
+    state: State, places: Iterable[tuple[Effect, Place]], near: Place, tau: float, alpha: float
+) -> tuple[Refined, Evidence, State] | None:
+    """The torque of all joints, or of one place, recorded late or smoothed: of those that fit best, each with
+    dry friction's turn-over taken anew beside it, the one that says most. A turn-over that was found
+    without a delay has taken its place: of 15 ms of all six joints of a UR10e half a millisecond was left to
+    it, and two lags were told."""
+    tried = []
+    for effect, place in places:
+        here = place.joint in (None, near.joint) and place.side in (None, near.side)
+        if "dtau" in effect.needs and here:
+            tried += [_late(state, Term(effect, place, {}, (size,))) for size in LATE_S]
+    before = _whitened_squares(state, state)
+    tried.sort(key=lambda its: its[0])
+    out: tuple[Refined, Evidence, State] | None = None
+    seen: set[tuple] = set()
+    for left, term, trial in tried:
+        if before - left < LIKELY * (before - tried[0][0]) or len(seen) == LATEST:
+            break
+        if term.key in seen:
+            continue
+        seen.add(term.key)
+        held = _holding(state, refined_together(trial), term.key, tau, alpha)
+        if held is not None and (out is None or held[1].log_e > out[1].log_e):
+            out = held
+    return out
+
+
+def _late(state: State, term: Term) -> tuple[float, Term, State]:
+    """Whitened sum of squares on the fitted rows with a torque that is late by so much, the term, and the
+    state with it, dry friction's turn-over followed from where it was."""
+    trial = state.plus(Found(term, state.scene.columns(term), np.array(term.size)))
+    for _ in range(LATE_ROUNDS):
+        trial = turned(solved(recolumned(solved(trial))))
+    trial = solved(trial)
+    return _whitened_squares(state, trial), term, trial
+
+
+def _whitened_squares(noise: State, trial: State) -> float:
+    """Sum of squares of a state's residual on the fitted rows, in the noise of another."""
+    parts = zip(noise.whiteners, trial.residual, trial.rows.use)
+    return sum(float(np.sum((w @ r)[use & trial.rows.fitted] ** 2)) for w, r, use in parts)
+
+
+def _holding(
+    state: State, trial: State, key: tuple, tau: float, alpha: float
+) -> tuple[Refined, Evidence, State] | None:
+    """A hypothesis in the state that was settled with it, what it says against the model that did its best
+    without it; None where it does not hold."""
+    if not any(f.term is not None and f.term.key == key for f in trial.found):
+        return None
+    others, whole = _beside(trial, key)
+    m = leading_metric(others, [whole])
+    own = weigh(m, whole.columns)
+    told = over(metric(state.rows, *state.design, m.whiteners), m, own)  # the model as it was did its best
+    if not (holds(others, m, whole, own, tau, alpha) and passes(state, whole, told, tau, alpha)):
+        return None
+    c = main_channel(own, whole.term, others)
+    if not sufficient(whole.term, own, sufficiency(others, m, whole.term, c, tau), tau):
+        return None
+    return whole, told, trial
+
+
 def settled_in(
     state: State, weighed: Weighed, best: Refined, c: int, tau: float, alpha: float
 ) -> tuple[Refined, Evidence, State] | None:
@@ -91,18 +170,10 @@ def settled_in(
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and set(r.columns) & set(best.columns)]
     for r, _ in sorted(likely, key=lambda its: -its[1].log_e)[:SETTLED]:
         trial = _afresh(state, r, state.model.channels[c].joint)
-        if place_of(trial, r.term) is None:
+        held = _holding(state, trial, r.term.key, tau, alpha)
+        if held is None:
             continue
-        others, whole = _beside(trial, r.term.key)
-        m = leading_metric(others, [whole])
-        own = weigh(m, whole.columns)
-        told = over(
-            metric(state.rows, *state.design, m.whiteners), m, own
-        )  # the model as it was did its best
-        if not (holds(others, m, whole, own, tau, alpha) and passes(state, whole, told, tau, alpha)):
-            continue
-        flex = sufficiency(others, m, whole.term, c, tau)
         error = float(np.mean(trial.residual[c, trial.rows.judged & trial.rows.use[c]] ** 2))
-        if sufficient(whole.term, own, flex, tau) and (out is None or error < out[0]):
-            out = error, r, told, trial
+        if out is None or error < out[0]:
+            out = error, r, held[1], trial
     return None if out is None else out[1:]

@@ -14,6 +14,7 @@ import scipy.sparse
 
 from ident.diagnosis.evidence import Metric, metric, orthonormal, stacked
 from ident.diagnosis.fine import FineSegment
+from ident.diagnosis.recorded import Record, comes_late, recorder
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.terms import Scene, Term, columns_of, motion_of
 from ident.diagnosis.turn_over import Dry, TurnOver, settle, sign_column, with_column, with_turn_overs
@@ -213,8 +214,8 @@ def turned(state: State, afresh: Collection[int] = ()) -> State:
     dry = (*p.dry, *_found_dry(state))
     if not dry:
         return state
-    design, B = state.design
-    turns = settle(state.rows, design, B, state.whiteners, state.segments, dry, state.turns, afresh)
+    design, B, record = _as_recorded(state, dry)
+    turns = settle(state.rows, design, B, state.whiteners, state.segments, dry, state.turns, afresh, record)
     if turns == state.turns:
         return state
     rows = state.rows
@@ -225,6 +226,36 @@ def turned(state: State, afresh: Collection[int] = ()) -> State:
     segments = with_turn_overs(state.segments, turns)
     motions = tuple(motion_of(s) for s in segments)
     return recolumned(replace(state, rows=rows, segments=segments, motions=motions, turns=turns))
+
+
+def _as_recorded(
+    state: State, dry: Sequence[Dry]
+) -> tuple[Sequence[tuple[np.ndarray, np.ndarray]], int, Record | None]:
+    """The design with dry friction's columns as they are recorded, which the columns of what comes late have
+    no more part in, and how a sign is recorded."""
+    design, B = state.design
+    record = recorder(state.terms, state.model.channels, state.motions)
+    if record is None:
+        return design, B, None
+    late: dict[int, tuple[int, float]] = {}  # of each channel the first of what comes late: its place, size
+    at = state.rows.b
+    for f in state.found:
+        if f.term is not None and f.term.size is not None and comes_late(f.term):
+            late |= {c: (at, f.term.size[0]) for c in f.columns if c not in late}
+        at += next(iter(f.columns.values())).shape[1]
+    made = list(design)
+    for d in dry:
+        turn = state.turns.get(d.joint)
+        for c, place in d.places:
+            if turn is None or c not in late:
+                continue
+            places, values = made[c][0], made[c][1].copy()
+            its, (where, size) = places == place, late[c]
+            sign = sign_column(state.segments, state.rows, d.joint, c, turn, record)
+            values[:, places == where] -= state.beta[place] * (sign[:, None] - values[:, its]) / size
+            values[:, its] = sign[:, None]
+            made[c] = places, values
+    return made, B, record
 
 
 def _found_dry(state: State) -> tuple[Dry, ...]:
@@ -239,11 +270,13 @@ def _found_dry(state: State) -> tuple[Dry, ...]:
 
 
 def recolumned(state: State) -> State:
-    """Columns of the terms found, made again (their signals, or the model, have changed)."""
+    """Columns of the terms found, made again (their signals, or the model, have changed), each on the model
+    with the others: a torque is late once."""
     if not state.terms:
         return state
     found = [
-        replace(f, columns=state.scene.columns(f.term)) if f.term is not None else f for f in state.found
+        f if f.term is None else replace(f, columns=state.but(number).scene.columns(f.term))
+        for number, f in enumerate(state.found)
     ]
     return replace(state, found=tuple(f for f in found if f.columns))
 

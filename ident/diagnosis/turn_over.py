@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.fine import FineSegment
+from ident.diagnosis.recorded import Record
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.whitened import Whitener
 from ident.signals.dry_friction import TurnOver
@@ -59,10 +60,17 @@ def _ladder(low: float, high: float) -> np.ndarray:
 
 
 def sign_column(
-    segments: Sequence[FineSegment], rows: Rows, joint: int, channel: int, turn: TurnOver
+    segments: Sequence[FineSegment],
+    rows: Rows,
+    joint: int,
+    channel: int,
+    turn: TurnOver,
+    record: Record | None = None,
 ) -> np.ndarray:
-    """(M,) decimated smoothed sign."""
-    made = [s.decimate(turn.sign(s.q[:, joint], s.speed[:, joint])[:, None], joint)[:, 0] for s in segments]
+    """(M,) decimated smoothed sign; record: what is recorded of it, where the torque comes late."""
+    signs = [turn.sign(s.q[:, joint], s.speed[:, joint]) for s in segments]
+    signs = signs if record is None else record(channel, signs)
+    made = [s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, signs)]
     return np.concatenate(made) * rows.scale[channel]
 
 
@@ -99,10 +107,12 @@ def settle(
     dry: Sequence[Dry],
     turns: Mapping[int, TurnOver],
     afresh: Collection[int] = (),
+    record: Record | None = None,
     sweeps: int = 3,
 ) -> dict[int, TurnOver]:
     """The widths that fit best beside everything in `design` (whose first columns are the rows' base), near
-    `turns`; those of joints without any, and of the joints `afresh`, from all their range."""
+    `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: what is
+    recorded of a sign."""
     fitted = rows.fitted
     dry = [d for d in dry if reverses(segments, d.joint)]
     X = [w @ values for (_, values), w in zip(design, whiteners)]
@@ -131,7 +141,8 @@ def settle(
                 own = {place for _, place in d.places}
                 for channel in {channel for channel, _ in d.places}:
                     on = fitted & rows.use[channel]
-                    z = (whiteners[channel] @ sign_column(segments, rows, d.joint, channel, turn))[on]
+                    z = whiteners[channel] @ sign_column(segments, rows, d.joint, channel, turn, record)
+                    z = z[on]
                     here = [place for c, place in d.places if c == channel]
                     places = design[channel][0]
                     others = ~np.isin(places, list(own))
@@ -163,7 +174,7 @@ def settle(
             _, gram, right = trial(turn)
             out[d.joint] = turn
             for channel, place in d.places:  # later joints see the new column
-                column = whiteners[channel] @ sign_column(segments, rows, d.joint, channel, turn)
+                column = whiteners[channel] @ sign_column(segments, rows, d.joint, channel, turn, record)
                 X[channel] = X[channel].copy()
                 X[channel][:, int(np.flatnonzero(design[channel][0] == place)[0])] = column
             moved[d.joint] = before is None or _far(before, turn)

@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter
 from modelgen.effects.kinds import RecordingEffect
@@ -49,7 +48,8 @@ class TimeDelay(RecordingEffect):
         model: Model,
         memory: Memory | None = None,
     ) -> Columns:
-        """[tau(t - delay) - tau(t)]/delay of a cubic spline through the torque that acts, -d tau/dt at 0.
+        """[tau(t - delay) - tau(t)]/delay of the torque that acts, a cubic through the four samples about an
+        instant, -d tau/dt at 0.
 
         Outside the stretch the torque is held; `margin_s` is what that spoils.
         """
@@ -59,12 +59,10 @@ class TimeDelay(RecordingEffect):
             if len(motion.t) < 4:
                 out[c] = np.zeros((len(motion.t), 1))
                 continue
-            spline = CubicSpline(motion.t, total[:, c])
             if abs(delay) < LITTLE:
-                change = -spline(motion.t, 1)
+                change = -np.gradient(total[:, c], motion.t)
             else:
-                then = np.clip(motion.t - delay, motion.t[0], motion.t[-1])
-                change = (spline(then) - total[:, c]) / delay
+                change = (_then(total[:, c], delay * motion.rate_hz) - total[:, c]) / delay
             out[c] = change[:, None]
         return out
 
@@ -73,6 +71,20 @@ class TimeDelay(RecordingEffect):
         if values["delay"] == 0:
             return tau
         return np.interp(truth.t - values["delay"], truth.t, tau)
+
+
+def _then(tau: Array, samples: float) -> Array:
+    """(N,) tau (N,) so many samples ago (Lagrange's cubic; at the ends the first and the last are held)."""
+    whole = int(np.floor(samples))
+    u = 1 - (samples - whole)
+    weights = (
+        -u * (u - 1) * (u - 2) / 6,
+        (u + 1) * (u - 1) * (u - 2) / 2,
+        -(u + 1) * u * (u - 2) / 2,
+        (u + 1) * u * (u - 1) / 6,
+    )
+    first = np.arange(len(tau)) - whole - 2
+    return np.asarray(sum(w * tau[np.clip(first + k, 0, len(tau) - 1)] for k, w in enumerate(weights)))
 
 
 EFFECT = TimeDelay()

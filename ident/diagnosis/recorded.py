@@ -1,0 +1,56 @@
+"""What is recorded of dry friction's sign where the torque comes late or smoothed.
+
+A delay and the width within which friction turns over are sought in turn; a width that is sought beside a
+sign that is not late takes the delay's place, and none of the two finds back. So the sign is late, too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import cast
+
+import numpy as np
+
+from ident.diagnosis.terms import Term
+from modelgen.effects.place import Model, Motion
+from modelgen.geometry.names import Channel
+
+Record = Callable[[int, Sequence[np.ndarray]], list[np.ndarray]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Torque:
+    """A model whose torque in every channel is one signal (N,)."""
+
+    channels: Sequence[Channel]
+    values: np.ndarray
+
+    def total(self, motion: Motion) -> np.ndarray:
+        return np.broadcast_to(self.values[:, None], (len(self.values), len(self.channels)))
+
+
+def comes_late(term: Term) -> bool:
+    """Whether a term moves or smooths the torque in time as it is recorded."""
+    return term.effect.kind == "measurement" and "dtau" in term.effect.needs and term.size is not None
+
+
+def recorder(terms: Sequence[Term], channels: Sequence[Channel], motions: Sequence[Motion]) -> Record | None:
+    """record(channel, [(N,) of a stretch, ...]): the same as it is recorded there; None: as it is."""
+    late = [term for term in terms if comes_late(term)]
+    if not late:
+        return None
+
+    def record(channel: int, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+        memories: list[dict] = [{} for _ in late]
+        out = []
+        for values, motion in zip(parts, motions):
+            for term, memory in zip(late, memories):
+                if channel in term.place.rows(channels):
+                    size = np.array(term.size)
+                    model = cast(Model, _Torque(channels[channel : channel + 1], values))
+                    made = term.effect.columns(term.place, term.theta, size, motion, model, memory)
+                    values = values + made[0] @ size
+            out.append(values)
+        return out
+
+    return record

@@ -1,0 +1,73 @@
+"""Torques recorded late, and dry friction that can take the delay's place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ident.diagnosis.loop import threshold
+from ident.diagnosis.opening import opened
+from ident.diagnosis.recorded import recorder
+from ident.diagnosis.settling import in_time, refined_together
+from ident.diagnosis.state import Found, recolumned, with_found
+from ident.diagnosis.terms import Term
+from ident.equations.prepared import prepare_study
+from modelgen.effects import effect
+
+LATE = 0.015
+E = effect("time_delay")
+
+
+def late_by_15_ms(columns):
+    for j in (1, 2, 3):
+        tau = columns[f"tau_m{j}"]
+        columns[f"tau_m{j}"] = np.interp(columns["t"] - LATE, columns["t"], tau)
+
+
+@pytest.fixture(scope="module")
+def late(arm):
+    return opened(prepare_study(arm(change=late_by_15_ms)))
+
+
+def whole(layout):
+    return next(place for place in E.places(layout) if place.joint is None)
+
+
+def test_a_delay_of_all_joints_comes_before_that_of_one(late):
+    """A turn-over that was found without it has taken a part of its place; a lag of one joint fits, too."""
+    places = [(e, place) for e in (E, effect("torque_lag")) for place in e.places(late.layout)]
+    near = next(place for place in E.places(late.layout) if place.joint == 1)
+    taken, evidence, state = in_time(late.state, places, near, threshold(0.01), 0.01)
+    assert taken.term.place.joint is None and evidence.log_e > 30
+    (found,) = state.terms
+    assert found.size[0] == pytest.approx(LATE, rel=0.2)  # samples are 5 ms apart
+
+
+def test_a_size_that_was_found_stays(late):
+    """The coefficient beside columns of a shorter delay is as short; searched as it is, it comes back."""
+    state = late.state
+    for begun in (0.008, 0.02):
+        term = Term(E, whole(late.layout), {}, (begun,))
+        trial = with_found(state, Found(term, state.scene.columns(term), np.array([begun])))
+        (found,) = refined_together(trial).terms
+        assert found.size[0] == pytest.approx(LATE, rel=0.2)
+
+
+def test_a_torque_is_late_once(late):
+    """Columns that are made again are those of the model without the delay itself."""
+    term = Term(E, whole(late.layout), {}, (LATE,))
+    once = with_found(late.state, Found(term, late.state.scene.columns(term), np.array([LATE])))
+    again = recolumned(once)
+    alone = replace(once, found=()).scene.columns(term)
+    for c, columns in again.found[0].columns.items():
+        assert columns == pytest.approx(alone[c], abs=1e-9 * np.abs(alone[c]).max())
+
+
+def test_a_sign_is_recorded_late(late):
+    state = late.state
+    m = state.motions[0]
+    step = np.where(m.t < m.t[len(m.t) // 2], -1.0, 1.0)
+    term = Term(E, whole(late.layout), {}, (4 / m.rate_hz,))
+    assert recorder([replace(term, size=None)], state.model.channels, state.motions) is None
+    (told,) = recorder([term], state.model.channels, state.motions[:1])(0, [step])
+    assert told[10:-10] == pytest.approx(np.roll(step, 4)[10:-10], abs=1e-9)
