@@ -16,7 +16,7 @@ from ident.equations.placing import entry_of
 from ident.equations.terms import Term as StudyTerm
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError
 from ident.estimation.fit import Examined, FitResult, fit_study
-from ident.estimation.found_effects import found_effects
+from ident.estimation.found_effects import FoundEffect, found_effects
 from ident.progress import Progress, silent
 from ident.signals.filtering import STEEPNESS, prepare
 
@@ -54,7 +54,7 @@ def extended(
             refused.add(keys.pop())
             continue
         told = found_effects(last)
-        impossible = [k for k, f in enumerate(told) if k >= declared and not _possible(f.term)]
+        impossible = [k for k, f in enumerate(told) if k >= declared and (_ended(f) or not _possible(f.term))]
         if impossible:
             at = max(impossible, key=lambda k: told[k].p_value)
             refused.add(keys.pop(at))
@@ -141,6 +141,16 @@ def _nats(state: State, fit: FitResult) -> float:
 def _possible(term: StudyTerm) -> bool:
     """Whether physics allows the values of the fit."""
     return term.effect.physical({**dict(zip(term.linear, term.size)), **term.theta}) is None
+
+
+def _ended(found: FoundEffect) -> bool:
+    """Whether a shape ends where its search does: something is there, and it is not this."""
+    return any(
+        (its := found.parameters.get(shape.name)) is not None
+        and its.at_bound
+        and not np.isclose(its.value, shape.grid, rtol=1e-6).any()  # a search begins there: it is no end
+        for shape in found.term.effect.nonlinear
+    )
 
 
 def _judged(fit: FitResult) -> Mapping[str, float]:
