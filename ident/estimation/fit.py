@@ -22,7 +22,7 @@ from ident.equations.fitted import FittedModel
 from ident.equations.observation import RecordingSystem
 from ident.equations.prepared import Prepared, prepare_study
 from ident.equations.terms import Term
-from ident.errors import RecordingError, StudyError
+from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
 from ident.estimation.estimators.refined import Feedback, refined
 from ident.estimation.least_squares import Estimate, bounded
@@ -165,6 +165,16 @@ def drive_gains(result: FitResult) -> list[float]:
 
 
 def _fit(known: Examined, progress: Progress) -> FitResult:
+    try:
+        return _fitted(known, progress)
+    except FitFailedError as error:
+        causes = [check for check in worst_first(known.checks) if "columns:" in check.remedy]
+        if not causes:
+            raise
+        raise FitFailedError(f"{causes[0].sentence} (as it is: {error})") from None
+
+
+def _fitted(known: Examined, progress: Progress) -> FitResult:
     prepared, checks = known.prepared, known.checks
     study = prepared.study
     trials: tuple[CutoffTrial, ...] = ()

@@ -20,7 +20,8 @@ from planted import (
 )
 
 from ident.equations.prepared import prepare_study
-from ident.errors import StudyError
+from ident.errors import FitFailedError, StudyError
+from ident.estimation.fit import fit_study
 from ident.examination.check import worst_first
 from ident.examination.examine import examine_fit, examine_tables, mended_study
 from ident.recordings.study import load_study
@@ -58,6 +59,15 @@ def test_sensors_of_the_dual_arm_have_mixed_signs():
             X = np.column_stack([tau, np.sign(dq), dq, np.ones_like(dq)])[moving]
             slope, friction, *_ = np.linalg.lstsq(X, i[moving], rcond=None)[0]
             assert friction > 0.5 and sign * slope > 0.1
+
+
+def test_a_fit_that_fails_says_what_the_examination_found():
+    """Drive gains that no torque sensor agrees with: two sensors have the other sign."""
+    study = live_arm().with_(model="C", drive_gains="identify")
+    with pytest.raises(
+        FitFailedError, match=r"tau_l1, tau_l3 have the other sign .*sign: -1.* has no"
+    ):
+        fit_study(study)
 
 
 def test_signs_beside_unknown_drive_gains(tmp_path):
