@@ -82,7 +82,7 @@ def _starts(state: State, effect: Effect, place: Place) -> Sequence[dict[str, fl
 
 
 def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranked]:
-    """The short list: at most PER_METRIC hypotheses of each metric, one shape each."""
+    """The short list: at most PER_METRIC hypotheses of each metric, one shape each, and what was left out."""
     done = {term.key for term in state.terms}
     trials: list[tuple[Term, dict[int, np.ndarray]]] = []
     metrics = (state.metric, state.plain_metric)
@@ -115,6 +115,9 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
                 ordered.append(r)
         for r in ordered[:PER_METRIC]:
             if r.gain > SHARE * ordered[0].gain:
+                out.setdefault(r.term.key, r)
+        for r in best.values():  # what the study left out is there: it is asked before what imitates it
+            if r.term.effect.replaces:
                 out.setdefault(r.term.key, r)
     return list(out.values())
 

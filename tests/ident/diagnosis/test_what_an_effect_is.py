@@ -3,10 +3,17 @@
 from types import SimpleNamespace
 
 import numpy as np
+from small_arm import ARM
 
+from ident.diagnosis.candidates import Library, screen
 from ident.diagnosis.evidence import weigh
 from ident.diagnosis.last_fit import _ended
+from ident.diagnosis.opening import opened
 from ident.diagnosis.weighing import is_itself
+from ident.equations.prepared import prepare_study
+from ident.recordings.study import load_study
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
+from modelgen.effects import catalogue
 
 
 def test_a_change_of_the_model_shows_in_the_parameters_that_it_has(tiny):
@@ -36,3 +43,16 @@ def test_a_shape_that_ends_where_its_search_does_is_none():
 
     assert _ended(found(rho=(0.98, True), own=(0.1, False)))
     assert not _ended(found(rho=(0.7, False), own=(0.0, True)))  # a search begins at 0
+
+
+def test_what_a_study_left_out_is_asked_of_every_joint(tmp_path_factory):
+    """A budget of two places for one effect hid the others' viscous friction, and a square took its place."""
+    folder = tmp_path_factory.mktemp("left_out")
+    (folder / "robot.yaml").write_text(ARM)
+    runs = (PlannedRun("run1", "identify", 14.0), PlannedRun("run2", "validate", 10.0))
+    made = simulate(folder / "robot.yaml", "A", (), seed=3, sensors=Sensors(rate_hz=200.0), runs=runs)
+    study = load_study(write_simulation(made, folder / "out")).with_(without=("viscous_friction",))
+    begun = opened(prepare_study(study))
+    library = Library(list(catalogue().values()), begun.layout)
+    listed = {(r.term.effect.name, r.term.place.joint) for r in screen(begun.state, library, frozenset())}
+    assert {("viscous_friction", joint) for joint in range(3)} <= listed

@@ -64,9 +64,7 @@ def test_sensors_of_the_dual_arm_have_mixed_signs():
 def test_a_fit_that_fails_says_what_the_examination_found():
     """Drive gains that no torque sensor agrees with: two sensors have the other sign."""
     study = live_arm().with_(model="C", drive_gains="identify")
-    with pytest.raises(
-        FitFailedError, match=r"tau_l1, tau_l3 have the other sign .*sign: -1.* has no"
-    ):
+    with pytest.raises(FitFailedError, match=r"tau_l1, tau_l3 have the other sign .*sign: -1.* has no"):
         fit_study(study)
 
 
