@@ -32,7 +32,7 @@ from ident.diagnosis.remaining import remaining
 from ident.diagnosis.room import thrifty
 from ident.diagnosis.visible import Visible, smallest_visible
 from ident.errors import FitFailedError
-from ident.estimation.fit import Examined, FitResult, drive_gains, examined, fit_study
+from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
 from ident.examination.check import Check
 from ident.examination.examine import examine_tables, mended_study, worst_first
 from ident.progress import Progress, silent
@@ -91,32 +91,27 @@ def diagnose_study(
         return _diagnose(study, thrifty(progress), study.alpha if alpha is None else alpha, memory)
 
 
-def _as_it_is(known: Examined, mended: Study | None, progress: Progress) -> FitResult | None:
-    """The fit of the study as it is; None where there is none before its faults are undone."""
-    try:
-        return fit_study(known.prepared.study, progress=progress, known=known)
-    except FitFailedError:
-        if mended is None:
-            raise
-        return None
-
-
 def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | None) -> Diagnosis:
     known = examined(study, progress)
     checks = worst_first([*examine_tables(known.prepared), *known.checks])
     mended = mended_study(study, checks)
-    before = _as_it_is(known, mended, _part(progress, 0.0, 0.1))
-    working = mended or study
+    working, notes = mended or study, []
+    try:
+        first = base = fit_study(study, progress=_part(progress, 0.0, 0.1), known=known)
+    except FitFailedError:
+        if mended is None:
+            raise
+        first = None
+        notes.append("as it is the study has no fit: errors before are those without its faults")
     if mended:
         known = examined(working)
-    after = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known) if mended else before
-    first, base = before or after, after or before
-    assert first is not None and base is not None
-    notes = () if before else ("as it is the study has no fit: errors before are those without its faults",)
+        base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
     if working.drive_gains == "identify":
         working = working.with_(drive_gains=tuple(drive_gains(base)))
         known = examined(working)
     begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory)
+    if begun.thinned:
+        notes.append("of long recordings stretches spread over them were looked at")
     library = Library(list(catalogue().values()), begun.layout, begun.room.library)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
     last, refused = extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
@@ -134,7 +129,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     progress("done", 1.0)
     return Diagnosis(
         study,
-        first,
+        first or base,
         last,
         "effect" if findings else "unexplained" if unexplained else "none",
         findings,
@@ -143,7 +138,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         noise_floor(last),
         explainable(outcome),
         alpha,
-        notes + (("of long recordings stretches spread over them were looked at",) if begun.thinned else ()),
+        tuple(notes),
         outcome,
         visible,
     )

@@ -55,7 +55,7 @@ def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
     if term.size is None and len(sizes):
         best = _secant(m, scene, best)
     elif term.size is not None and len(sizes) == 1:
-        best = _as_it_is(m, scene, replace(best, sizes=np.array(term.size)), NEAR)
+        best = _as_it_is(m, scene, best, [factor * term.size[0] for factor in NEAR])
     names = list(bounds)
     damp = 1.0
     for _ in range(turns if names and best.columns else 0):
@@ -110,18 +110,20 @@ def _whole(m: Metric, scene: Scene, term: Term) -> Term:
 def _secant(m: Metric, scene: Scene, start: Refined) -> Refined:
     """Columns again at the size found, until it stays; the tangent where the columns do not depend on it."""
     best = _followed(m, scene, start, tuple(start.sizes))
-    return best if best.term.size is None or len(start.sizes) > 1 else _as_it_is(m, scene, best)
+    if best.term.size is None or len(start.sizes) > 1:
+        return best
+    first = float(best.sizes[0])
+    if best.term.effect.linear[0].sign == "positive":
+        return _as_it_is(m, scene, best, [factor * abs(first) for factor in FACTORS])
+    return _as_it_is(m, scene, best, [factor * first for factor in (*FACTORS, -1.0)])
 
 
-def _as_it_is(m: Metric, scene: Scene, start: Refined, factors: Sequence[float] = FACTORS) -> Refined:
+def _as_it_is(m: Metric, scene: Scene, start: Refined, sizes: Sequence[float]) -> Refined:
     """The columns of that size at which the change that it makes fits best as it is.
 
     A coefficient beside a secant is no size: of a torque with steps any delay shorter than the true one is a
     fixed point of coefficient and size, and a soft gear's runs away. The summit may stand far from where the
-    tangent leads: multiples are tried, of the sign that physics allows, then parabolas through the best
-    three."""
-    first, positive = float(start.sizes[0]), start.term.effect.linear[0].sign == "positive"
-    first = abs(first) if positive else first
+    tangent leads: these sizes are tried, then parabolas through the best three."""
     tried: dict[float, tuple[float, Refined]] = {}
 
     def gain(size: float) -> float:
@@ -129,8 +131,8 @@ def _as_it_is(m: Metric, scene: Scene, start: Refined, factors: Sequence[float] 
             tried[size] = _exactly(m, scene, start, size)
         return tried[size][0]
 
-    for factor in factors if positive or factors is NEAR else (*factors, -1.0):
-        gain(factor * first)
+    for size in sizes:
+        gain(size)
     for _ in range(PARABOLAS):
         top = max(tried, key=gain)
         new = _summit({size: told for size, (told, _) in tried.items()}, top)

@@ -89,14 +89,6 @@ def _afresh(state: State, r: Refined, joint: int | None) -> State:
     return refined_together(with_found(replace(state, turns=turns), Found(r.term, r.columns, r.sizes)))
 
 
-def _beside(trial: State, key: tuple) -> tuple[State, Refined]:
-    """The rest of a state, and the hypothesis in it."""
-    number = next(k for k, f in enumerate(trial.found) if f.term is not None and f.term.key == key)
-    f = trial.found[number]
-    assert f.term is not None
-    return trial.but(number), Refined(f.term, f.columns, f.sizes, 0.0)
-
-
 def in_time(
     state: State, places: Iterable[tuple[Effect, Place]], near: Place, tau: float, alpha: float
 ) -> tuple[Refined, Evidence, State] | None:
@@ -119,7 +111,7 @@ def in_time(
         if term.key in seen:
             continue
         seen.add(term.key)
-        held = _holding(state, refined_together(trial), term.key, tau, alpha)
+        held = _holding(state, refined_together(trial), term, tau, alpha)
         if held is not None and (out is None or held[1].log_e > out[1].log_e):
             out = held
     return out
@@ -142,13 +134,15 @@ def _whitened_squares(noise: State, trial: State) -> float:
 
 
 def _holding(
-    state: State, trial: State, key: tuple, tau: float, alpha: float
+    state: State, trial: State, term: Term, tau: float, alpha: float
 ) -> tuple[Refined, Evidence, State] | None:
     """A hypothesis in the state that was settled with it, what it says against the model that did its best
     without it; None where it does not hold."""
-    if not any(f.term is not None and f.term.key == key for f in trial.found):
+    number = place_of(trial, term)
+    if number is None:
         return None
-    others, whole = _beside(trial, key)
+    f, others = trial.found[number], trial.but(number)
+    whole = Refined(f.term or term, f.columns, f.sizes, 0.0)
     m = leading_metric(others, [whole])
     own = weigh(m, whole.columns)
     told = over(metric(state.rows, *state.design, m.whiteners), m, own)  # the model as it was did its best
@@ -170,7 +164,7 @@ def settled_in(
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and set(r.columns) & set(best.columns)]
     for r, _ in sorted(likely, key=lambda its: -its[1].log_e)[:SETTLED]:
         trial = _afresh(state, r, state.model.channels[c].joint)
-        held = _holding(state, trial, r.term.key, tau, alpha)
+        held = _holding(state, trial, r.term, tau, alpha)
         if held is None:
             continue
         error = float(np.mean(trial.residual[c, trial.rows.judged & trial.rows.use[c]] ** 2))
