@@ -103,7 +103,9 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         last_t, last_row = float(t[-1]), values[-1]
     if begin is None or last_t is None:
         raise RecordingError(
-            stream.file, "holds no rows between from and to; correct the window in the study"
+            stream.file,
+            "holds no row with a value in every column that is needed between from and to; look for an empty "
+            "column, or correct the window in the study",
         )
     if rows < MIN_SAMPLES:
         raise RecordingError(
