@@ -25,6 +25,7 @@ FINE = 10.0  # of the fine signals: what functions of them take while they are s
 LIBRARY, LIBRARY_LEAST = 1.5e8, 3e7  # bytes of candidates' columns
 PROGRAM = 1.5e8  # bytes that opening and reporting add, whatever the study
 SHARE = 0.35  # of what is free beside the program
+GROWN = 4e7  # bytes, from which on it is worth asking what can be given back
 FREE = 0.5  # of the machine's free memory, where no limit is given
 
 
@@ -75,14 +76,18 @@ def bytes_a_row(prepared: Prepared, cutoff_hz: float) -> float:
 
 
 def thrifty(progress: Progress) -> Progress:
-    """The same, and at every new thing that is told what is free inside the process goes back to the system:
-    the C library keeps what lies between values that live, Arrow what it may need again."""
-    last = [""]
+    """The same, and at every new thing that is told what is free inside the process goes back to the system
+    where the process has grown: the C library keeps what lies between values that live, Arrow what it may
+    need again. (Each time costs as much as a tenth of a second.)"""
+    last, kept = "", 0.0
 
     def tell(text: str, done: float | None = None) -> None:
-        if text != last[0]:
-            last[0] = text
-            _give_back()
+        nonlocal last, kept
+        if text != last:
+            last = text
+            if _resident() > kept + GROWN:
+                _give_back()
+                kept = _resident()
         progress(text, done)
 
     return tell

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.whitened import Whitener
-from ident.signals.dry_friction import TurnOver
+from ident.signals.dry_friction import TurnOver, mean_sign
 
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
 SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding
@@ -59,6 +60,29 @@ def _ladder(low: float, high: float) -> np.ndarray:
     return np.geomspace(low, high, max(3, int(np.ceil(np.log(high / low) / np.log(STEPS))) + 1))
 
 
+Signs = Callable[[TurnOver], list[np.ndarray]]  # of one joint: (N,) smoothed sign of each stretch
+
+
+def signs_of(segments: Sequence[FineSegment], joint: int) -> Signs:
+    """A joint's smoothed signs; what only one of the widths enters is kept while the other one is sought."""
+
+    @lru_cache(maxsize=2)
+    def direct(rate: float) -> list[np.ndarray]:
+        return [mean_sign(s.speed[:, joint], rate) for s in segments]
+
+    @lru_cache(maxsize=2)
+    def state(travel: float) -> list[np.ndarray]:
+        turn = TurnOver(0.0, travel)
+        return [turn.state(s.q[:, joint], s.speed[:, joint]) for s in segments]
+
+    def made(turn: TurnOver) -> list[np.ndarray]:
+        if turn.travel <= 0:
+            return direct(turn.rate)
+        return [z * np.abs(x) for z, x in zip(state(turn.travel), direct(turn.rate))]
+
+    return made
+
+
 def sign_column(
     segments: Sequence[FineSegment],
     rows: Rows,
@@ -66,12 +90,14 @@ def sign_column(
     channel: int,
     turn: TurnOver,
     record: Record | None = None,
+    signs: Signs | None = None,
 ) -> np.ndarray:
     """(M,) decimated smoothed sign; record: what is recorded of it, where the torque comes late."""
-    signs = [turn.sign(s.q[:, joint], s.speed[:, joint]) for s in segments]
-    signs = signs if record is None else record(channel, signs)
-    made = [s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, signs)]
-    return np.concatenate(made) * rows.scale[channel]
+    made = (signs or signs_of(segments, joint))(turn)
+    made = made if record is None else record(channel, made)
+    return np.concatenate([s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, made)]) * (
+        rows.scale[channel]
+    )
 
 
 def with_turn_overs(
@@ -113,49 +139,28 @@ def settle(
     """The widths that fit best beside everything in `design` (whose first columns are the rows' base), near
     `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: what is
     recorded of a sign."""
-    fitted = rows.fitted
     dry = [d for d in dry if reverses(segments, d.joint)]
-    X = [w @ values for (_, values), w in zip(design, whiteners)]
-    y = [w @ rows.Y[c] for c, w in enumerate(whiteners)]
-    gram, right = np.zeros((B, B)), np.zeros(B)
-    power = 0.0
-    for c, (places, _) in enumerate(design):
-        on = fitted & rows.use[c]
-        gram[np.ix_(places, places)] += X[c][on].T @ X[c][on]
-        right[places] += X[c][on].T @ y[c][on]
-        power += float(y[c][on] @ y[c][on])
+    normal = _Normal.of(rows, design, B, whiteners)
     out = dict(turns)
     moved = {d.joint: True for d in dry}
+    asked = np.log(max(int(rows.fitted.sum()), 2))  # a second width has to pay for itself (twice its nats)
     for first in (True, *(False,) * (sweeps - 1)):
         for d in dry:
             if not moved[d.joint]:
                 continue
+            signs = signs_of(segments, d.joint)
 
-            def trial(
-                turn: TurnOver, d: Dry = d, gram: np.ndarray = gram, right: np.ndarray = right
-            ) -> tuple[float, np.ndarray, np.ndarray]:
-                G, g = gram.copy(), right.copy()
-                for place in {place for _, place in d.places}:
-                    G[place, :] = G[:, place] = 0.0
-                    g[place] = 0.0
-                own = {place for _, place in d.places}
-                for channel in {channel for channel, _ in d.places}:
-                    on = fitted & rows.use[channel]
-                    z = whiteners[channel] @ sign_column(segments, rows, d.joint, channel, turn, record)
-                    z = z[on]
-                    here = [place for c, place in d.places if c == channel]
-                    places = design[channel][0]
-                    others = ~np.isin(places, list(own))
-                    cross = X[channel][on][:, others].T @ z
-                    for place in here:
-                        G[places[others], place] += cross
-                        G[place, places[others]] += cross
-                        G[place, here] += z @ z
-                        g[place] += z @ y[channel][on]
-                scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
-                H = G / np.outer(scale, scale) + 1e-10 * np.eye(B)
-                explained = float((g / scale) @ np.linalg.solve(H, g / scale))
-                return explained, G, g
+            def columns(turn: TurnOver, d: Dry = d, signs: Signs = signs) -> dict[int, np.ndarray]:
+                return {
+                    c: whiteners[c] @ sign_column(segments, rows, d.joint, c, turn, record, signs)
+                    for c in {c for c, _ in d.places}
+                }
+
+            @cache
+            def explained(
+                turn: TurnOver, d: Dry = d, columns: Callable = columns, normal: _Normal = normal
+            ) -> float:
+                return _explained(*normal.exchanged(d, columns(turn)))
 
             before = out.get(d.joint)
             ladders = grids(segments, d.joint)
@@ -165,22 +170,80 @@ def settle(
                 starts.append((replace(before, travel=0.0), orders[0], False))
             if before is None or (d.joint in afresh and first):
                 starts += [(TurnOver(float(ladders["rate"][0])), order, True) for order in orders]
-            ends = [
-                _climbed(turn, order, whole, ladders, lambda t: trial(t)[0]) for turn, order, whole in starts
-            ]
+            ends = [_climbed(turn, order, whole, ladders, explained) for turn, order, whole in starts]
             plain = [replace(t, travel=0.0) for t in ends]
-            asked = np.log(max(int(fitted.sum()), 2))  # a second width has to pay for itself (twice its nats)
-            turn = max((*ends, *plain), key=lambda t: trial(t)[0] - asked * (t.travel > 0))
-            _, gram, right = trial(turn)
-            out[d.joint] = turn
-            for channel, place in d.places:  # later joints see the new column
-                column = whiteners[channel] @ sign_column(segments, rows, d.joint, channel, turn, record)
-                X[channel] = X[channel].copy()
-                X[channel][:, int(np.flatnonzero(design[channel][0] == place)[0])] = column
+            turn = max((*ends, *plain), key=lambda t: explained(t) - asked * (t.travel > 0))
             moved[d.joint] = before is None or _far(before, turn)
+            if before is not None and not moved[d.joint]:
+                turn = before
+            normal = normal.taken(d, columns(turn))  # later joints see the new column
+            out[d.joint] = turn
         if not any(moved.values()):
             break
     return out
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations of the fitted rows: whitened columns and torque, their products."""
+
+    on: tuple[np.ndarray, ...]  # of each channel the rows that count
+    X: tuple[tuple[np.ndarray, np.ndarray], ...]  # (places (k,), (M, k)), 0 on other rows
+    y: tuple[np.ndarray, ...]
+    gram: np.ndarray
+    right: np.ndarray
+
+    @staticmethod
+    def of(
+        rows: Rows, design: Sequence[tuple[np.ndarray, np.ndarray]], B: int, whiteners: Sequence[Whitener]
+    ) -> _Normal:
+        on = tuple(rows.fitted & use for use in rows.use)
+        X = tuple(
+            (places, np.where(o[:, None], w @ values, 0.0))
+            for (places, values), w, o in zip(design, whiteners, on)
+        )
+        y = tuple(np.where(o, w @ torque, 0.0) for torque, w, o in zip(rows.Y, whiteners, on))
+        gram, right = np.zeros((B, B)), np.zeros(B)
+        for (places, values), torque in zip(X, y):
+            gram[np.ix_(places, places)] += values.T @ values
+            right[places] += values.T @ torque
+        return _Normal(on, X, y, gram, right)
+
+    def exchanged(self, dry: Dry, columns: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        """Products with a joint's dry friction columns (whitened) in the place of its own."""
+        G, g = self.gram.copy(), self.right.copy()
+        own = list({place for _, place in dry.places})
+        G[own, :] = G[:, own] = 0.0
+        g[own] = 0.0
+        for channel, whole in columns.items():
+            z = np.where(self.on[channel], whole, 0.0)
+            here = [place for c, place in dry.places if c == channel]
+            places, values = self.X[channel]
+            others = ~np.isin(places, own)
+            cross = (values.T @ z)[others]
+            for place in here:
+                G[places[others], place] += cross
+                G[place, places[others]] += cross
+                G[place, here] += z @ z
+                g[place] += z @ self.y[channel]
+        return G, g
+
+    def taken(self, dry: Dry, columns: Mapping[int, np.ndarray]) -> _Normal:
+        """The same with these columns in it."""
+        X = list(self.X)
+        for channel, place in dry.places:
+            places, values = X[channel]
+            values = values.copy()
+            values[:, places == place] = np.where(self.on[channel], columns[channel], 0.0)[:, None]
+            X[channel] = places, values
+        return _Normal(self.on, tuple(X), self.y, *self.exchanged(dry, columns))
+
+
+def _explained(gram: np.ndarray, right: np.ndarray) -> float:
+    """Whitened sum of squares that the columns of these products account for."""
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    H = gram / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
+    return float((right / scale) @ np.linalg.solve(H, right / scale))
 
 
 def _climbed(
