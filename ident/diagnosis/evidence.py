@@ -224,6 +224,12 @@ def weigh(
     )
 
 
+def unseen(m: Metric, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
+    """Whether these columns at these sizes, were they true, would not reach the limit on the judged rows."""
+    cross, own, _ = project(m, m.judged, m.whiten(columns))
+    return 0.5 * float(sizes @ (own - cross.T @ cross) @ sizes) < tau
+
+
 def over(null: Metric, m: Metric, told: Evidence) -> Evidence:
     """What a hypothesis says beside the model of `m`, held against the model of `null`: both of one noise and
     of the same rows."""

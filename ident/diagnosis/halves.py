@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, metric, project, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, metric, unseen, weigh
 from ident.diagnosis.leading import with_hypothesis
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.rows import Rows, halved
@@ -66,12 +66,6 @@ def holds_by_halves(state: State, columns: Columns, sizes: np.ndarray, tau: floa
         return False
     sides = (replace(state, rows=rows) for rows in halves(state.rows))
     return all(weigh(side.metric, columns).log_e > tau for side in sides)
-
-
-def unseen(m: Metric, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
-    """Whether these columns at these sizes, were they true, would not reach the limit on the judged rows."""
-    cross, own, _ = project(m, m.judged, m.whiten(columns))
-    return 0.5 * float(sizes @ (own - cross.T @ cross) @ sizes) < tau
 
 
 def halves(rows: Rows) -> tuple[Rows, Rows]:

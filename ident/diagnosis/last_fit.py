@@ -60,7 +60,11 @@ def extended(
             refused.add(keys.pop(at))
             entries.pop(at)
             continue
-        weak = [k for k, f in enumerate(told) if k >= declared and not (f.essential and f.p_value < limit)]
+        weak = [
+            k
+            for k, f in enumerate(told)
+            if k >= declared and not (f.essential and max(f.p_value, f.p_itself) < limit)
+        ]
         weakest = max(weak, key=lambda k: (not told[k].essential, told[k].p_value), default=None)
         lost = _worse(last, base, declared) if weakest is None else [weakest]  # two can hide each other
         if not lost:
@@ -113,7 +117,7 @@ def compared_exactly(
             fit, _ = extended(known, other, base, begun, alpha, silent)
             if is_told(fit, rival):
                 tried.append((other, fit))
-        nats = [_nats(begun.state, fit) for _, fit in tried]
+        nats = [_nats(outcome.last, fit) for _, fit in tried]
         equal = [k for k, n in enumerate(nats) if n > max(nats) - outcome.tau]
         best = min(equal, key=lambda k: (*simplicity(tried[k][0].steps[at].term), -nats[k]))
         own = step.evidence.log_e
@@ -132,9 +136,11 @@ def is_told(fit: FitResult, term: Term) -> bool:
 
 
 def _nats(state: State, fit: FitResult) -> float:
-    """Of the error of the runs that chose nothing, as if each row were news."""
+    """Of the error of the runs that chose nothing, each row as much as it is news in the state's noise."""
     error = _judged(fit)
-    counts = [int((use & state.rows.judged).sum()) for use in state.rows.use]
+    counts = [
+        float((use & state.rows.judged).sum()) * w.news for use, w in zip(state.rows.use, state.whiteners)
+    ]
     return -float(sum(n * np.log(error[name]) for n, name in zip(counts, fit.columns.channels)))
 
 
@@ -223,7 +229,7 @@ def _study_term(term: Term, state: State) -> StudyTerm:
     """A term of the loop as one of a study, its sizes and shapes as starts."""
     found = next(f for f in state.found if f.term is term)
     known = {p.name for p in term.effect.linear}
-    names = term.effect.parameters_of(term.place)
+    names, bounds = term.effect.parameters_of(term.place), term.effect.bounds(term.place)
     sizes = tuple(float(x) for name, x in zip(names, found.sizes) if name in known)
     return StudyTerm(
         term.effect.name,
@@ -231,9 +237,9 @@ def _study_term(term: Term, state: State) -> StudyTerm:
         term.place,
         dict(term.theta),
         sizes,
-        tuple(term.effect.nonlinear_names),
+        tuple(bounds),
         {},
-        term.effect.bounds(term.place),
+        bounds,
     )
 
 

@@ -142,10 +142,10 @@ def trace(
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
         if "dtau" in best.term.effect.needs and best.term.place.joint is not None:
-            held = in_time(state, library.places, best.term.place, tau, alpha)
-            if held is not None:
-                taken, evidence, state = held
-                steps.append(Step(taken.term, evidence, ()))
+            late = in_time(state, library.places, best.term.place, tau, alpha)
+            if late is not None:
+                taken, evidence, state, beside = late
+                steps.append(Step(taken.term, evidence, (), beside))
                 continue
         flex = sufficiency(state, weighed.metric, best.term, c, tau)
         if flex is not None and not sufficient(best.term, evidence, flex, tau):
@@ -247,7 +247,7 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
         steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
         found = list(state.found)
         found[number] = Found(best.term, best.columns, best.sizes)
-        state = refined_together(replace(state, found=tuple(found)))
+        state = refined_together(solved(replace(state, found=tuple(found))))
     return state, steps
 
 

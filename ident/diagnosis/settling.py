@@ -91,11 +91,11 @@ def _afresh(state: State, r: Refined, joint: int | None) -> State:
 
 def in_time(
     state: State, places: Iterable[tuple[Effect, Place]], near: Place, tau: float, alpha: float
-) -> tuple[Refined, Evidence, State] | None:
+) -> tuple[Refined, Evidence, State, tuple[Term, ...]] | None:
     """The torque of all joints, or of one place, recorded late or smoothed: of those that fit best, each with
-    dry friction's turn-over taken anew beside it, the one that says most. A turn-over that was found
-    without a delay has taken its place: of 15 ms of all six joints of a UR10e half a millisecond was left to
-    it, and two lags were told."""
+    dry friction's turn-over taken anew beside it, the one that says most, and all that were tried. A
+    turn-over that was found without a delay has taken its place: of 15 ms of all six joints of a UR10e half a
+    millisecond was left to it, and two lags were told."""
     tried = []
     for effect, place in places:
         here = place.joint in (None, near.joint) and place.side in (None, near.side)
@@ -104,17 +104,17 @@ def in_time(
     before = _whitened_squares(state, state)
     tried.sort(key=lambda its: its[0])
     out: tuple[Refined, Evidence, State] | None = None
-    seen: set[tuple] = set()
+    seen: dict[tuple, Term] = {}
     for left, term, trial in tried:
         if before - left < LIKELY * (before - tried[0][0]) or len(seen) == LATEST:
             break
         if term.key in seen:
             continue
-        seen.add(term.key)
+        seen[term.key] = term
         held = _holding(state, refined_together(trial), term, tau, alpha)
         if held is not None and (out is None or held[1].log_e > out[1].log_e):
             out = held
-    return out
+    return None if out is None else (*out, tuple(seen.values()))
 
 
 def _late(state: State, term: Term) -> tuple[float, Term, State]:

@@ -32,7 +32,7 @@ class Term:
     @property
     def free(self) -> int:
         """Parameters that the data choose."""
-        return len(self.effect.parameters_of(self.place)) + len(self.effect.nonlinear)
+        return len(self.effect.parameters_of(self.place)) + len(self.effect.bounds(self.place))
 
     def at(self, **theta: float) -> Term:
         return replace(self, theta={**self.theta, **theta})

@@ -95,8 +95,9 @@ def sign_column(
     """(M,) decimated smoothed sign; record: what is recorded of it, where the torque comes late."""
     made = (signs or signs_of(segments, joint))(turn)
     made = made if record is None else record(channel, made)
-    return np.concatenate([s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, made)]) * (
-        rows.scale[channel]
+    return (
+        np.concatenate([s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, made)])
+        * (rows.scale[channel])
     )
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.signal
 import scipy.sparse
 import scipy.stats
 
@@ -21,6 +22,7 @@ from ident.diagnosis.rows import Rows
 
 MEMORY_S = 1.0  # s: the longest correlation that counts as noise
 BLOCK_S = 1.5  # s: stretches whose power is compared
+RINGING = 4096  # rows after which an autoregression has forgotten a shock
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +35,17 @@ class Whitener:
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         return np.asarray(self.L @ x)
+
+    @property
+    def news(self) -> float:
+        """Rows of white noise that say as much of its variance as one row (M. S. Bartlett, J. R. Statist.
+        Soc. Suppl. 8, 1946)."""
+        one = np.zeros(RINGING)
+        one[0] = 1.0
+        h = scipy.signal.lfilter([1.0], [1.0, *-self.coefficients], one)
+        spectrum = np.abs(np.fft.rfft(h, 2 * RINGING)) ** 2
+        r = np.fft.irfft(spectrum)[:RINGING]
+        return float(1 / (1 + 2 * np.sum((r[1:] / r[0]) ** 2)))
 
 
 def whiteners(rows: Rows, residual: np.ndarray, usable: np.ndarray) -> tuple[Whitener, ...]:

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from ident.equations.columns import Columns
 from ident.equations.terms import Term
 from ident.errors import StudyError
@@ -30,7 +32,15 @@ def layout_of(study: Study, columns: Columns, travel: Sequence[float] = ()) -> L
     if study.gravity is not None:
         robot = robot.with_gravity(study.gravity)
     labels = tuple(entry.label for entry in study.recordings)
-    return Layout(robot, columns.need.channels, labels, tuple(travel))
+    return Layout(robot, columns.need.channels, labels, tuple(travel), drives_of(columns))
+
+
+def drives_of(columns: Columns) -> tuple[frozenset[str], ...]:
+    """Kinds of the drive parameters that the model has, joint by joint."""
+    parsed = [its for name in columns.parameters if (its := ParameterName.of(name)) and not its.payload]
+    return tuple(
+        frozenset(its.kind for its in parsed if its.label == str(label)) for label in columns.need.joints
+    )
 
 
 def terms_of(study: Study, columns: Columns, layout: Layout) -> tuple[Term, ...]:
@@ -74,7 +84,7 @@ def _term(study: Study, entry: EffectEntry, columns: Columns, layout: Layout) ->
             )
     bounds = effect.bounds(place, layout)
     for name, value in shape.items():
-        low, high = bounds[name]
+        low, high = bounds.get(name, (-np.inf, np.inf))
         if not low <= value <= high and name not in entry.fixed:
             raise ValueError(f"{name} = {value:g} is outside of {low:g} to {high:g}, where it is searched")
     return Term(
@@ -83,7 +93,7 @@ def _term(study: Study, entry: EffectEntry, columns: Columns, layout: Layout) ->
         place,
         shape,
         tuple(linear.get(name, 0.0) for name in used),
-        tuple(name for name in effect.nonlinear_names if name not in entry.fixed),
+        tuple(name for name in bounds if name not in entry.fixed),
         {name: linear[name] for name in entry.fixed if name in linear},
         bounds,
     )

@@ -29,7 +29,8 @@ class FoundEffect:
     """One effect of the study as the fit has it. essential: the F-test kept it. p_value: of its sizes being
     zero, all at once, in the fit's covariance for coloured noise (Wald), its shapes as found: without
     the effect there are none, so that this is the ratio of the likelihoods, and a shape that is poorly known
-    does not make the effect doubtful."""
+    does not make the effect doubtful. p_itself: the same of those sizes without which it would be another
+    effect (all, where none may be left out)."""
 
     term: Term
     joint: int | None  # as the robot file numbers it
@@ -38,6 +39,7 @@ class FoundEffect:
     parameters: dict[str, FoundParameter]
     impossible: str | None
     p_value: float = 0.0
+    p_itself: float = 0.0
 
     def document(self) -> dict[str, Any]:
         """As fit.json has it."""
@@ -81,6 +83,8 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     joints = columns.need.joints
     joint, source = (None if j is None else joints[j] for j in (term.place.joint, term.place.source))
     sizes = [own[name] for name in (term.free if effect.changes_model else term.unknown)]
+    its = {p.name for p in effect.linear if p.own}
+    needed = [own[name] for name in term.unknown if name in its and own[name] in sizes] or sizes
     reasons = [result.impossible[name] for name in term.names if name in result.impossible]
     return FoundEffect(
         term,
@@ -98,9 +102,12 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
             for name, its in told.items()
         },
         reasons[0] if reasons else None,
-        _wald(
-            result.full.chi[sizes],
-            _given(result.full_covariance, sizes, [k for k in own.values() if k not in sizes]),
+        *(
+            _wald(
+                result.full.chi[some],
+                _given(result.full_covariance, some, [k for k in own.values() if k not in sizes]),
+            )
+            for some in (sizes, needed)
         ),
     )
 

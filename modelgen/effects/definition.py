@@ -119,10 +119,13 @@ class Definition:
         return joint_unit(quantity.unit, place.prismatic, place.source_prismatic)
 
     def bounds(self, place: Place, layout: Layout | None = None) -> dict[str, tuple[float, float]]:
-        """{shape parameter: (low, high)} there. On a slide a rad counts as a share of the joint's travel."""
+        """{shape parameter: (low, high)} of those that are searched there. On a slide a rad counts as a share
+        of the joint's travel."""
         scale = metres_per_radian(place, layout)
         out = {}
         for p in self.nonlinear:
+            if p.beside in place.drive:
+                continue
             power = 0 if p.angle else radian_power(p.unit)
             out[p.name] = (p.low * scale**power, p.high * scale**power)
         return out

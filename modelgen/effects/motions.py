@@ -29,12 +29,13 @@ def displaced_torque(
     shift: tuple[Array, Array, Array],
     drive_follows: bool = False,
     rigid: Array | None = None,
+    rotor: float = 0.0,
 ) -> Array:
     """(N, C) change of the model's torques when joint j moves by `shift` (x, dx, ddx), (N,) each.
 
     Exact for the given shift. The motor stays where its encoder says, so the rotor's inertia and the viscous
     friction before the gear do not follow, unless `drive_follows`; nor do the signs of dry friction.
-    `rigid`: model.torque(motion), if known.
+    `rigid`: model.torque(motion), if known. `rotor`: inertia of the rotor that stands inside a regrouped one.
     """
     q, dq, ddq = motion.q.copy(), motion.dq.copy(), motion.ddq.copy()
     for part, by in zip((q, dq, ddq), shift):
@@ -45,7 +46,7 @@ def displaced_torque(
         friction = model.number("Fvm", j) or 0.0
         for c, channel in enumerate(model.channels):
             if channel.joint == j and channel.side != "sensor":
-                change[:, c] -= friction * shift[1] + model.drive_inertia(j) * shift[2]
+                change[:, c] -= friction * shift[1] + (model.drive_inertia(j) + rotor) * shift[2]
     return change
 
 
@@ -76,15 +77,18 @@ def gear_columns(
     deflect: Callable[[Array], Array],
     size: Array | None,
     cutoff_hz: float,
+    rotor: float = 0.0,
 ) -> Array:
     """(N, C, p) torque per unit of each part of a gear's deflection x = deflect(tau) @ size.
 
     `deflect(tau)`: (N, p) deflections of a torque (N,) that the gear passes on. Tangents where size is 0,
     else secants one part after the other, so that columns @ size is tau(q + x) - tau(q). The torque that
     bends the gear is the one behind the deflection: x and tau are found by three turns of the fixed point,
-    which converges while the shift is low-passed below the joint's own resonance.
+    which converges while the shift is low-passed below the joint's own resonance. `rotor`: of its inertia,
+    the part that the model holds inside a regrouped one: the gear does not carry it, and it stays with the
+    motor.
     """
-    passed, rigid = model.link_torque(motion)[:, j], model.torque(motion)
+    passed, rigid = passed_on(model, motion, j, rotor), model.torque(motion)
     units = deflect(passed)
     size = np.zeros(units.shape[1]) if size is None else np.asarray(size, dtype=float)
     own = next((c for c, k in enumerate(model.channels) if k.joint == j), None)
@@ -94,7 +98,7 @@ def gear_columns(
         for turn in range(turns):
             bent = units if turn == 0 or own is None else deflect(passed + out[:, own])
             shift = low_passed(bent @ parts, motion.rate_hz, cutoff_hz)
-            out = displaced_torque(model, motion, j, shift, rigid=rigid)
+            out = displaced_torque(model, motion, j, shift, rigid=rigid, rotor=rotor)
         return out
 
     columns = np.zeros((*rigid.shape, len(size)))
@@ -112,7 +116,14 @@ def gear_columns(
     return columns
 
 
-def below_resonance(model: Model, motion: Motion, j: int, compliance: float, cutoff_hz: float) -> float:
+def passed_on(model: Model, motion: Motion, j: int, rotor: float) -> Array:
+    """(N,) torque that the gear carries, without that of a rotor inside a regrouped inertia."""
+    return np.asarray(model.link_torque(motion)[:, j] - rotor * motion.ddq[:, j])
+
+
+def below_resonance(
+    model: Model, motion: Motion, j: int, compliance: float, cutoff_hz: float, rotor: float = 0.0
+) -> float:
     """A cut-off [Hz] at which the fixed point of `gear_columns` converges: 0.8 of the joint's resonance.
 
     The resonance is 1/sqrt(compliance x link inertia), the inertia d tau_j / d ddq_j at its median.
@@ -120,7 +131,7 @@ def below_resonance(model: Model, motion: Motion, j: int, compliance: float, cut
     if compliance <= 0:
         return cutoff_hz
     one, nothing = np.ones(len(motion.t)), np.zeros(len(motion.t))
-    change = displaced_torque(model, motion, j, (nothing, nothing, one))
+    change = displaced_torque(model, motion, j, (nothing, nothing, one), rotor=rotor)
     own = [c for c, k in enumerate(model.channels) if k.joint == j]
     inertia = abs(float(np.median(change[:, own[0]]))) if own else 0.0
     if inertia <= 0:

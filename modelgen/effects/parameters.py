@@ -44,7 +44,8 @@ STATES = ("z", "za", "zb", "zc")
 @dataclass(frozen=True)
 class LinearParameter:
     """A parameter that multiplies a column. `low`, `high`: plausible size; `sign`: what physics allows.
-    `share`: a part of what another signal is, so that more than the whole of it cannot be.
+    `share`: a part of what another signal is, so that more than the whole of it cannot be. `shared`: with
+    this one alone it would be a simpler effect of the catalogue.
 
     Units are those of a revolute joint; :func:`modelgen.geometry.names.joint_unit` gives a prismatic one's.
     """
@@ -56,6 +57,12 @@ class LinearParameter:
     sign: SignRule = "any"
     optional: bool = False  # a candidate may leave this term out
     share: bool = False
+    shared: bool = False
+
+    @property
+    def own(self) -> bool:
+        """Whether the effect would be another one without it."""
+        return not (self.optional or self.shared)
 
     @property
     def symbol(self) -> sp.Symbol:
@@ -66,7 +73,9 @@ class LinearParameter:
 class NonlinearParameter:
     """A shape parameter, inside a term: searched on `grid` and refined inside [low, high].
 
-    `angle`: its rad is an angle also where the joint slides (a phase, a roll of the base).
+    `angle`: its rad is an angle also where the joint slides (a phase, a roll of the base). `beside`: kind of
+    drive parameter ("Iam") whose hidden part it is: where the model has that parameter at the joint it stays
+    at the middle of its grid and is no parameter.
     """
 
     name: str
@@ -75,6 +84,7 @@ class NonlinearParameter:
     high: float
     grid: tuple[float, ...]
     angle: bool = False
+    beside: str = ""
 
     @property
     def symbol(self) -> sp.Symbol:

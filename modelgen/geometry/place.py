@@ -37,6 +37,7 @@ class Place:
     recording       label of the only recording it acts in; start, stop: s since that recording's first sample
     link            row of the robot file, from 1, that a body is fixed to or a force acts on
     parts           linear parameters in use; empty: those that are not optional
+    drive           kinds of drive parameters ("Iam") that the model has at the joint
     """
 
     joint: int | None = None
@@ -49,6 +50,7 @@ class Place:
     parts: tuple[str, ...] = ()
     prismatic: bool = field(default=False, compare=False)  # the joint slides: N and m for N m and rad
     source_prismatic: bool | None = field(default=None, compare=False)
+    drive: frozenset[str] = field(default=frozenset(), compare=False)
 
     def rows(self, channels: Sequence[Channel]) -> dict[int, int]:
         """{channel number: +1 or -1} of the torques of its joint (of all joints) that show it."""
@@ -72,12 +74,14 @@ class Place:
 
 @dataclass(frozen=True)
 class Layout:
-    """What there is to place effects on. `travel`: range of each joint [rad | m]."""
+    """What there is to place effects on. `travel`: range of each joint [rad | m]; `drives`: kinds of drive
+    parameters that the model has, joint by joint (empty: not known)."""
 
     robot: Robot
     channels: tuple[Channel, ...]
     recordings: tuple[str, ...] = ()
     travel: tuple[float, ...] = ()
+    drives: tuple[frozenset[str], ...] = ()
 
     @property
     def n(self) -> int:
@@ -93,13 +97,14 @@ class Layout:
         return frozenset(c.side for c in self.channels)
 
     def place(self, joint: int | None = None, source: int | None = None, **more: object) -> Place:
-        """A place that knows whether its joints slide."""
+        """A place that knows whether its joints slide, and what the model has there."""
         slides = self.prismatic
         return Place(
             joint,
             source,
             prismatic=joint is not None and slides[joint],
             source_prismatic=None if source is None else slides[source],
+            drive=self.drives[joint] if self.drives and joint is not None else frozenset(),
             **more,  # type: ignore[arg-type]
         )
 

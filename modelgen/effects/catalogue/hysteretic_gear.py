@@ -5,10 +5,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from modelgen.effects.carried import HIDDEN_ROTOR, PASSED
 from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, NonlinearParameter
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory, carried
-from modelgen.effects.motions import below_resonance, gear_columns
+from modelgen.effects.motions import below_resonance, gear_columns, passed_on
 from modelgen.effects.place import Model, Motion, Place
 from modelgen.effects.states import integrate_dahl
 from modelgen.effects.truth import Stage, Truth
@@ -31,21 +32,23 @@ class HystereticGear(MotionEffect):
     )
     equation = "q_link = q - compliance tau_link - lost z, dz/dtau = (1 - z sign(dtau))/width"
     remedy = "measure the link's position, or approach positions under a load from one side"
-    terms = {"compliance": -SIGNALS.tau_link, "lost": -SIGNALS.z}
+    terms = {"compliance": -PASSED, "lost": -SIGNALS.z}
     linear = (
-        LinearParameter("compliance", "rad/(N m)", 0.0, 5e-2, "positive"),
+        LinearParameter("compliance", "rad/(N m)", 0.0, 5e-2, "positive", shared=True),
         LinearParameter("lost", "rad", 0.0, 0.05, "positive"),
     )
-    nonlinear = (NonlinearParameter("width", "N m", 0.1, 1e3, (1.0, 3.0, 10.0, 30.0, 100.0)),)
+    nonlinear = (NonlinearParameter("width", "N m", 0.1, 1e3, (1.0, 3.0, 10.0, 30.0, 100.0)), HIDDEN_ROTOR)
     sizes = ("compliance", "lost")
-    typical = {"compliance": 1e-4, "lost": 1e-3, "width": 10.0}
+    typical = {"compliance": 1e-4, "lost": 1e-3, "width": 10.0, "Iam": 0.0}
     margin_s = 1.0
     common = False
 
     def numpy_columns(self, signals: Mapping[str, Array], theta: Mapping[str, float] | None = None) -> Array:
         """The state goes with the torque, not with the position."""
         if "z" not in signals and "tau_link" in signals:
-            z = integrate_dahl(np.asarray(signals["tau_link"], dtype=float), self.complete(theta))
+            theta = self.complete(theta)
+            passed = signals["tau_link"] - theta["Iam"] * signals.get("ddq", 0.0)
+            z = integrate_dahl(np.asarray(passed, dtype=float), theta)
             signals = {**signals, "z": z}
         return super().numpy_columns(signals, theta)
 
@@ -65,13 +68,14 @@ class HystereticGear(MotionEffect):
         def loop(tau: Array, first: float) -> Array:
             return integrate_dahl(tau, theta, first)
 
-        passed = model.link_torque(motion)[:, j]
+        rotor = theta["Iam"]
+        passed = passed_on(model, motion, j, rotor)
         z = carried(memory, (self.name, place), motion.recording, motion.t, passed, loop, 0.0)
         first = float(z[0]) if len(z) else 0.0
         c = float(size[0]) if size is not None else 0.0
-        cutoff = below_resonance(model, motion, j, c, self.SHIFT_CUTOFF_HZ)
+        cutoff = below_resonance(model, motion, j, c, self.SHIFT_CUTOFF_HZ, rotor)
         change = gear_columns(
-            model, motion, j, lambda tau: -np.stack([tau, loop(tau, first)], axis=1), size, cutoff
+            model, motion, j, lambda tau: -np.stack([tau, loop(tau, first)], axis=1), size, cutoff, rotor
         )
         return {number: change[:, number] for number in range(len(model.channels))}
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import sympy as sp
 
-from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, Quantity
+from modelgen.effects.carried import HIDDEN_ROTOR, PASSED
+from modelgen.effects.effect import Array, Columns, LinearParameter, Quantity
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
 from modelgen.effects.motions import below_resonance, gear_columns
@@ -17,6 +18,8 @@ k, compliance = sp.symbols("k compliance", real=True)
 class JointElasticity(MotionEffect):
     """A gear that yields in proportion: q_link = q - tau_link / k.
 
+    Where the base parameters do not part the rotor's inertia from the link's, tau_link is known but for
+    Iam ddq: of a first joint whose rotor has a third of the inertia, a stiffness came out half too high.
     A delay of the torque spans nearly the same columns where the load is inertial; a stiffening gear holds
     this one as its first term.
     """
@@ -33,11 +36,15 @@ class JointElasticity(MotionEffect):
     )
     equation = "q_link = q - tau_link/k"
     remedy = "add the joint's stiffness to the model and the controller, or measure the link's position"
-    terms = {"compliance": -SIGNALS.tau_link}  # q_link - q
+    terms = {"compliance": -PASSED}  # q_link - q
     linear = (LinearParameter("compliance", "rad/(N m)", 1e-7, 5e-2, "positive"),)
-    reported = (Quantity("k", "N m/rad", 1 / compliance),)
+    nonlinear = (HIDDEN_ROTOR,)
+    reported = (
+        Quantity("k", "N m/rad", 1 / compliance),
+        Quantity("Iam", HIDDEN_ROTOR.unit, HIDDEN_ROTOR.symbol),
+    )
     inverse = {"compliance": 1 / k}
-    typical = {"k": 3000.0}
+    typical = {"k": 3000.0, "Iam": 0.0}
     margin_s = 1.0
 
     def columns(
@@ -51,9 +58,10 @@ class JointElasticity(MotionEffect):
     ) -> Columns:
         """Torque per compliance of links displaced by -compliance tau, low-passed below the resonance."""
         assert place.joint is not None
+        rotor = self.complete(theta)["Iam"]
         c = float(size[0]) if size is not None else 0.0
-        cutoff = below_resonance(model, motion, place.joint, c, self.SHIFT_CUTOFF_HZ)
-        change = gear_columns(model, motion, place.joint, lambda tau: -tau[:, None], size, cutoff)
+        cutoff = below_resonance(model, motion, place.joint, c, self.SHIFT_CUTOFF_HZ, rotor)
+        change = gear_columns(model, motion, place.joint, lambda tau: -tau[:, None], size, cutoff, rotor)
         return {number: change[:, number] for number in range(len(model.channels))}
 
     def stages(self, place: Place) -> tuple[Stage, ...]:

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter
+from modelgen.effects.carried import HIDDEN_ROTOR, PASSED
+from modelgen.effects.effect import Array, Columns, LinearParameter
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
 from modelgen.effects.motions import below_resonance, gear_columns
@@ -28,12 +29,13 @@ class StiffeningGear(MotionEffect):
         "12(3), 1996"
     )
     remedy = "add the gear's measured stiffness curve to the model, or measure the link's position"
-    terms = {"compliance": -SIGNALS.tau_link, "cubic": -(SIGNALS.tau_link**3)}
+    terms = {"compliance": -PASSED, "cubic": -(PASSED**3)}
     linear = (
-        LinearParameter("compliance", "rad/(N m)", 1e-7, 5e-2, "positive"),
+        LinearParameter("compliance", "rad/(N m)", 1e-7, 5e-2, "positive", shared=True),
         LinearParameter("cubic", "rad/(N m)^3", -1e-2, 1e-2),
     )
-    typical = {"compliance": 6e-4, "cubic": -1e-7}
+    nonlinear = (HIDDEN_ROTOR,)
+    typical = {"compliance": 6e-4, "cubic": -1e-7, "Iam": 0.0}
     margin_s = 1.0
     common = False
 
@@ -48,9 +50,10 @@ class StiffeningGear(MotionEffect):
     ) -> Columns:
         """Torque per unit of each part of the deflection, low-passed below the resonance."""
         assert place.joint is not None
+        rotor = self.complete(theta)["Iam"]
         c = float(size[0]) if size is not None else 0.0
-        cutoff = below_resonance(model, motion, place.joint, c, self.SHIFT_CUTOFF_HZ)
-        change = gear_columns(model, motion, place.joint, yielding, size, cutoff)
+        cutoff = below_resonance(model, motion, place.joint, c, self.SHIFT_CUTOFF_HZ, rotor)
+        change = gear_columns(model, motion, place.joint, yielding, size, cutoff, rotor)
         return {number: change[:, number] for number in range(len(model.channels))}
 
     def stages(self, place: Place) -> tuple[Stage, ...]:

@@ -162,5 +162,5 @@ def test_twins_of_every_kind(tmp_path, hidden, declared):
     truth = simulated.truth["effects"][0]["parameters"]
     (its,) = found_effects(found)
     for name, parameter in its.parameters.items():
-        if name in truth:
+        if name in truth and not parameter.given:
             assert abs(parameter.value - truth[name]) < 4 * parameter.std + 0.02 * abs(truth[name]), name

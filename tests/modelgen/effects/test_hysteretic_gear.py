@@ -51,7 +51,7 @@ def test_blocks_go_on_where_the_last_one_ended():
     model = arm_model(dry=False)
     m, place = motion(model, 3.0), first_place(E, model)
     theta = {"width": 5.0}
-    z = E.numpy_columns({"tau_link": model.link_torque(m)[:, 1]}, theta)[:, 1]
+    z = E.numpy_columns({"tau_link": model.link_torque(m)[:, 1], "ddq": m.ddq[:, 1]}, theta)[:, 1]
     assert np.abs(z).max() <= 1.0 and np.ptp(z) > 1.0
     assert split_agrees(E, place, {**values_of(E), "lost": 0.0, "compliance": 0.0}, m, model) == 0.0
 

@@ -1,5 +1,7 @@
 """joint_elasticity: recorded torque against the model at the motor's positions is what its columns say."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from effect_model import (
@@ -36,6 +38,29 @@ def test_the_tangent_is_the_secant_of_a_stiff_joint():
     tangent, secant = (E.columns(place, {}, size, m, model) for size in (None, np.array([1e-6])))
     for c, column in tangent.items():
         assert column == pytest.approx(secant[c], abs=2e-3 * np.abs(column).max() + 1e-6)
+
+
+@pytest.mark.parametrize("name", ["joint_elasticity", "stiffening_gear", "hysteretic_gear"])
+def test_a_rotor_inside_a_regrouped_inertia_stays_with_the_motor(name):
+    gear, apart = effect(name), arm_model(dry=False)
+    regrouped = dict(apart.standard)
+    regrouped["ZZ1"] += regrouped.pop("Iam1")  # the same torques of joint 1: the first axis' base parameter
+    together = replace(apart, standard=regrouped)
+    m, place = motion(apart, 6.0, pace=0.5), next(p for p in gear.places(layout(apart)) if p.joint == 0)
+    assert together.torque(m) == pytest.approx(apart.torque(m))
+    size = np.array([1e-3, 1e-8][: len(gear.parameters_of(place))])
+    known, found, without = (
+        gear.columns(place, {"Iam": rotor}, size, m, model)[0] @ size
+        for rotor, model in ((0.0, apart), (apart.standard["Iam1"], together), (0.0, together))
+    )
+    assert found == pytest.approx(known, abs=1e-6 * np.abs(known).max())
+    assert np.abs(without - known).max() > 0.2 * np.abs(known).max()
+
+
+def test_the_rotor_is_searched_only_where_the_model_hides_it():
+    model = arm_model()
+    hidden = replace(layout(model), drives=(frozenset({"Fvm"}), *(frozenset({"Iam"}),) * 3))
+    assert [set(E.bounds(p)) for p in E.places(hidden)] == [{"Iam"}, set(), set(), set()]
 
 
 def test_it_stands_on_each_joint_but_in_a_difference():
