@@ -9,7 +9,7 @@ on the extended study repeats; evidence is the loop's."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from ident.diagnosis.candidates import Library
@@ -126,6 +126,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += tuple(not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained)
+    unexplained = tuple(u for u in unexplained if not _doubted(u, checks))
     progress("done", 1.0)
     return Diagnosis(
         study,
@@ -142,6 +143,13 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         outcome,
         visible,
     )
+
+
+def _doubted(u: Unexplained, checks: Sequence[Check]) -> bool:
+    """Whether what the fitted rows alone show is of a signal whose unit or side is in doubt: the check says
+    more. (A KR 300's torque in N mm was called a vibration.)"""
+    names = {f"{u.channel}{joint}" for joint in u.joints}
+    return not u.carries_over and any(check.hint and names & set(check.signals) for check in checks)
 
 
 def _part(progress: Progress, low: float, high: float) -> Progress:
