@@ -141,7 +141,7 @@ def linear_gains(
     m: Metric, columns: Sequence[dict[int, np.ndarray]], trials: Sequence[tuple[Term, object]]
 ) -> np.ndarray:
     """Gain of every set of columns alone; sets of one channel together, in one product."""
-    out = np.zeros(len(columns))
+    products: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = [()] * len(columns)  # type: ignore[list-item]
     by_channel: dict[int, list[int]] = {}
     for k, made in enumerate(columns):
         if len(made) == 1:
@@ -158,33 +158,40 @@ def linear_gains(
             right = Z.T @ e
             at = 0
             for k in chunk:
-                p = columns[k][c].shape[1]
-                z, a = Z[:, at : at + p], cross[:, at : at + p]
-                G = z.T @ z - a.T @ a
-                out[k] = _gain(G, right[at : at + p], np.einsum("ij,ij->j", z, z), trials[k][0])
-                at += p
+                its = slice(at, at + columns[k][c].shape[1])
+                z, a = Z[:, its], cross[:, its]
+                products[k] = (z.T @ z - a.T @ a, right[its], np.einsum("ij,ij->j", z, z))
+                at = its.stop
     for k, made in enumerate(columns):
         if len(made) > 1:
             cross, own, right = project(m, m.fitted, m.whiten(made))
-            out[k] = _gain(own - cross.T @ cross, right, np.diag(own), trials[k][0])
+            products[k] = (own - cross.T @ cross, right, np.diag(own))
+    out = np.zeros(len(columns))
+    sizes = np.array([len(right) for _, right, _ in products])
+    for p in np.unique(sizes):
+        alike = np.flatnonzero(sizes == p).tolist()
+        G, right, own = (np.stack([products[k][i] for k in alike]) for i in (0, 1, 2))
+        out[alike] = _gains(G, right, own, [trials[k][0] for k in alike])
     return out
 
 
-def _gain(G: np.ndarray, right: np.ndarray, own: np.ndarray, term: Term) -> float:
-    """Half of g' G^-1 g, zero where physics forbids the sign or the model holds the columns already."""
+def _gains(G: np.ndarray, right: np.ndarray, own: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
+    """(K,) half of g' G^-1 g, of (K, p, p) and (K, p); zero where physics forbids the sign or the model holds
+    the columns already."""
     scale = np.sqrt(np.maximum(own, 1e-300))
-    A = G / np.outer(scale, scale)
-    if not np.isfinite(A).all() or np.min(np.diag(A)) < 1e-6:
-        return 0.0
-    values, vectors = np.linalg.eigh(A)
-    keep = values > 1e-6
-    h = vectors.T @ (right / scale)
-    a = vectors[:, keep] @ (h[keep] / values[keep]) / scale
-    names = term.effect.parameters_of(term.place)
-    told = dict(zip(names, a))
-    if term.effect.physical({**term.theta, **told}) is not None:
-        return 0.0
-    return 0.5 * float(np.sum(h[keep] ** 2 / values[keep]))
+    A = G / (scale[:, :, None] * scale[:, None, :])
+    sound = np.isfinite(A).all(axis=(1, 2)) & (np.diagonal(A, axis1=1, axis2=2).min(axis=1) >= 1e-6)
+    values, vectors = np.linalg.eigh(np.where(sound[:, None, None], A, np.eye(A.shape[1])))
+    h = np.einsum("kij,ki->kj", vectors, right / scale)
+    parts = np.where(values > 1e-6, h / np.where(values > 1e-6, values, 1.0), 0.0)
+    gains = np.where(sound, 0.5 * np.sum(h * parts, axis=1), 0.0)
+    sizes = np.einsum("kij,kj->ki", vectors, parts) / scale
+    for k in np.flatnonzero(gains > 0).tolist():
+        term = terms[k]
+        told = dict(zip(term.effect.parameters_of(term.place), sizes[k]))
+        if term.effect.physical({**term.theta, **told}) is not None:
+            gains[k] = 0.0
+    return gains
 
 
 def with_size(term: Term, sizes: np.ndarray) -> Term:

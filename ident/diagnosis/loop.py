@@ -101,14 +101,17 @@ def trace(
     steps: list[Step] = []
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
+    event, loads = None, True
     while len(steps) < max_steps:
         done, step = 0.15 + 0.75 * (1 - 0.75 ** len(steps)), f"step {len(steps) + 1}"
         progress(f"{step}: what could be missing", done)
         listed = screen(state, library, frozenset(closed))
         progress(f"{step}: weighing it", done)
         weighed = compared(state, listed, tau, alpha)
-        progress(f"{step}: loads and contacts", done)
-        event = best_event(state, library.events, library.layout, tau, alpha)
+        if loads or not weighed.passed:  # where there was none at first, they are asked for again at the end
+            progress(f"{step}: loads and contacts", done)
+            event = best_event(state, library.events, library.layout, tau, alpha)
+            loads = event is not None
         if event is not None and _first(event, weighed):
             r = event.refined
             rivals = tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
