@@ -36,6 +36,10 @@ SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 214748
 ABSURD = 1e9
 DROPOUTS, DROPOUT_RUN, DROPOUT = 10, 3, 8.0  # rows, of them at most in a row, times the usual change
 STRETCH = 100  # samples of a local scale
+FEWEST, RAILS = (
+    20,
+    0.02,
+)  # samples that show a scatter; share at an end of the range from which on it is clipped
 CONTEXT = 64  # rows carried over from block to block
 FROZEN_S = 0.1
 STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots
@@ -367,11 +371,23 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0]
     smallest = np.quantile(changes, 0.1) if len(changes) else np.inf
-    least = max(0.3 * _scale(miss), smallest)
+    told = _off_rails(x)
+    least = max(0.3 * _scale(miss[told]), smallest)
     factor = SPIKE if position else TORQUE_SPIKE
     for at in np.flatnonzero(candidates & (off > factor * least)):
-        none[at] = off[at] > factor * _scale(miss[max(0, at - STRETCH) : at + STRETCH])
+        near = slice(max(0, at - STRETCH), at + STRETCH)
+        its = miss[near][told[near]]
+        none[at] = off[at] > factor * (_scale(its) if len(its) >= FEWEST else _scale(miss[told]))
     return none
+
+
+def _off_rails(x: np.ndarray) -> np.ndarray:
+    """(N,) the rows that show a signal's scatter: not those where it rests on an end of its range, clipped.
+    (A Kinova's current, clipped: what came through was a spike beside a scatter of nothing.)"""
+    low, high = np.percentile(x, [0.5, 99.5], method="nearest")
+    rest = (x == low) | (x == high)
+    off = ~np.convolve(rest, np.ones(5), "same").astype(bool)
+    return off if np.mean(rest) > RAILS and off.sum() >= FEWEST else np.ones(len(x), bool)
 
 
 def _scale(miss: np.ndarray) -> float:

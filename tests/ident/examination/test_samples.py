@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ident.examination.clock import time_unit
-from ident.examination.samples import Mender
+from ident.examination.samples import Mender, is_spike
 
 N, BLOCK = 20000, 3000
 
@@ -43,3 +43,14 @@ def test_a_rate_that_nothing_is_recorded_at_is_refused(step, words):
     assert (check is None) == (words is None)
     if check is not None:
         assert check.outcome == "refused" and words in check.message and "scale: " in check.remedy
+
+
+def test_what_a_clipped_signal_lets_through_is_no_spike():
+    """Where it rests on its highest value it shows no scatter, and any sample that comes through stands far
+    off beside that; its scatter is that of the other stretches. A real spike there is still one."""
+    rng = np.random.default_rng(1)
+    x = np.concatenate([0.2 * rng.normal(size=3000), 2.0 + 0.4 * rng.standard_t(2, size=1000)])
+    clipped = np.clip(x, -1.0, 1.0)
+    assert not is_spike(clipped, position=False).any()
+    clipped[3500] = 40.0
+    assert np.flatnonzero(is_spike(clipped, position=False)).tolist() == [3500]
