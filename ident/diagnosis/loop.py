@@ -17,6 +17,7 @@ from ident.diagnosis.candidates import Library, Ranked, screen
 from ident.diagnosis.events import Event, best_event, still_holds
 from ident.diagnosis.evidence import Evidence, weigh
 from ident.diagnosis.halves import by_halves, holds_by_halves
+from ident.diagnosis.left_out import left_out
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import in_time, place_of, refined_together, settled_in
@@ -102,6 +103,11 @@ def trace(
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
     event, loads = None, True
+    progress("what the study left out", 0.15)
+    whole = left_out(state, library, closed, tau)
+    if whole is not None:
+        state, missing = whole
+        steps += [Step(term, e, ()) for term, e in missing]
     while len(steps) < max_steps:
         done, step = 0.15 + 0.75 * (1 - 0.75 ** len(steps)), f"step {len(steps) + 1}"
         progress(f"{step}: what could be missing", done)

@@ -1,0 +1,58 @@
+"""What a study leaves out on all joints is one hypothesis."""
+
+import pytest
+from planted import DATA, ON_RECORDINGS
+from small_arm import ARM
+
+from ident.diagnosis import diagnose_study
+from ident.diagnosis.candidates import Library
+from ident.diagnosis.left_out import left_out
+from ident.diagnosis.loop import threshold
+from ident.diagnosis.opening import opened
+from ident.equations.prepared import prepare_study
+from ident.recordings.study import load_study, study_from
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
+from modelgen.effects import catalogue
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("left_out")
+    (folder / "robot.yaml").write_text(ARM)
+    runs = (PlannedRun("run1", "identify", 14.0), PlannedRun("run2", "validate", 10.0))
+    made = simulate(folder / "robot.yaml", "A", (), seed=3, sensors=Sensors(rate_hz=200.0), runs=runs)
+    return load_study(write_simulation(made, folder / "out"))
+
+
+@pytest.mark.parametrize("name", ["viscous_friction", "coulomb_friction"])
+def test_all_joints_are_asked_at_once(arm, name):
+    begun = opened(prepare_study(arm.with_(without=(name,))))
+    library = Library(list(catalogue().values()), begun.layout)
+    state, told = left_out(begun.state, library, frozenset(), threshold(0.01))
+    assert {(term.effect.name, term.place.joint) for term, _ in told} == {(name, j) for j in range(3)}
+    assert all(e.log_e > threshold(0.01) for _, e in told) and len(state.terms) == 3
+
+
+def test_nothing_is_asked_of_a_whole_model(arm):
+    begun = opened(prepare_study(arm))
+    library = Library(list(catalogue().values()), begun.layout)
+    assert left_out(begun.state, library, frozenset(), threshold(0.01)) is None
+
+
+class TestOnRecordings:
+    pytestmark = ON_RECORDINGS
+
+    def test_joints_that_say_too_little_alone(self):
+        """Three seconds of a TX40: alone no joint's viscous friction lowered the judging error."""
+        file = str(DATA / "staubli_tx40" / "excite_first.parquet")
+        runs = [
+            {"file": file, "use": "identify", "to": 2.8, "name": "a"},
+            {"file": file, "use": "validate", "from": 2.8, "to": 3.9, "name": "b"},
+        ]
+        keys = {"model": "A", "recordings": runs, "coupled_drives": [[5, 6]], "without": ["viscous_friction"]}
+        study = study_from({"robot": "staubli_tx40", **keys}, DATA / "staubli_tx40" / "study.yaml")
+        d = diagnose_study(study)
+        assert {f.effect for f in d.findings} == {"viscous_friction"}
+        assert {1, 2, 3, 4} <= {joint for f in d.findings for joint in f.joints}
+        before, after = (fit.full_rate_error["validate"]["total"] for fit in (d.first, d.last))
+        assert after < 0.3 * before
