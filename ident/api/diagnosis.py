@@ -134,6 +134,8 @@ def diagnose(
     alpha: rate of false findings in the whole study (the study's own, 0.01). memory: a limit such as "2GB",
     or bytes. progress as in `ident.fit`. Raises ident.Error."""
     limit = None if memory is None else size_in_bytes(memory)
+    if alpha is not None and not (isinstance(alpha, int | float) and 0 < alpha < 1):
+        raise IdentError(f"alpha is {alpha!r}; give a rate between 0 and 1, such as 0.01")
     with one_family(), watched(progress) as tell:
         from ident.diagnosis import diagnose_study
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,8 @@ def simulate(
     torques in percent of their rms; exact: a URDF's angles and lengths as they are written. The same
     arguments give the same numbers. Raises ident.Error.
     """
+    if isinstance(seed, bool) or not isinstance(seed, Integral) or seed < 0:
+        raise IdentError(f"seed is {seed!r}; give a whole number from 0 on")
     runs = RUNS + (LOADED_RUNS if payload is not None else ())
     if duration is not None:
         _check("duration", duration, 5, 86400, "seconds")

@@ -233,7 +233,6 @@ def fit_systems(
     terms = extended.at(estimate.chi)
     std = np.sqrt(np.diag(full_covariance))
     notes = [
-        *study.remarks,
         *prepared.columns.model.notes,
         *extended.notes,
         *its.notes,

@@ -20,6 +20,7 @@ FASTEST, NEVER = 1e-5, 1e-6  # s: hardly anybody, and nobody, records faster
 UNITS = (("ms", 1e-3, 100.0), ("us", 1e-6, 1e5), ("ns", 1e-9, 1e9))  # name, scale, largest step in it
 LONGER = (("minutes", 60.0), ("hours", 3600.0), ("days", 86400.0))
 PAUSE = 5.0  # usual steps
+ROUNDED = 10  # steps of another length, from which on stamps on a grid are asked for a clock behind them
 BURSTS = 0.05  # share of rows that share a stamp, or follow closer than a third of the mean
 
 
@@ -62,6 +63,30 @@ class Clock:
         return self.worst_s <= 1.05 * self.step_s
 
 
+@dataclass(slots=True)
+class Grid:
+    """Whether stamps, fed in block by block, all lie on a grid of one `step`, and how many of their intervals
+    are `other` than it: lost rows, or a clock whose period is no multiple of what its stamps resolve."""
+
+    step: float = 0.0
+    other: int = 0
+    holds: bool = True
+
+    def take(self, intervals: np.ndarray) -> None:
+        positive = intervals[intervals > 0]
+        if not self.holds or not len(positive):
+            return
+        self.step = self.step or float(positive.min())
+        parts = intervals / self.step
+        whole = np.rint(parts)
+        self.holds = bool(np.abs(parts - whole).max() < 1e-3)
+        self.other += int((whole != 1).sum())
+
+    @property
+    def rounded(self) -> bool:
+        return self.holds and self.other >= ROUNDED
+
+
 def uniform_clock(blocks: Iterable[np.ndarray], window: tuple[float, float] = (-np.inf, np.inf)) -> Clock:
     """The line over the table's row numbers closest to the stamps inside the window, and their largest
     distance from it and from each other."""
@@ -79,6 +104,21 @@ def uniform_clock(blocks: Iterable[np.ndarray], window: tuple[float, float] = (-
     usual = PAUSE * float(np.median(steps[steps > 0]))  # a pause is no step of the stamps
     return Clock(
         float(middle), float(rate), float(np.abs(off - middle).max()), min(float(steps.max()), usual)
+    )
+
+
+def rounded_stamps(recording: str, clock: Clock, grid: Grid, rows: int) -> Check | None:
+    """Stamps that a uniform clock's own, rounded to their resolution, would be; None where rows were lost."""
+    if clock.worst_s > 0.55 * grid.step:
+        return None
+    return Check(
+        "time_stamps",
+        ("t",),
+        f"the time stamps are those of a uniform clock of {clock.rate_hz:.6g} Hz, rounded to "
+        f"{1e3 * grid.step:.3g} ms; the clock was used instead",
+        outcome="mended",
+        recording=recording,
+        rows=(1, rows),
     )
 
 

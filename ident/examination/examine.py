@@ -58,7 +58,8 @@ DEGREES, HALF = np.pi / 180, 0.5
 def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
     """What was found in the recordings when they were opened, and of them against the robot's limits."""
     found = [check for stream in prepared.streams for check in stream.checks]
-    return worst_first([*found, *beyond_limits(prepared)])
+    twice = sentences("same_rows", prepared.study.remarks)
+    return worst_first([*twice, *found, *beyond_limits(prepared)])
 
 
 def examine_fit(prepared: Prepared) -> tuple[Check, ...]:

@@ -18,8 +18,8 @@ from dataclasses import replace
 import numpy as np
 
 from ident.errors import StudyError
-from ident.examination.check import refuse, worst_first
-from ident.examination.clock import time_stamps, uniform_clock
+from ident.examination.check import Check, refuse, worst_first
+from ident.examination.clock import rounded_stamps, time_stamps, uniform_clock
 from ident.examination.of_table import of_table
 from ident.examination.signals import Columns
 from ident.examination.velocity import velocity_agrees
@@ -67,10 +67,15 @@ def open_recording(
         _NO_SURVEY,
     )
     seen, checks = surveyed(stream, study), []
-    if seen.bursts and stream.counted_rate_hz is None:
+    mended: Check | None = None
+    if (seen.bursts or seen.grid.rounded) and stream.counted_rate_hz is None:
         stamps = table.blocks(names[:1])
         clock = uniform_clock((b[:, 0] * factors[0] + offsets[0] for b in stamps), window)
-        checks.append(time_stamps(stream.label, clock, seen.bursts, seen.survey.rows))
+        mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
+        if mended is None and seen.bursts:
+            mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
+    if mended is not None:
+        checks.append(mended)
         refuse(stream.file, checks)
         stream = replace(
             stream,

@@ -14,6 +14,7 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.samples import NOTHING, Mending
+from ident.examination.signals import MOVED
 from ident.recordings.need import Need
 from ident.recordings.resampling import resample
 from ident.recordings.study import Role
@@ -109,6 +110,12 @@ class RecordingStream:
     def rate_hz(self) -> float:
         return self.survey.rate_hz
 
+    @property
+    def still(self) -> np.ndarray:
+        """Numbers of the joints that never move in it."""
+        n = len(self.need.joints)
+        return np.flatnonzero(self.survey.highest[:n] - self.survey.lowest[:n] < MOVED)
+
     def segments(self) -> Iterator[tuple[Segment, Iterator[np.ndarray]]]:
         """Segments in order; each with blocks (N, m + n) of uniform samples, to be used up before the next
         one.
@@ -189,11 +196,17 @@ def _clean(stream: RecordingStream, gap_s: float, drop_repeats: bool) -> Iterato
     """Mended blocks (t, values and weights (N, m + n)) without rows whose stamp repeats and, where asked,
     without rows that repeat the one before them."""
     last_t, last_row = None, None
-    n, joints = len(stream.need.joints), stream.signal_joints
+    n, joints, still = len(stream.need.joints), stream.signal_joints, stream.still
+    middle = 0.5 * (stream.survey.lowest + stream.survey.highest)[still]
     for rows, stamps, raw in raw_blocks(stream):
         t, mended, weight = stream.survey.mending.apply(rows, stamps, raw, n, joints)
         if not len(t):
             continue
+        if len(
+            still
+        ):  # an encoder's noise is no motion: parameters fitted to it come out a million times off
+            mended = mended.copy()
+            mended[:, still] = middle
         values = np.hstack([mended, weight])
         dt = np.diff(t, prepend=t[0] - 1.0 if last_t is None else last_t)
         keep = dt > 0

@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.errors import RecordingError
 from ident.examination.check import refuse
-from ident.examination.clock import BURSTS, time_unit
+from ident.examination.clock import BURSTS, Grid, time_unit
 from ident.examination.excerpt import Excerpt
 from ident.examination.samples import Mender
 from ident.examination.signals import MOVED
@@ -35,6 +35,7 @@ class Surveyed:
     excerpt: Excerpt
     bursts: int
     rate_hz: float  # as recorded, where the stamps are to be believed
+    grid: Grid
 
 
 def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
@@ -47,7 +48,7 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         stream.factors[-len(stream.signal_joints) :],
         stream.offsets[-len(stream.signal_joints) :],
     )
-    excerpt, bursts = Excerpt(), 0
+    excerpt, bursts, grid = Excerpt(), 0, Grid()
     settings = study.filter
     n = len(stream.need.joints)
     rows = same_stamp = repeated = held = missing = 0
@@ -83,6 +84,7 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         if (dt < 0).any():
             _refuse_time(stream, after_t, dt, at)
         rows += len(t)
+        grid.take(dt)
         same = (after == before).all(axis=1)
         moving = dt > 0
         same_stamp += int((~moving).sum())
@@ -139,7 +141,9 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         missing,
         mender.mending(),
     )
-    return Surveyed(survey, mender, excerpt, bursts if bursts > BURSTS * rows else 0, 1.0 / first_interval)
+    return Surveyed(
+        survey, mender, excerpt, bursts if bursts > BURSTS * rows else 0, 1.0 / first_interval, grid
+    )
 
 
 def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:

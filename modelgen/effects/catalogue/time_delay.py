@@ -24,7 +24,7 @@ class TimeDelay(RecordingEffect):
     signature = "the residual follows the torque's own derivative, most at reversals where friction jumps"
     source = "Gautier, Dynamic identification of robots with power model, ICRA 1997 (phase shifts)"
     equation = "recorded(t) = tau(t - delay)"
-    remedy = "shift the torque's time stamps back by the delay, or record both with one clock"
+    remedy = "take the delay from the torque's stamps (add a negative one), or record both with one clock"
     terms = {"delay": -SIGNALS.dtau}  # first order; columns and simulator shift exactly
     linear = (LinearParameter("delay", "s", -0.1, 0.1),)
     shared = True

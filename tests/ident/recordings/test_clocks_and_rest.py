@@ -1,0 +1,58 @@
+"""Stamps that a clock's own are, rounded; joints whose encoder moves and which do not."""
+
+import numpy as np
+import pytest
+from planted import ON_RECORDINGS, planted
+
+from ident.estimation.fit import fit_study
+from ident.examination.clock import Grid, rounded_stamps, uniform_clock
+
+K = np.arange(6000)
+
+
+def stamps_told(t):
+    grid = Grid()
+    for part in np.array_split(t, 3):
+        grid.take(np.diff(part))
+    clock = uniform_clock([t])
+    return rounded_stamps("run", clock, grid, len(t)) if grid.rounded else None
+
+
+@pytest.mark.parametrize("period", [0.0105, 0.0098, 0.0121])
+def test_a_clock_behind_rounded_stamps(period):
+    check = stamps_told(np.round(K * period, 2))
+    assert check is not None and check.outcome == "mended" and f"{1 / period:.6g} Hz" in check.message
+
+
+def test_no_clock_is_read_into_what_lost_rows_or_jitters():
+    rng = np.random.default_rng(0)
+    assert stamps_told(0.01 * np.delete(K, rng.choice(K[1:-1], 300, replace=False))) is None
+    assert stamps_told(0.01 * K + rng.uniform(-0.002, 0.002, len(K))) is None
+    assert stamps_told(0.01 * K) is None
+
+
+class TestOnRecordings:
+    pytestmark = ON_RECORDINGS
+
+    @pytest.mark.parametrize("robust", [None, "huber"])
+    def test_the_noise_of_a_resting_encoder_is_no_motion(self, tmp_path, robust):
+        """Of a UR10e whose first joint rests, a micrometre of noise took the error to 72,000 %: parameters
+        that only moving it shows were fitted to it."""
+
+        def change(c):
+            q1 = 0.4 + 1e-6 * np.random.default_rng(1).normal(size=len(c["t"]))
+            return {**c, "q1": q1, "i1": 0 * q1} | ({"dq1": 0 * q1} if "dq1" in c else {})
+
+        fit = fit_study(planted(tmp_path, change).with_(robust=robust))
+        assert fit.full_rate_error["validate"]["total"] < 10
+        assert any(check.check == "resting_joint" for check in fit.checks)
+
+    def test_rounded_stamps_harm_nothing(self, tmp_path):
+        """At 95.2 Hz, rounded to 10 ms: it was taken for 100 Hz with rows missing."""
+
+        def change(c):
+            return {**c, "t": np.round(0.0105 * np.arange(len(c["t"])), 2)}
+
+        fit = fit_study(planted(tmp_path, change))
+        assert [s.rate_hz for s in fit.recordings] == pytest.approx([1 / 0.0105] * 2, rel=1e-4)
+        assert {c.check for c in fit.checks if c.outcome == "mended"} == {"time_stamps"}
