@@ -45,6 +45,7 @@ class Diagnosed:
     findings: tuple[Mapping[str, Any], ...]
     noise_percent: Mapping[str, float]
     model: str = "A"
+    robot: str = ""
     fit: Path | None = None
 
     @classmethod
@@ -57,8 +58,9 @@ class Diagnosed:
             noise = {**left, **data["noise_floor_percent"]}
             noise = {name: float(value) for name, value in noise.items() if value}
             fit = file.parent / "fit.json"
-            model = str(data.get("model", "A"))
-            return cls(str(file), tuple(data["findings"]), noise, model, fit if fit.is_file() else None)
+            model, robot = str(data.get("model", "A")), str(data.get("robot", ""))
+            own = fit if fit.is_file() else None
+            return cls(str(file), tuple(data["findings"]), noise, model, robot, own)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise ExcitationError(
                 f"{file}: is no diagnosis.json; name the folder of ident diagnose."

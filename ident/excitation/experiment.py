@@ -106,6 +106,11 @@ def excite(
     if request.start is not None and len(request.start) != robot.n:
         raise ExcitationError(f"--start has {len(request.start)} values for {robot.n} joints; give one each.")
     found = Diagnosed.read(request.diagnosis) if request.diagnosis else None
+    if found is not None and found.robot not in ("", robot.name):
+        raise ExcitationError(
+            f"--from {found.file}: is a diagnosis of {found.robot}, the motion is asked for {robot.name}; "
+            "name the robot that was diagnosed."
+        )
     if found is not None:  # its findings are of its model's torques, and its fit knows the robot
         numbers = request.parameters or found.fit
         request = replace(request, model=found.model, parameters=numbers)

@@ -20,6 +20,7 @@ from ident.report.render import render
 
 Array = np.ndarray
 SERVO_HZ = 125.0  # of URScript's servoj
+ROS_HZ = 100.0  # points of a JointTrajectory
 Row = tuple[str, ...]
 
 
@@ -29,7 +30,7 @@ def write_experiment(done: Experiment, folder: Path, rate_hz: float = 1000.0) ->
     write_csv(folder / "parameters.csv", parameter_rows(done))
     write_document(folder / "excitation.json", document(done))
     if done.optimum is not None:
-        t = np.arange(round(done.seconds * rate_hz) + 1) / rate_hz
+        t = instants(done.seconds, rate_hz)
         states = done.motion.states(t)  # type: ignore[union-attr]
         columns = {"t": t}
         for name, values in zip(("q", "dq", "ddq"), states):
@@ -39,13 +40,19 @@ def write_experiment(done: Experiment, folder: Path, rate_hz: float = 1000.0) ->
             writer = csv.writer(out)
             writer.writerow(columns)
             writer.writerows([f"{value:.9g}" for value in row] for row in zip(*columns.values()))
-        every = max(round(rate_hz / 100), 1)
-        _ros2(done, folder / "trajectory", t[::every], [part[::every] for part in states])
+        points = instants(done.seconds, min(rate_hz, ROS_HZ))
+        _ros2(done, folder / "trajectory", points, done.motion.states(points))  # type: ignore[union-attr]
         if not any(done.bounds.slides):
             (folder / "motion.script").write_text(urscript(done), encoding="utf-8")
         (folder / "study.yaml").write_text(study_text(done), encoding="utf-8")
         (folder / "motion.html").write_text(stick_figure(done), encoding="utf-8")
     (folder / "report.html").write_text(render(page(done)), encoding="utf-8")
+
+
+def instants(seconds: float, rate_hz: float) -> Array:
+    """(N,) a step of the rate apart, the last one the motion's end: there the robot is at rest."""
+    t = np.arange(int(seconds * rate_hz + 1e-6) + 1) / rate_hz
+    return t if seconds - t[-1] < 1e-6 / rate_hz else np.append(t, seconds)
 
 
 def parameter_rows(done: Experiment) -> tuple[Row, list[Row]]:
@@ -104,7 +111,7 @@ def study_text(done: Experiment) -> str:
 
 def urscript(done: Experiment) -> str:
     """A program of servoj at 125 Hz that first moves to where the motion starts."""
-    t = np.arange(0.0, done.seconds + 1e-9, 1 / SERVO_HZ)
+    t = instants(done.seconds, SERVO_HZ)
     q = done.motion.states(t)[0]  # type: ignore[union-attr]
     lines = [f"# {done.robot.name}, {done.seconds:g} s, {SERVO_HZ:g} Hz; look at motion.html before it runs"]
     lines += ["def excite():", f"  movej({_list(q[0])}, a=0.5, v=0.3)"]

@@ -12,6 +12,7 @@ from small_arm import ARM
 
 from ident.command_line.cli import run
 from ident.command_line.exciting import stopping
+from ident.excitation.writing import instants
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +57,23 @@ def test_the_bag_holds_the_motion(designed):
     last = message.points[-1]
     assert last.time_from_start.sec + 1e-9 * last.time_from_start.nanosec == pytest.approx(6.0)
     np.testing.assert_array_equal(message.points[3].positions[0], table["q1"][6])
+
+
+@pytest.mark.parametrize("rate", [10.0, 100.0, 125.0, 1000.0])
+@pytest.mark.parametrize("seconds", [3.557, 6.0])
+def test_every_file_ends_where_the_motion_does(seconds, rate):
+    """At rest: neither before its end nor after it."""
+    t = instants(seconds, rate)
+    assert t[0] == 0 and t[-1] == pytest.approx(seconds, abs=1e-9)
+    assert np.diff(t)[:-1] == pytest.approx(1 / rate) and 0 < t[-1] - t[-2] < 1.01 / rate
+
+
+def test_the_diagnosis_of_another_robot_is_refused(tmp_path, arm, capsys):
+    of = {"robot": "ur10e", "error_percent": {"after": {"identify": {}}}, "noise_floor_percent": {}}
+    (tmp_path / "diagnosis.json").write_text(json.dumps({**of, "findings": []}))
+    assert run(["excite", str(arm), "-o", str(tmp_path / "out"), "--from", str(tmp_path)]) == 2
+    said = capsys.readouterr().err
+    assert "ur10e" in said and "name the robot that was diagnosed" in said
 
 
 def test_two_suspects_and_how_long(arm, capsys):
