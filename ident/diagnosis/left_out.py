@@ -7,7 +7,6 @@ the others lose it again, as everything does that the judged rows do not ask for
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
@@ -23,19 +22,20 @@ SEEN = 1e-5  # share of a column that the model leaves, below which it has the t
 
 
 def left_out(
-    state: State, library: Library, closed: Collection[int], tau: float
+    state: State, library: Library, tau: float
 ) -> tuple[State, tuple[tuple[Term, Evidence], ...]] | None:
     """The term that says most on several joints together, settled in, and what each joint's says beside the
     others. None: no such term is asked for by both kinds of rows."""
+    known = {term.key for term in state.terms}
     groups: dict[str, list[Refined]] = {}
     for effect, place in library.places:
-        if effect.replaces and place.joint is not None and place.joint not in closed:
-            term = Term(effect, place, {})
-            columns = state.scene.columns(term)
-            if columns and weigh(state.metric, columns).left > SEEN and term.key not in _known(state):
-                groups.setdefault(effect.name, []).append(
-                    Refined(term, columns, *fit_sizes(state.metric, columns))
-                )
+        term = Term(effect, place, {})
+        if not effect.replaces or place.joint is None or term.key in known:
+            continue
+        columns = state.scene.columns(term)
+        if columns and weigh(state.metric, columns).left > SEEN:
+            r = Refined(term, columns, *fit_sizes(state.metric, columns))
+            groups.setdefault(effect.name, []).append(r)
     told = [(group, _together(state, group)) for group in groups.values() if len(group) > 1]
     told = [(group, e) for group, e in told if e.log_e > tau and e.gain > tau]
     if not told:
@@ -49,10 +49,6 @@ def left_out(
         if f.term is not None and f.term.key in keys:
             out.append((f.term, weigh(settled.but(number).metric, f.columns)))
     return settled, tuple(out)
-
-
-def _known(state: State) -> set[tuple]:
-    return {term.key for term in state.terms}
 
 
 def _together(state: State, group: list[Refined]) -> Evidence:

@@ -104,7 +104,7 @@ def trace(
     closed: set[int] = set()
     event, loads = None, True
     progress("what the study left out", 0.15)
-    whole = left_out(state, library, closed, tau)
+    whole = left_out(state, library, tau)
     if whole is not None:
         state, missing = whole
         steps += [Step(term, e, ()) for term, e in missing]

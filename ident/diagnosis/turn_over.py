@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.whitened import Whitener
-from ident.signals.dry_friction import TurnOver, mean_sign
+from ident.signals.dry_friction import TurnOver, mean_sign, slid
 
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
 SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding
@@ -78,7 +78,7 @@ def signs_of(segments: Sequence[FineSegment], joint: int) -> Signs:
     def made(turn: TurnOver) -> list[np.ndarray]:
         if turn.travel <= 0:
             return direct(turn.rate)
-        return [z * np.abs(x) for z, x in zip(state(turn.travel), direct(turn.rate))]
+        return [slid(z, x) for z, x in zip(state(turn.travel), direct(turn.rate))]
 
     return made
 
@@ -95,10 +95,8 @@ def sign_column(
     """(M,) decimated smoothed sign; record: what is recorded of it, where the torque comes late."""
     made = (signs or signs_of(segments, joint))(turn)
     made = made if record is None else record(channel, made)
-    return (
-        np.concatenate([s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, made)])
-        * (rows.scale[channel])
-    )
+    kept = [s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, made)]
+    return np.concatenate(kept) * rows.scale[channel]
 
 
 def with_turn_overs(
@@ -149,20 +147,8 @@ def settle(
         for d in dry:
             if not moved[d.joint]:
                 continue
-            signs = signs_of(segments, d.joint)
-
-            def columns(turn: TurnOver, d: Dry = d, signs: Signs = signs) -> dict[int, np.ndarray]:
-                return {
-                    c: whiteners[c] @ sign_column(segments, rows, d.joint, c, turn, record, signs)
-                    for c in {c for c, _ in d.places}
-                }
-
-            @cache
-            def explained(
-                turn: TurnOver, d: Dry = d, columns: Callable = columns, normal: _Normal = normal
-            ) -> float:
-                return _explained(*normal.exchanged(d, columns(turn)))
-
+            columns = partial(_columns, segments, rows, whiteners, d, record, signs_of(segments, d.joint))
+            explained = normal.explaining(d, columns)
             before = out.get(d.joint)
             ladders = grids(segments, d.joint)
             orders = ORDERS if d.travels else (("rate",),)
@@ -182,6 +168,22 @@ def settle(
         if not any(moved.values()):
             break
     return out
+
+
+def _columns(
+    segments: Sequence[FineSegment],
+    rows: Rows,
+    whiteners: Sequence[Whitener],
+    dry: Dry,
+    record: Record | None,
+    signs: Signs,
+    turn: TurnOver,
+) -> dict[int, np.ndarray]:
+    """{channel: (M,)} a joint's dry friction as it turns over, whitened."""
+    return {
+        c: whiteners[c] @ sign_column(segments, rows, dry.joint, c, turn, record, signs)
+        for c in {c for c, _ in dry.places}
+    }
 
 
 @dataclass(frozen=True)
@@ -228,6 +230,17 @@ class _Normal:
                 G[place, here] += z @ z
                 g[place] += z @ self.y[channel]
         return G, g
+
+    def explaining(
+        self, dry: Dry, columns: Callable[[TurnOver], Mapping[int, np.ndarray]]
+    ) -> Callable[[TurnOver], float]:
+        """What the model with a joint's friction turning over so accounts for; asked twice, computed once."""
+
+        @cache
+        def explained(turn: TurnOver) -> float:
+            return _explained(*self.exchanged(dry, columns(turn)))
+
+        return explained
 
     def taken(self, dry: Dry, columns: Mapping[int, np.ndarray]) -> _Normal:
         """The same with these columns in it."""

@@ -6,11 +6,10 @@ parameters are given, started, held; whatever cannot act is refused with the ent
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from ident.equations.columns import Columns
 from ident.equations.terms import Term
@@ -84,7 +83,7 @@ def _term(study: Study, entry: EffectEntry, columns: Columns, layout: Layout) ->
             )
     bounds = effect.bounds(place, layout)
     for name, value in shape.items():
-        low, high = bounds.get(name, (-np.inf, np.inf))
+        low, high = bounds.get(name, (-math.inf, math.inf))
         if not low <= value <= high and name not in entry.fixed:
             raise ValueError(f"{name} = {value:g} is outside of {low:g} to {high:g}, where it is searched")
     return Term(

@@ -8,12 +8,12 @@ of their own steps, that line is the clock. Where they do not, rows were lost or
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from ident.examination.check import Check, column_line
+from ident.examination.check import Check, Outcome, column_line
 
 SLOWEST = 0.2  # s between samples: nobody records dynamics slower
 FASTEST, NEVER = 1e-5, 1e-6  # s: hardly anybody, and nobody, records faster
@@ -66,11 +66,13 @@ class Clock:
 @dataclass(slots=True)
 class Grid:
     """Whether stamps, fed in block by block, all lie on a grid of one `step`, and how many of their intervals
-    are `other` than it: lost rows, or a clock whose period is no multiple of what its stamps resolve."""
+    are `other` than it: lost rows, or a clock whose period is no multiple of what its stamps resolve. `ends`:
+    row and place on the grid at the end of every block."""
 
     step: float = 0.0
     other: int = 0
     holds: bool = True
+    ends: list[tuple[float, float]] = field(default_factory=list)
 
     def take(self, intervals: np.ndarray) -> None:
         positive = intervals[intervals > 0]
@@ -81,10 +83,16 @@ class Grid:
         whole = np.rint(parts)
         self.holds = bool(np.abs(parts - whole).max() < 1e-3)
         self.other += int((whole != 1).sum())
+        row, place = self.ends[-1] if self.ends else (0.0, 0.0)
+        self.ends.append((row + len(whole), place + float(whole.sum())))
 
     @property
     def rounded(self) -> bool:
-        return self.holds and self.other >= ROUNDED
+        """Whether it is worth reading all stamps again: rows that were lost here and there leave a line."""
+        if not self.holds or self.other < ROUNDED:
+            return False
+        row, place = np.array(self.ends).T
+        return len(row) < 3 or bool(np.ptp(place - np.polyval(np.polyfit(row, place, 1), row)) < 2.0)
 
 
 def uniform_clock(blocks: Iterable[np.ndarray], window: tuple[float, float] = (-np.inf, np.inf)) -> Clock:
@@ -111,14 +119,11 @@ def rounded_stamps(recording: str, clock: Clock, grid: Grid, rows: int) -> Check
     """Stamps that a uniform clock's own, rounded to their resolution, would be; None where rows were lost."""
     if clock.worst_s > 0.55 * grid.step:
         return None
-    return Check(
-        "time_stamps",
-        ("t",),
+    return _of_stamps(
+        recording,
+        rows,
         f"the time stamps are those of a uniform clock of {clock.rate_hz:.6g} Hz, rounded to "
         f"{1e3 * grid.step:.3g} ms; the clock was used instead",
-        outcome="mended",
-        recording=recording,
-        rows=(1, rows),
     )
 
 
@@ -126,22 +131,23 @@ def time_stamps(recording: str, clock: Clock, shared: int, rows: int) -> Check:
     """Stamps that come in bursts or are rounded coarsely: rebuilt where a uniform clock is behind them."""
     what = f"{shared} of {rows} rows share a stamp with the row before or follow it in a burst"
     if clock.believable:
-        return Check(
-            "time_stamps",
-            ("t",),
+        return _of_stamps(
+            recording,
+            rows,
             f"{what}; the stamps are those of a uniform clock of {clock.rate_hz:.6g} Hz within "
             f"{1e3 * clock.worst_s:.3g} ms, which was used instead",
-            outcome="mended",
-            recording=recording,
-            rows=(1, rows),
         )
-    return Check(
-        "time_stamps",
-        ("t",),
+    return _of_stamps(
+        recording,
+        rows,
         f"{what}, and no uniform clock is behind them (they leave the nearest by "
         f"{1e3 * clock.worst_s:.3g} ms)",
         "record the stamps where the samples are taken, or leave t out and give rate_hz: beside the file",
-        outcome="refused",
-        recording=recording,
-        rows=(1, rows),
+        "refused",
     )
+
+
+def _of_stamps(
+    recording: str, rows: int, message: str, remedy: str = "", outcome: Outcome = "mended"
+) -> Check:
+    return Check("time_stamps", ("t",), message, remedy, outcome, recording, (1, rows))

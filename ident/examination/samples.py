@@ -36,10 +36,8 @@ SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 214748
 ABSURD = 1e9
 DROPOUTS, DROPOUT_RUN, DROPOUT = 10, 3, 8.0  # rows, of them at most in a row, times the usual change
 STRETCH = 100  # samples of a local scale
-FEWEST, RAILS = (
-    20,
-    0.02,
-)  # samples that show a scatter; share at an end of the range from which on it is clipped
+FEWEST = 20  # samples that show a scatter
+RAILS = 0.02  # share of a signal at an end of its range, from which on it is clipped
 CONTEXT = 64  # rows carried over from block to block
 FROZEN_S = 0.1
 STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots

@@ -202,9 +202,7 @@ def _clean(stream: RecordingStream, gap_s: float, drop_repeats: bool) -> Iterato
         t, mended, weight = stream.survey.mending.apply(rows, stamps, raw, n, joints)
         if not len(t):
             continue
-        if len(
-            still
-        ):  # an encoder's noise is no motion: parameters fitted to it come out a million times off
+        if len(still):  # its noise is no motion: parameters fitted to it come out a million times off
             mended = mended.copy()
             mended[:, still] = middle
         values = np.hstack([mended, weight])

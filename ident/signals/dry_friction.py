@@ -26,7 +26,7 @@ class TurnOver:
         direct = mean_sign(dq, self.rate)
         if self.travel <= 0 or not len(q):
             return direct
-        return np.asarray(self.state(q, dq, state) * np.abs(direct))
+        return slid(self.state(q, dq, state), direct)
 
     def state(self, q: np.ndarray, dq: np.ndarray, state: float | None = None) -> np.ndarray:
         """(N,) z of the presliding."""
@@ -34,6 +34,11 @@ class TurnOver:
 
         first = float(np.sign(dq[0])) if state is None else state
         return integrate_dahl(q, {"width": self.travel}, first)
+
+
+def slid(state: np.ndarray, direct: np.ndarray) -> np.ndarray:
+    """(N,) sign of friction that gives way before it slips: how far it has slid in, times how fast."""
+    return np.asarray(state * np.abs(direct))
 
 
 def mean_sign(dq: np.ndarray, rate: float) -> np.ndarray:

@@ -44,7 +44,7 @@ STATES = ("z", "za", "zb", "zc")
 @dataclass(frozen=True)
 class LinearParameter:
     """A parameter that multiplies a column. `low`, `high`: plausible size; `sign`: what physics allows.
-    `share`: a part of what another signal is, so that more than the whole of it cannot be. `shared`: with
+    `share`: a part of what another signal is, so that more than the whole of it cannot be. `simpler`: with
     this one alone it would be a simpler effect of the catalogue.
 
     Units are those of a revolute joint; :func:`modelgen.geometry.names.joint_unit` gives a prismatic one's.
@@ -57,12 +57,12 @@ class LinearParameter:
     sign: SignRule = "any"
     optional: bool = False  # a candidate may leave this term out
     share: bool = False
-    shared: bool = False
+    simpler: bool = False
 
     @property
     def own(self) -> bool:
         """Whether the effect would be another one without it."""
-        return not (self.optional or self.shared)
+        return not (self.optional or self.simpler)
 
     @property
     def symbol(self) -> sp.Symbol:

@@ -65,8 +65,9 @@ class Telling(Definition):
                 raise EffectError(f"{self.name} cannot have {told}; give values other than zero.")
             return float(expression)
 
-        hidden = {p.name: p.grid[0] for p in self.nonlinear if p.beside and p.name not in reported}
-        shapes = {n: hidden[n] if n in hidden else value(n) for n in self.nonlinear_names}
+        hidden = {p.name for p in self.nonlinear if p.beside} - set(reported)
+        usual = self.complete(None)
+        shapes = {n: usual[n] if n in hidden else value(n) for n in self.nonlinear_names}
         return {n: value(n) for n in self.linear_names}, shapes
 
     def report(

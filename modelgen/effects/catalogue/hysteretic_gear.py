@@ -34,7 +34,7 @@ class HystereticGear(MotionEffect):
     remedy = "measure the link's position, or approach positions under a load from one side"
     terms = {"compliance": -PASSED, "lost": -SIGNALS.z}
     linear = (
-        LinearParameter("compliance", "rad/(N m)", 0.0, 5e-2, "positive", shared=True),
+        LinearParameter("compliance", "rad/(N m)", 0.0, 5e-2, "positive", simpler=True),
         LinearParameter("lost", "rad", 0.0, 0.05, "positive"),
     )
     nonlinear = (NonlinearParameter("width", "N m", 0.1, 1e3, (1.0, 3.0, 10.0, 30.0, 100.0)), HIDDEN_ROTOR)

@@ -31,7 +31,7 @@ class StiffeningGear(MotionEffect):
     remedy = "add the gear's measured stiffness curve to the model, or measure the link's position"
     terms = {"compliance": -PASSED, "cubic": -(PASSED**3)}
     linear = (
-        LinearParameter("compliance", "rad/(N m)", 1e-7, 5e-2, "positive", shared=True),
+        LinearParameter("compliance", "rad/(N m)", 1e-7, 5e-2, "positive", simpler=True),
         LinearParameter("cubic", "rad/(N m)^3", -1e-2, 1e-2),
     )
     nonlinear = (HIDDEN_ROTOR,)

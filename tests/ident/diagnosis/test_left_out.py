@@ -28,7 +28,7 @@ def arm(tmp_path_factory):
 def test_all_joints_are_asked_at_once(arm, name):
     begun = opened(prepare_study(arm.with_(without=(name,))))
     library = Library(list(catalogue().values()), begun.layout)
-    state, told = left_out(begun.state, library, frozenset(), threshold(0.01))
+    state, told = left_out(begun.state, library, threshold(0.01))
     assert {(term.effect.name, term.place.joint) for term, _ in told} == {(name, j) for j in range(3)}
     assert all(e.log_e > threshold(0.01) for _, e in told) and len(state.terms) == 3
 
@@ -36,7 +36,7 @@ def test_all_joints_are_asked_at_once(arm, name):
 def test_nothing_is_asked_of_a_whole_model(arm):
     begun = opened(prepare_study(arm))
     library = Library(list(catalogue().values()), begun.layout)
-    assert left_out(begun.state, library, frozenset(), threshold(0.01)) is None
+    assert left_out(begun.state, library, threshold(0.01)) is None
 
 
 class TestOnRecordings:

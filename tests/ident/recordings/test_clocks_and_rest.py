@@ -31,6 +31,17 @@ def test_no_clock_is_read_into_what_lost_rows_or_jitters():
     assert stamps_told(0.01 * K) is None
 
 
+def test_lost_rows_of_a_long_log_do_not_ask_for_all_stamps_again():
+    """All stamps at once are as long as the log; what a pass has seen is enough to know better."""
+    rng = np.random.default_rng(0)
+    k = np.delete(np.arange(400_000), rng.choice(np.arange(1, 399_999), 100, replace=False))
+    for t, rounded in ((0.001 * k, False), (np.round(0.00105 * np.arange(400_000), 3), True)):
+        grid = Grid()
+        for part in np.array_split(np.diff(t), 100):
+            grid.take(part)
+        assert grid.other >= 100 and grid.rounded is rounded
+
+
 class TestOnRecordings:
     pytestmark = ON_RECORDINGS
 
