@@ -206,7 +206,8 @@ def weigh(
     residual = _changed(m, m.judged, white, sizes, judged_cross)
     rss = np.einsum("cm,cm->c", residual, residual)
     per_channel = m.judged.free / 2 * np.log(np.maximum(m.judged.rss, 1e-300) / np.maximum(rss, 1e-300))
-    gain = float(np.sum(m.fitted.free / 2 * np.log(m.fitted.rss / np.maximum(fitted_rss, 1e-300))))
+    ratio = np.maximum(m.fitted.rss, 1e-300) / np.maximum(fitted_rss, 1e-300)  # one, of a channel at rest
+    gain = float(np.sum(m.fitted.free / 2 * np.log(ratio)))
     spread = np.maximum(rss / m.judged.free, 1e-300)[:, None]
     each = np.sum((m.judged.residual**2 - residual**2) / (2 * spread), axis=0)
     change = np.sum((m.judged.residual - residual) ** 2 / (2 * spread), axis=0)

@@ -220,8 +220,9 @@ def turned(state: State, afresh: Collection[int] = ()) -> State:
         return state
     rows = state.rows
     for d in p.dry:
-        if turns[d.joint] != state.turns.get(d.joint):
-            made = {c: sign_column(state.segments, rows, d.joint, c, turns[d.joint]) for c, _ in d.places}
+        turn = turns.get(d.joint)  # None: a joint that rests, or goes one way, turns over nowhere
+        if turn is not None and turn != state.turns.get(d.joint):
+            made = {c: sign_column(state.segments, rows, d.joint, c, turn) for c, _ in d.places}
             rows = with_column(rows, d, made)
     segments = with_turn_overs(state.segments, turns)
     motions = tuple(motion_of(s) for s in segments)

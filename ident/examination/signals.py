@@ -84,7 +84,7 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
             message = (
                 f"{number} sample{'s' if number > 1 else ''} of {subject} "
                 f"{'are' if number > 1 else 'is'} {_WORDS[kind]} (rows {span[0]} to {span[1]}); "
-                "interpolated, and given no weight in the fit"
+                f"{'left out' if kind == 'frozen' else 'interpolated, and given no weight in the fit'}"
             )
         check = "missing_values" if kind == "sentinel" else kind
         yield Check(

@@ -96,7 +96,8 @@ def open_recording(
         np.array([str(joint) in prismatic for joint in need.joints]),
     )
     survey = seen.survey
-    checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, survey.rows)
+    rows = survey.rows + len(survey.mending.dropped)  # all that were read: what was lost is a share of them
+    checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, rows)
     refuse(stream.file, checks)
     checks += velocity_agrees(columns, replace(stream, survey=survey), table)
     refuse(stream.file, checks)
