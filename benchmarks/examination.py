@@ -214,6 +214,11 @@ DEFECTS = (
     ),
     Defect("torque sign", ("torque_sign",), lambda c, q, u: put(c, u, -c[u])),
     Defect(
+        "sign that changes half way",
+        ("torque_sign",),
+        lambda c, q, u: put(c, u, c[u] * np.where(np.arange(len(c[u])) < len(c[u]) // 2, 1, -1)),
+    ),
+    Defect(
         "all torque signs",
         ("torque_sign",),
         lambda c, q, u: each(c, torques(c), np.negative),
@@ -233,7 +238,7 @@ DEFECTS = (
         ),
         joints=2,
     ),
-    Defect("torque is noise", ("unrelated_torque",), noise, joints=2),
+    Defect("torque is noise", ("dead_channel", "unrelated_torque"), noise),
     Defect(
         "positions of another run",
         ("wrong_robot", "unrelated_torque", "clock_rate"),

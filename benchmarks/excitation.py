@@ -15,7 +15,7 @@ import time
 import numpy as np
 
 from ident.excitation.experiment import Experiment, Request, excite
-from ident.excitation.information import scaled_condition
+from ident.excitation.information import CRITERIA, scaled_condition
 from ident.excitation.known import known_robot
 from ident.excitation.limits import ExcitationError, bounds_of
 from ident.excitation.motion import basis_for
@@ -80,7 +80,7 @@ def drawn_request(name: str, seed: int) -> tuple[Request, np.ndarray | None]:
     return Request(
         name, duration=round(long * rng.uniform(0.7, 1), 2), limits=tuple(limits),
         kind="point_to_point" if seed % 20 == 9 else "fourier", seed=seed, starts=1, iterations=6,
-        criterion=("balanced", "d", "condition", "worst")[seed % 4], start=start, keep_out=box,
+        criterion=CRITERIA[seed % 5], start=start, keep_out=box,
         sensitivity=False,
     ), corner  # fmt: skip
 

@@ -26,10 +26,8 @@ from pathlib import Path
 import numpy as np
 
 import generated
-from ident.excitation.experiment import TURN_OVER, Request, excite
-from ident.excitation.information import Rows, along, scaled_condition
-from ident.excitation.motion import basis_for
-from ident.excitation.optimal import optimise
+from ident.excitation.experiment import Request, excite
+from ident.excitation.information import CRITERIA, scaled_condition
 
 UR10 = """\
 name: ur10
@@ -141,28 +139,13 @@ def told(model: generated.Model, name: str, states: tuple[np.ndarray, ...], took
 def ours(robot: str, seconds: float, limits: list[str], t: np.ndarray) -> None:
     """Our motions of the same length under the same limits."""
     model = generated.load(robot, "A")
-    for criterion in ("balanced", "d", "condition"):
+    for criterion in CRITERIA:
         begin, cpu = time.perf_counter(), time.process_time()
         done = excite(
             Request(robot, duration=seconds, limits=tuple(limits), criterion=criterion, sensitivity=False)
         )
         took = f", {time.perf_counter() - begin:.0f} s ({time.process_time() - cpu:.1f} s of processor)"
         told(model, f"designed ({criterion})", done.motion.states(t), took)
-    begin, cpu = time.perf_counter(), time.process_time()
-    rows = Rows(model, np.ones(model.n), TURN_OVER * done.bounds.dq)
-    basis, bodies = basis_for(seconds), bodies_of(model)
-
-    def its(A: np.ndarray) -> tuple[float, np.ndarray]:
-        """log of the condition number of the bodies' columns as they are, by p-norms."""
-        U, s, V = np.linalg.svd(A[:, bodies], full_matrices=False)
-        up, down = (s / s[0]) ** 24, (s[-1] / s) ** 24
-        slope = np.zeros_like(A)
-        slope[:, bodies] = (U * ((up / up.sum() - down / down.sum()) / s)) @ V
-        return float(np.log(s[0] / s[-1]) + (np.log(up.sum()) + np.log(down.sum())) / 24), slope
-
-    found = optimise(done.known.holding(done.bounds), basis, seconds, along(rows, basis, its), starts=1)
-    took = f", {time.perf_counter() - begin:.0f} s ({time.process_time() - cpu:.1f} s of processor)"
-    told(model, "designed by figaroh's own measure", found.motion.states(t), took)
 
 
 def published() -> None:

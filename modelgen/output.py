@@ -38,6 +38,13 @@ def shown(path: object) -> str:
     return text if len(text) <= 120 else f"{text[:80]}... ({len(text)} characters)"
 
 
+def beside(path: Path, suffix: str) -> Path:
+    """The file of the same name with another ending. Raises OutputError for a path that names no file."""
+    if not path.name:
+        raise OutputError(f"{shown(path)} is no name of a file; name one with -o")
+    return path.with_suffix(suffix)
+
+
 @contextlib.contextmanager
 def staged(
     folder: Path,
@@ -143,7 +150,10 @@ def _as_sentence(folder: Path) -> Iterator[None]:
         full = error.errno in FULL or "space left" in str(error) or "too large" in str(error)
         if not full and error.errno not in UNWRITABLE and not named.startswith(str(folder)):
             raise
-        reason = (error.strerror or str(error)).lower()
+        said = str(error)
+        if "space left" in said:  # Arrow's words, that would say it twice
+            said = os.strerror(errno.ENOSPC)
+        reason = (error.strerror or said).lower()
         remedy = "make room, or " if full else ""
         text = f"cannot write into {shown(folder)}: {shown(reason)}; {remedy}name another folder with -o"
         raise OutputError(text) from None

@@ -275,6 +275,7 @@ class Case:
                         out.append(Injected(name, j, {key: float(value)}, side))
                 if out:
                     self.free = self._with([])
+                    self.clean_error = self._rigid_error(self.free, False)  # what comes beside it has to show
                     return sorted(out, key=lambda e: -error[e.joint])
             for f in fields[name]:
                 setattr(d, f, before[f])

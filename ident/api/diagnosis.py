@@ -138,10 +138,11 @@ def diagnose(
         raise IdentError(f"alpha is {alpha!r}; give a rate between 0 and 1, such as 0.01")
     with one_family(), watched(progress) as tell:
         from ident.diagnosis import diagnose_study
+        from ident.excitation.offered import with_offers
 
         asked = opened(study)
         no_simulated_loop(asked)
-        return Diagnosis(diagnose_study(asked, progress=tell, alpha=alpha, memory=limit))
+        return Diagnosis(with_offers(diagnose_study(asked, progress=tell, alpha=alpha, memory=limit)))
 
 
 def no_simulated_loop(study: Study) -> None:

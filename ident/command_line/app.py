@@ -321,7 +321,11 @@ def excite(
     duration: Annotated[float, typer.Option("--duration", help="Seconds.")] = 10.0,
     criterion: Annotated[
         str,
-        typer.Option("--criterion", help="balanced, d (information), condition, worst (relative deviation)."),
+        typer.Option(
+            "--criterion",
+            help="balanced, d (information), condition, worst (relative deviation), bodies (condition of the "
+            "bodies' columns alone).",
+        ),
     ] = "balanced",
     motion: Annotated[str, typer.Option("--motion", help="fourier or point_to_point.")] = "fourier",
     limit: Annotated[
@@ -373,6 +377,12 @@ def excite(
         Path | None,
         typer.Option("--parameters", help="The robot's parameters: YAML, or a fit.json.", show_default=False),
     ] = None,
+    effects_folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--effects-folder", help="Folder of your own effects, one file each.", show_default=False
+        ),
+    ] = None,
     noise: Annotated[float, typer.Option("--noise", help="Percent of the torques' rms.")] = 1.0,
     rate: Annotated[float, typer.Option("--rate", help="Samples a second of the files.")] = 1000.0,
     starts: Annotated[int, typer.Option("--starts", help="Motions to begin the search from.")] = 2,
@@ -408,6 +418,7 @@ def excite(
         diagnosis=from_,
         evaluate=evaluate,
         parameters=parameters,
+        effects_folder=effects_folder,
         noise=noise,
         starts=starts,
         seed=seed,

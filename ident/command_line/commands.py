@@ -14,7 +14,7 @@ from ident.api.study import inputs_of
 from ident.command_line.terminal import print_table, progress_bar
 from ident.output import staged
 from ident.report.joints import named, names_of, with_names
-from ident.report.wording import check_sentence
+from ident.report.wording import check_sentence, check_sentences
 
 # SciPy takes in all that NumPy names, with f2py a Fortran parser and a guesser of encodings: 60 ms and 7 MB.
 # A name that is there is not looked up; who imports numpy.f2py gets it as ever.
@@ -86,9 +86,9 @@ def diagnose(study_file: Path, output: Path, memory: str | None, overwrite: bool
     show("error in percent", *with_names(*before_and_after(document), names))
     say_warnings([named(text, names) for text in diagnosis.result.notes])
     if any(f["equivalent"] for f in document["findings"]):
-        from ident.diagnosis.document import robot_of
+        from ident.diagnosis.requests import robot_of
 
-        command = f"ident excite {shlex.quote(robot_of(diagnosis.result))} --from {output} -o MOTION"
+        command = f"ident excite {shlex.quote(robot_of(diagnosis.result.study))} --from {output} -o MOTION"
         print(f"next: {command} designs the experiment that tells the explanations apart")
     last = f"; ident fit {output / 'extended_study.yaml'} gives the errors after again"
     print(f"wrote {output / 'report.html'}{last if document['verdict'] == 'effect' else ''}")
@@ -128,8 +128,8 @@ def show(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> No
 
 def say_checks(*documents: Mapping[str, Any]) -> None:
     """What was found in the data, before anything else, on stderr."""
-    checks = [check_sentence(check, names_of(document))
-              for document in documents for check in document.get("checks", ())]  # fmt: skip
+    checks = [sentence for document in documents
+              for sentence in check_sentences(document.get("checks", ()), names_of(document))]  # fmt: skip
     for sentence in dict.fromkeys(checks):
         print(sentence, file=sys.stderr)
 

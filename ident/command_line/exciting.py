@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator
@@ -29,11 +30,11 @@ def excite(
     experiment.check(request)
     inputs = [Path(robot), *filter(None, (request.parameters, request.diagnosis, request.evaluate))]
     staging = staged(output, "ident excite", overwrite=overwrite, inputs=inputs)
-    with staging as stage:
-        with progress_bar(verbose) as progress, stopping() as stopped:
+    with staging as stage, stopping() as stopped:
+        with progress_bar(verbose) as progress:
             done = experiment.excite(request, progress, stopped)
-        writing.write_experiment(done, stage, rate)
-    for remark in done.remarks:
+        missing = writing.write_experiment(done, stage, rate)
+    for remark in (*done.remarks, *missing):
         print(f"note: {remark}", file=sys.stderr)
     header, rows = writing.parameter_rows(done)
     told = [row for row in rows if row[3]] or rows
@@ -57,12 +58,13 @@ def _numbers(start: str | None) -> tuple[float, ...] | None:
 
 @contextlib.contextmanager
 def stopping() -> Iterator[Callable[[], bool]]:
-    """Ctrl-C asks the search to end with the best so far; a second one ends the program."""
+    """Ctrl-C asks the search to end with the best so far, and says so; a second one ends the program."""
     asked: list[int] = []
     before = signal.getsignal(signal.SIGINT)
 
     def ask(number: int, frame: Any) -> None:
         asked.append(number)
+        os.write(2, b"\nstopping with the best so far; once more ends at once\n")
         signal.signal(signal.SIGINT, before)
 
     try:

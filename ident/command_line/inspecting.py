@@ -19,12 +19,12 @@ def inspect(
     """Look, say what was seen, write the study (and its page) where a file is named."""
     from ident.inspection import page as shown
     from ident.inspection.inspection import inspect_recordings
-    from ident.output import OutputError, write_file
+    from ident.output import OutputError, beside, write_file
     from ident.report.joints import named
     from ident.report.render import render
 
-    beside = output.with_suffix(".html") if output is not None else None
-    for target in (output, beside):
+    page = beside(output, ".html") if output is not None else None
+    for target in (output, page):
         if target is not None and target.exists() and not overwrite:
             raise OutputError(f"{target} is there already; name another file, or give --overwrite")
         if target is not None and any(target.resolve() == path.resolve() for path in recordings):
@@ -49,10 +49,10 @@ def inspect(
         header, weakest = shown.excitation_rows(inspection)
         said = [tuple(named(cell, inspection.joints) for cell in row) for row in weakest]
         print_table("parameters shown least", header, said, numbers=(1,))
-    if output is None or beside is None:
+    if output is None or page is None:
         print(study)
         return
     write_file(output, study, overwrite=overwrite)
-    write_file(beside, render(shown.page(inspection, output.name)), overwrite=overwrite)
-    print(f"wrote {output} and {beside}")
+    write_file(page, render(shown.page(inspection, output.name)), overwrite=overwrite)
+    print(f"wrote {output} and {page}")
     print(shown.next_step(inspection, str(output)))

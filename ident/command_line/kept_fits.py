@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ident.command_line.terminal import print_table, progress_bar
-from ident.output import staged, write_file
+from ident.output import beside, staged, write_file
 from ident.report.joints import joints_of_robot, named, names_in, names_of, with_names
 
 
@@ -124,10 +124,10 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
     names = names_in(joints_of_robot(robot))
     print_table("error in percent", *with_names(header, rows, names), numbers=range(1, len(header)))
     header, rows = parameter_table(found)
-    beside = (urdf or mjcf).with_suffix(".csv")  # type: ignore[union-attr]
-    write_file(beside, "\n".join(",".join(row) for row in (header, *rows)) + "\n", overwrite=overwrite)
+    values = beside((urdf or mjcf), ".csv")  # type: ignore[arg-type]
+    write_file(values, "\n".join(",".join(row) for row in (header, *rows)) + "\n", overwrite=overwrite)
     measured = sum(row[-1] == "measured" for row in rows)
-    print(f"wrote {beside}: {measured} parameters measured, {len(rows) - measured} from the prior")
+    print(f"wrote {values}: {measured} parameters measured, {len(rows) - measured} from the prior")
     print(found.sentence())
     for finding in found.findings:
         print(f"warning: {named(finding, names)}", file=sys.stderr)

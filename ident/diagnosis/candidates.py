@@ -84,7 +84,7 @@ def _starts(state: State, effect: Effect, place: Place) -> Sequence[dict[str, fl
 def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranked]:
     """The short list: at most PER_METRIC hypotheses of each metric, one shape each, and what was left out."""
     done = {term.key for term in state.terms}
-    late = {(term.place.joint, term.place.side) for term in state.terms if "dtau" in term.effect.needs}
+    late = {(term.place.joint, term.place.side) for term in state.terms if term.effect.shifts_time}
     trials: list[tuple[Term, dict[int, np.ndarray]]] = []
     metrics = (state.metric, state.plain_metric)
     bests: tuple[dict[tuple, Ranked], ...] = ({}, {})
@@ -94,7 +94,7 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
             continue
         if set(effect.context) - set(effect.context_of(place, state.model)):
             continue  # it is told relative to a parameter that this model does not have
-        if "dtau" in effect.needs and late & {(place.joint, place.side), (None, None), (None, place.side)}:
+        if effect.shifts_time and late & {(place.joint, place.side), (None, None), (None, place.side)}:
             continue  # it comes late once: a delay and a lag that run against each other fit anything
         for theta in starts(state, library, effect, place):
             term = Term(effect, place, theta)

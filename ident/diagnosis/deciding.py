@@ -15,6 +15,7 @@ from ident.diagnosis.evidence import BLOCK_S, FEWEST, rarely
 from ident.diagnosis.loop import threshold
 
 ALPHA = 0.01
+PATIENCE = 3600.0  # s of motion that nobody asks of a robot; only words depend on it
 LONGEST = 1e8  # s: what would need longer is never told apart
 
 

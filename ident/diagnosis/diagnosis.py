@@ -12,14 +12,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ident.diagnosis.approximated import moved
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.findings import (
     Finding,
+    Hint,
     Unexplained,
     as_told,
     beyond_noise,
     explainable,
     findings_of,
+    hint_of,
     not_fitted,
     told_by_checks,
     unexplained_of,
@@ -58,6 +61,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     outcome: Outcome | None = field(default=None, compare=False, repr=False)
     visible: tuple[Visible, ...] = ()  # the smallest effects that would have been seen
+    hints: tuple[Hint, ...] = ()  # where nothing is told: what too few blocks confirm
 
     @property
     def robot(self) -> str:
@@ -122,7 +126,8 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     outcome, last = compared_exactly(known, outcome, base, last, begun, alpha)
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
-    findings = (*told_by_checks(study, mended, checks), *findings_of(outcome, last))
+    found = findings_of(outcome, last, moved(known, outcome.last, base, last))
+    findings = (*told_by_checks(study, mended, checks), *found)
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += tuple(not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained)
@@ -142,6 +147,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         tuple(notes),
         outcome,
         visible,
+        () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
     )
 
 

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ident.diagnosis.diagnosis import Diagnosis
-from ident.diagnosis.findings import Alternative, Finding, Unexplained
+from ident.diagnosis.findings import Alternative, Finding, Hint, Unexplained
 from ident.diagnosis.loop import Step
-from ident.diagnosis.requests import separable, separating_command
+from ident.diagnosis.requests import own_effects_of, robot_of, separable, separating_command
 from ident.report.joints import joints_of
 
 PLACE = {"source_joint": "", "recording": "", "from": "s", "to": "s", "link": ""}  # contract 7: parameters
@@ -30,6 +29,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "judged": _judged(diagnosis),
         "findings": [_finding(f, diagnosis) for f in diagnosis.findings],
         "unexplained": [_unexplained(u) for u in diagnosis.unexplained],
+        "hints": [_hint(h) for h in diagnosis.hints],
         "explainable": {name: dict(values) for name, values in diagnosis.explainable.items()},
         "error_percent": {"before": before.full_rate_error, "after": after.full_rate_error},
         "error_percent_by_recording": {
@@ -77,12 +77,12 @@ def _finding(f: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
         "remedy": f.remedy,
         "signature": f.signature,
     }
-    robot, model = robot_of(diagnosis), diagnosis.model
+    robot, model, own = robot_of(diagnosis.study), diagnosis.model, own_effects_of(diagnosis.study)
     equal = [
         {
             **_alternative(a),
-            "separate": separating_command(robot, document, [other], model),
-            "seconds": a.seconds,
+            "separate": separating_command(robot, document, [other], model, own),
+            "seconds_as_recorded": a.seconds,
         }
         if separable(document, other := _alternative(a))
         else _alternative(a)
@@ -92,16 +92,11 @@ def _finding(f: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
     if rivals:
         seconds = [a.seconds for a in rivals if a.seconds is not None]
         document["separate"] = {
-            "command": separating_command(robot, document, [_alternative(a) for a in rivals], model),
-            "seconds": max(seconds) if seconds else None,
+            "command": separating_command(robot, document, [_alternative(a) for a in rivals], model, own),
+            "seconds": f.seconds_offered,
+            "seconds_as_recorded": max(seconds) if seconds else None,
         }
     return {**document, "alternatives": [_alternative(a) for a in f.equivalent], "equivalent": equal}
-
-
-def robot_of(diagnosis: Diagnosis) -> str:
-    """The robot as a command takes it, from wherever it is typed."""
-    source = Path(diagnosis.study.robot_source)
-    return str(source.resolve()) if source.is_file() else diagnosis.study.robot
 
 
 def _step(f: Finding, diagnosis: Diagnosis) -> Step | None:
@@ -113,15 +108,19 @@ def _step(f: Finding, diagnosis: Diagnosis) -> Step | None:
 
 def _alternative(a: Alternative) -> dict[str, Any]:
     return {
-        "effect": a.effect,
-        "joints": list(a.joints),
-        **{
-            name: value
-            for name, value in (("source_joint", a.source_joint), ("link", a.link))
-            if value is not None
-        },
+        **a.named,
         "log_e": a.log_e,
         "error_drop_percent": a.error_drop_percent,
+    }
+
+
+def _hint(h: Hint) -> dict[str, Any]:
+    return {
+        **_alternative(h.what),
+        "channel": h.channel,
+        "blocks_for": h.blocks_for,
+        "blocks": h.blocks,
+        "equivalent": [_alternative(a) for a in h.equivalent],
     }
 
 

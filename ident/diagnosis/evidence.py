@@ -81,6 +81,15 @@ class Evidence:
         weight = weights(self.expected[told])
         return bool(weight @ (self.blocks[told] > 0) >= enough(weight, alpha))
 
+    def contradicted(self, alpha: float) -> bool:
+        """Some block gains less than chance allows, were the effect there as the fitted rows have it:
+        normal about what is expected, with twice its variance."""
+        told = self.blocks != 0
+        short = (self.expected[told] - self.blocks[told]) / np.sqrt(
+            2 * np.maximum(self.expected[told], 1e-300)
+        )
+        return bool(np.any(short > -scipy.special.ndtri(alpha / max(len(short), 1))))
+
     def beats(self, other: Evidence, tau: float, alpha: float) -> bool:
         """These data tell the two apart: the same comparison as against nothing, with the other as the null.
         Both of one metric."""

@@ -4,11 +4,12 @@ effect explains."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
 from ident.diagnosis.last_fit import is_told, same
 from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed
@@ -18,6 +19,7 @@ from ident.diagnosis.settling import place_of, without_terms
 from ident.diagnosis.state import State, solved
 from ident.diagnosis.sufficiency import explained_share, signals_read
 from ident.diagnosis.terms import Term
+from ident.diagnosis.weighing import Equivalent
 from ident.estimation.fit import FitResult
 from ident.estimation.found_effects import FoundEffect, found_effects
 from ident.examination.check import Check
@@ -39,7 +41,14 @@ class Alternative:
     error_drop_percent: float
     source_joint: int | None = None  # of a pair of joints, the other one
     link: int | None = None
-    seconds: float | None = None  # of motion as it is until the two are told apart
+    seconds: float | None = None  # of motion as recorded until the two are told apart
+
+    @property
+    def named(self) -> dict[str, Any]:
+        """Effect and place as the document has them."""
+        beside = {"source_joint": self.source_joint, "link": self.link}
+        place = {name: value for name, value in beside.items() if value is not None}
+        return {"effect": self.effect, "joints": list(self.joints), **place}
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +69,7 @@ class Finding:
     grade: str
     signature: str
     picture: Picture | None = None
+    seconds_offered: float | None = None  # of the motion made to tell it from all of `equivalent`
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +87,17 @@ class Unexplained:
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
 
 
+@dataclass(frozen=True, slots=True)
+class Hint:
+    """An effect that the judged rows ask for as much as for one that is told, in too few of their blocks."""
+
+    what: Alternative
+    channel: str
+    blocks_for: int
+    blocks: int
+    equivalent: tuple[Alternative, ...]
+
+
 def _joints(term: Term, state: State) -> tuple[int, ...]:
     labels = state.problem.robot.joint_labels
     return () if term.place.joint is None else (int(labels[term.place.joint]),)
@@ -90,7 +111,7 @@ def _side(c: int, state: State) -> str:
     return _channel(c, state).rstrip("0123456789")
 
 
-def findings_of(outcome: Outcome, last: FitResult) -> tuple[Finding, ...]:
+def findings_of(outcome: Outcome, last: FitResult, moved: Moved) -> tuple[Finding, ...]:
     """What the loop found and the last fit has; whole explanations before parts of one, and of each kind what
     is worth most in practice first."""
     state = outcome.last
@@ -101,7 +122,7 @@ def findings_of(outcome: Outcome, last: FitResult) -> tuple[Finding, ...]:
         fitted = next((f for f in told if term is not None and same(f.term, term)), None)
         if term is not None and fitted is not None:
             told.remove(fitted)  # one that grew by more of its parameters is one finding
-            out.append((_practical_size(state, term), _finding(step, term, fitted, outcome)))
+            out.append((_practical_size(state, term), _finding(step, term, fitted, outcome, moved)))
     return tuple(f for _, f in sorted(out, key=lambda its: (its[1].grade == PARTLY, -its[0])))
 
 
@@ -120,8 +141,9 @@ def _practical_size(state: State, term: Term) -> float:
     return float(np.sum(more / np.maximum(torque, 1e-300)))
 
 
-def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> Finding:
+def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, moved: Moved) -> Finding:
     state, e = outcome.last, step.evidence
+    wider = moved.get(term.key, {})
     place = term.place
     c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
     labels = state.problem.robot.joint_labels
@@ -142,7 +164,12 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
         _side(c, state),
         {key: value for key, value in where.items() if value is not None},
         {
-            name: {"value": p.value, "std": p.std, "unit": p.unit, "at_bound": p.at_bound}
+            name: {
+                "value": p.value,
+                "std": None if p.std is None else float(np.hypot(p.std, wider.get(name, 0.0))),
+                "unit": p.unit,
+                "at_bound": p.at_bound,
+            }
             for name, p in fitted.parameters.items()
         },
         float(min(1.0, np.exp(-e.log_e) * BUDGET)),
@@ -150,15 +177,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome) -> F
         float(e.gain),
         drop_percent(e.per_channel[c], e.free[c]),
         tuple(
-            Alternative(
-                eq.term.effect.name,
-                _joints(eq.term, state),
-                float(eq.log_e),
-                drop_percent(eq.log_e, e.free[c]),
-                None if eq.term.place.source is None else int(labels[eq.term.place.source]),
-                eq.term.place.link,
-                seconds_apart(state, term, eq.term),
-            )
+            replace(_alternative(eq, state, e.free[c]), seconds=seconds_apart(state, term, eq.term))
             for eq in step.equivalent
         ),
         term.effect.remedy,
@@ -185,6 +204,28 @@ def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:
         u.carries_over,
         picture(state, None, u.channel, u.variables),
         u.alike,
+    )
+
+
+def _alternative(its: Equivalent, state: State, free: float) -> Alternative:
+    """free: of the rows of the channel whose error it lowers."""
+    place, labels = its.term.place, state.problem.robot.joint_labels
+    source = None if place.source is None else int(labels[place.source])
+    drop = drop_percent(its.log_e, free)
+    return Alternative(
+        its.term.effect.name, _joints(its.term, state), float(its.log_e), drop, source, place.link
+    )
+
+
+def hint_of(step: Step, outcome: Outcome) -> Hint:
+    state, e = outcome.last, step.evidence
+    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    return Hint(
+        _alternative(Equivalent(step.term, e.log_e), state, e.free[c]),
+        _side(c, state),
+        int((e.blocks > 0).sum()),
+        int(np.count_nonzero(e.blocks)),
+        tuple(_alternative(eq, state, e.free[c]) for eq in step.equivalent),
     )
 
 
@@ -267,6 +308,14 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
                 f"g{axis}": {"value": float(g), "std": None, "unit": "m/s^2", "at_bound": False}
                 for axis, g in zip("xyz", mended.gravity)
             }
+        if len(check.signals) == len(effect.reported) == 1:  # recorded: a number times what is there
+            maps = [its.columns.get(check.signals[0]) for its in (study, mended)]
+            before, after = (1.0 if its is None else its.scale for its in maps)
+            gain = before / after
+            if gain != 1.0:
+                its = effect.reported[0]
+                std = None if check.spread is None else gain * check.spread
+                values[its.name] = {"value": gain, "std": std, "unit": its.unit, "at_bound": False}
         joints = tuple(int("".join(filter(str.isdigit, name)) or 0) for name in check.signals)
         side = "tau_l" if any(name.startswith("tau_l") for name in check.signals) else "tau_m"
         out.append(

@@ -40,6 +40,7 @@ from ident.diagnosis.weighing import (
     could_stand,
     holds,
     main_channel,
+    nearly,
     rivals_of,
     simplest,
 )
@@ -83,6 +84,7 @@ class Outcome:
     unnamed: tuple[Unnamed, ...]
     tau: float
     notes: tuple[str, ...] = field(default=())
+    hints: tuple[Step, ...] = ()  # where nothing is told: what may be, of which too few blocks agree
 
     def with_step(self, at: int, step: Step) -> Outcome:
         """Another step in the place of one."""
@@ -103,6 +105,7 @@ def trace(
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
     event, loads = None, True
+    weighed = None
     progress("what the study left out", 0.15)
     whole = left_out(state, library, tau)
     if whole is not None:
@@ -118,7 +121,7 @@ def trace(
             progress(f"{step}: loads and contacts", done)
             event = best_event(state, library.events, library.layout, tau, alpha)
             loads = event is not None
-        if event is not None and _first(event, weighed):
+        if event is not None and _first(event, weighed) and not _outdone(event, state, weighed, tau, alpha):
             r = event.refined
             rivals = tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
             steps.append(Step(r.term, event.evidence, rivals))
@@ -150,7 +153,7 @@ def trace(
             continue
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
-        if "dtau" in best.term.effect.needs and best.term.place.joint is not None:
+        if best.term.effect.shifts_time and best.term.place.joint is not None:
             late = in_time(state, library.places, best.term.place, tau, alpha)
             if late is not None:
                 taken, evidence, state, beside = late
@@ -187,12 +190,29 @@ def trace(
     state, steps = reconsidered(state, steps, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
     state, steps, left = leftovers(state, steps, unnamed, tau, alpha)
-    return Outcome(first, state, tuple(steps), (*unnamed, *left), tau)
+    there = {term.key for term in state.terms}  # what is found itself is no other explanation of the rest
+    steps = [replace(s, equivalent=tuple(e for e in s.equivalent if e.term.key not in there)) for s in steps]
+    near = () if weighed is None or steps or unnamed or left or state.found else nearly(weighed, tau, alpha)
+    hints = tuple(Step(r.term, e, beside) for r, e, beside in near)
+    return Outcome(first, state, tuple(steps), (*unnamed, *left), tau, hints=hints)
 
 
 def _first(event: Event, weighed: Weighed) -> bool:
     """A load that says more than every other explanation is taken before them."""
     return not weighed.passed or event.evidence.log_e > max(e.gain + e.log_e for _, e in weighed.passed)
+
+
+def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: float) -> bool:
+    """Whether a law that may be, though too few blocks speak for it to be told, leaves the load nothing to
+    say: a base's tilt of 3 mrad was told as a force on all but a second of a run."""
+    r = event.refined
+    load = Found(r.term, r.columns, r.sizes)
+    likely = [(o, e) for o, e in weighed.possible if e.log_e > tau and e.gain > event.evidence.gain]
+    return any(
+        not still_holds(solved(state.plus(Found(o.term, o.columns, o.sizes))), load, tau, alpha)
+        for o, _ in likely
+        if set(o.columns) & set(r.columns)
+    )
 
 
 def _doubtful(
@@ -249,10 +269,13 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
         if not weighed.passed:
             continue
         best, evidence = simplest(weighed, tau)
-        flex = sufficiency(others, weighed.metric, best.term, main_channel(evidence, best.term, others), tau)
-        if best.term.key == f.term.key or not sufficient(best.term, evidence, flex, tau):
-            continue
         rivals = rivals_of(weighed, best, evidence, tau, alpha)
+        if best.term.key == f.term.key:
+            steps[at] = replace(steps[at], equivalent=rivals)
+            continue
+        flex = sufficiency(others, weighed.metric, best.term, main_channel(evidence, best.term, others), tau)
+        if not sufficient(best.term, evidence, flex, tau):
+            continue
         steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
         found = list(state.found)
         found[number] = Found(best.term, best.columns, best.sizes)

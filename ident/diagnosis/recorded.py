@@ -31,7 +31,7 @@ class _Torque:
 
 def comes_late(term: Term) -> bool:
     """Whether a term moves or smooths the torque in time as it is recorded."""
-    return term.effect.kind == "measurement" and "dtau" in term.effect.needs and term.size is not None
+    return term.effect.kind == "measurement" and term.effect.shifts_time and term.size is not None
 
 
 def recorder(terms: Sequence[Term], channels: Sequence[Channel], motions: Sequence[Motion]) -> Record | None:

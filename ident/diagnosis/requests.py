@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
+from ident.recordings.study import Study, expand
 from modelgen.effects import catalogue
 
 
@@ -24,12 +26,29 @@ def request_of(finding: Mapping[str, Any]) -> str:
     return ":".join([str(finding["effect"]), str(joints[0]) if joints else "", ",".join(given)]).rstrip(":")
 
 
+def robot_of(study: Study) -> str:
+    """The robot as a command takes it, from wherever it is typed."""
+    source = Path(study.robot_source)
+    return str(source.resolve()) if source.is_file() else study.robot
+
+
+def own_effects_of(study: Study) -> str | None:
+    """The folder of a user's own effects, from wherever the command is typed."""
+    folder = study.effects_folder
+    return str((study.path / expand(folder)).resolve()) if folder else None
+
+
 def separating_command(
-    robot: str, finding: Mapping[str, Any], rivals: Sequence[Mapping[str, Any]], model: str = "A"
+    robot: str,
+    finding: Mapping[str, Any],
+    rivals: Sequence[Mapping[str, Any]],
+    model: str = "A",
+    effects_folder: str | None = None,
 ) -> str:
     """The command that designs the motion which tells a finding from its rivals."""
     requests = ",".join(dict.fromkeys(request_of(item) for item in (finding, *rivals)))
     where = f" --model {model}" if model != "A" else ""
+    where += f" --effects-folder {shlex.quote(effects_folder)}" if effects_folder else ""
     return f"ident excite {shlex.quote(robot)}{where} --separate {requests} -o MOTION"
 
 

@@ -99,7 +99,7 @@ def in_time(
     tried = []
     for effect, place in places:
         here = place.joint in (None, near.joint) and place.side in (None, near.side)
-        if "dtau" in effect.needs and here:
+        if effect.shifts_time and here:
             tried += [_late(state, Term(effect, place, {}, (size,))) for size in LATE_S]
     before = _whitened_squares(state, state)
     tried.sort(key=lambda its: its[0])

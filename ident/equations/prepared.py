@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ident.equations.columns import Columns, study_columns
 from ident.errors import StudyError
+from ident.examination.signals import MOVED
 from ident.progress import Progress, silent
 from ident.recordings.need import need_of
 from ident.recordings.opening import open_recordings
@@ -29,9 +33,8 @@ class Prepared:
     def again(self, study: Study) -> Prepared:
         """The same recordings, not read again, for a study that differs in its effects, in how friction turns
         over or in the decimation's cut-off alone."""
-        banks = tuple(prepare(stream, study.filter, study.turn_overs) for stream in self.streams)
         columns = columns_of(study)
-        return Prepared(study, columns.model, columns, self.streams, banks)
+        return Prepared(study, columns.model, columns, self.streams, banks_of(study, self.streams))
 
 
 def columns_of(study: Study) -> Columns:
@@ -76,5 +79,21 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
                 "joints; give one per joint, 0 for one that keeps the plain sign",
             )
     streams = tuple(open_recordings(study, columns.need, columns.model.prismatic))
-    banks = tuple(prepare(stream, study.filter, study.turn_overs) for stream in streams)
-    return Prepared(study, columns.model, columns, streams, banks)
+    return Prepared(study, columns.model, columns, streams, banks_of(study, streams))
+
+
+def banks_of(study: Study, streams: Sequence[RecordingStream]) -> tuple[FilterBank, ...]:
+    """The filters of every recording."""
+    resting = resting_joints(streams)
+    return tuple(prepare(stream, study.filter, study.turn_overs, resting) for stream in streams)
+
+
+def resting_joints(streams: Sequence[RecordingStream]) -> tuple[int, ...]:
+    """Joints that stand at one place in all recordings, unless all of them do. There its load moves no other
+    torque that another link's would not: its own torque alone shows it, and may be a brake's without harm to
+    the others."""
+    n = len(streams[0].need.joints)
+    lowest = np.min([stream.survey.lowest[:n] for stream in streams], axis=0)
+    highest = np.max([stream.survey.highest[:n] for stream in streams], axis=0)
+    still = highest - lowest < MOVED
+    return () if still.all() else tuple(np.flatnonzero(still).tolist())

@@ -23,16 +23,19 @@ from ident.equations.observation import RecordingSystem
 from ident.equations.prepared import Prepared, prepare_study
 from ident.equations.terms import Term
 from ident.errors import FitFailedError, RecordingError, StudyError
+from ident.estimation.blocks import widened
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
 from ident.estimation.estimators.refined import Feedback, refined
 from ident.estimation.least_squares import Estimate, bounded
 from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson
 from ident.estimation.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
-from ident.estimation.remarks import excitation_warnings, implausible, impossible, payload_notes
+from ident.estimation.remarks import excitation, implausible, impossible, payload_notes, resting
 from ident.estimation.shapes import Extended, extend
 from ident.estimation.solving import estimate_all
 from ident.examination.check import Check, worst_first
 from ident.examination.examine import examine_fit, examine_tables, sentences
+from ident.examination.limits import reads_currents
+from ident.examination.torques import signal_of
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study
@@ -71,6 +74,7 @@ class FitResult:
     at_bound: tuple[str, ...] = ()  # parameters that their search stopped at
     impossible: dict[str, str] = field(default_factory=dict)  # {parameter: why physics forbids its value}
     model: FittedModel | None = None  # what the effects read; None without effects
+    widened: np.ndarray | None = None  # (b,) of the deviations told of effects, see blocks.py
     feedback: Feedback | None = None  # a test of "least squares is unbiased", where the loop was simulated
 
     @property
@@ -239,7 +243,7 @@ def fit_systems(
         *(note for stream in prepared.streams for note in stream.notes),
     ]
     found = [*examine_tables(prepared), *checks]
-    found += sentences("poor_excitation", excitation_warnings(full, fitted))
+    found += excitation(full, fitted, resting(prepared))
     found += sentences("feedback", [said] if its.feedback and (said := its.feedback.sentence()) else [])
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]
     notes += payload_notes(study, estimate, covariance)
@@ -250,7 +254,9 @@ def fit_systems(
         cutoff_hz,
         progress,
     )
-    found += sentences("torque_scale", implausible(estimate))
+    found += implausible(
+        estimate, [signal_of(columns, c, reads_currents(prepared)) for c in range(len(columns.channels))]
+    )
     progress("done", 1.0)
     return FitResult(
         study,
@@ -275,6 +281,7 @@ def fit_systems(
         extended.at_bound,
         impossible(estimate, std, terms),
         extended.model,
+        widened(fitted, full, full_covariance) if extended.terms and its.plain else None,
         its.feedback,
     )
 

@@ -76,7 +76,8 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     covariance = np.zeros((len(inner), len(inner)))
     free = [i for i, name in enumerate(inner) if name in own]
     at = [own[inner[i]] for i in free]
-    covariance[np.ix_(free, free)] = result.full_covariance[np.ix_(at, at)]
+    wider = np.ones(len(at)) if result.widened is None else result.widened[at]
+    covariance[np.ix_(free, free)] = result.full_covariance[np.ix_(at, at)] * np.outer(wider, wider)
     values = {**dict(zip(term.linear, term.size)), **term.theta}
     context = {} if result.model is None else effect.context_of(term.place, result.model)
     told = effect.report(values, covariance, context, term.place)

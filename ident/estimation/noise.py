@@ -46,7 +46,7 @@ class ChannelNoise:
 
 def channel_noises(systems: Sequence[RecordingSystem], estimate: Estimate) -> tuple[ChannelNoise, ...]:
     """One noise model per channel, pooled over the segments of all recordings given."""
-    half = _half(estimate)
+    half = half_of(estimate)
     residuals = [system.residuals(estimate.chi) for system in systems]
     out = []
     for j, sigma in enumerate(estimate.sigma):
@@ -75,7 +75,7 @@ def channel_noises(systems: Sequence[RecordingSystem], estimate: Estimate) -> tu
     return tuple(out)
 
 
-def _half(estimate: Estimate) -> np.ndarray:
+def half_of(estimate: Estimate) -> np.ndarray:
     """A (b, k) with A A' = covariance."""
     columns = np.flatnonzero(estimate.active)
     values, vectors = np.linalg.eigh(estimate.covariance[np.ix_(columns, columns)])
@@ -161,7 +161,7 @@ def honest_covariance(
 ) -> np.ndarray:
     """Covariance (b, b) of the weighted estimate under the correlated noise of `noises`; `turn` (b, b): the
     columns that the estimate was solved on are those of `systems` times it."""
-    half = _half(estimate)
+    half = half_of(estimate)
     across = half if turn is None else turn @ half
     middle = np.zeros((half.shape[1], half.shape[1]))
     for j, (sigma, noise) in enumerate(zip(estimate.sigma, noises)):

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
 from ident.equations.observation import RecordingSystem
+from ident.equations.prepared import Prepared
 from ident.equations.terms import Term
 from ident.estimation.least_squares import Estimate, not_negative
+from ident.examination.check import Check, column_line, listed
 from ident.recordings.study import Study
+from modelgen.geometry.names import ParameterName
 
 
 def impossible(estimate: Estimate, std: np.ndarray, terms: Sequence[Term] = ()) -> dict[str, str]:
@@ -36,26 +39,59 @@ def impossible(estimate: Estimate, std: np.ndarray, terms: Sequence[Term] = ()) 
     return out
 
 
-def excitation_warnings(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:
-    """Which parameters the motion leaves open, in words."""
-    out = [
-        f"{dependence.sentence()}; the identify recordings cannot tell them apart"
-        if dependence.seen_in
-        else f"{dependence.sentence()} by the identify recordings"
-        for dependence in full.dependent
-    ]
-    if full.weak:
+def excitation(full: Estimate, systems: Sequence[RecordingSystem], resting: Collection[str]) -> list[Check]:
+    """Which parameters the motion leaves open; resting: labels of the joints that never move."""
+    cure = (
+        f"record joint {listed(sorted(resting))} moving"
+        if resting
+        else "add motions that move these joints faster and at other postures"
+    )
+    unseen = [d.parameter for d in full.dependent if not d.seen_in]
+    out = []
+    if unseen:
+        are = "is" if len(unseen) == 1 else "are"
         out.append(
-            f"the motion hardly excites {', '.join(full.weak)} "
-            f"(condition number {full.condition_number:.3g}); "
-            "add motions that move those joints faster and at other postures"
+            _open(unseen, f"{_named(unseen)} {are} not excited at all by the identify recordings", cure)
         )
-    if len(systems) > 1:
-        out += _blind_runs(full, systems)
-    return out
+    together = [d for d in full.dependent if d.seen_in]
+    if together:
+        message = "; ".join(d.sentence() for d in together[:MOST_TOLD])
+        if more := [d.parameter for d in together[MOST_TOLD:]]:
+            message += f"; and so {'is' if len(more) == 1 else 'are'} {_named(more)}"
+        names = [name for d in together for name in (d.parameter, *(its for its, _ in d.seen_in[:4]))]
+        out.append(_open(names, f"{message}: the identify recordings cannot tell them apart", CANNOT))
+    if full.weak:
+        message = (
+            f"the motion hardly excites {_named(full.weak)} (condition number {full.condition_number:.3g})"
+        )
+        out.append(_open(full.weak, message, cure))
+    return [*out, *_blind_runs(full, systems)] if len(systems) > 1 else out
 
 
-def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]:
+MOST_TOLD = 3
+CANNOT = "what is fitted predicts as well; ident excite designs a motion that sees more"
+
+
+def resting(prepared: Prepared) -> frozenset[str]:
+    """Labels of the joints that move in no recording that is fitted."""
+    still = [set(s.still.tolist()) for s in prepared.streams if s.role == "identify"]
+    joints = prepared.columns.need.joints
+    return frozenset(str(joints[k]) for k in set.intersection(*still)) if still else frozenset()
+
+
+def _named(names: Sequence[str]) -> str:
+    """8 of them, and how many there are."""
+    return f"{listed(names)} ({len(names)} parameters)" if len(names) > 8 else ", ".join(names)
+
+
+def _open(names: Sequence[str], message: str, remedy: str, recording: str = "") -> Check:
+    """The positions of the joints whose parameters these are."""
+    read = [ParameterName.of(name) for name in names]
+    signals = dict.fromkeys(f"q{its.label}" for its in read if its is not None and not its.payload)
+    return Check("poor_excitation", tuple(signals), message, remedy, recording=recording)
+
+
+def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[Check]:
     """Recordings whose motion leaves a parameter out that another one excites."""
     b = len(full.chi)
     lengths = np.zeros((len(systems), b))
@@ -71,14 +107,15 @@ def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[str]
     for k, system in enumerate(systems):
         blind = [full.parameters[i] for i in np.flatnonzero(carried[k] & (lengths[k] < 1e-4 * best))]
         if blind:
-            out.append(
-                f"{system.label} does not excite {', '.join(blind[:8])}{' ...' if len(blind) > 8 else ''}"
-            )
+            message = f"does not excite {_named(blind)}, which others do"
+            out.append(_open(blind, message, "the others are what shows them", system.label))
     return out
 
 
-def implausible(estimate: Estimate) -> list[str]:
-    """Masses of tonnes and friction of kilonewton metres: torque is in N mm, or in drive units."""
+def implausible(estimate: Estimate, signals: Sequence[str]) -> list[Check]:
+    """Masses of tonnes and friction of kilonewton metres: torque is in N mm, or in drive units.
+
+    signals: the study's names of the motor's or sensor's torques."""
     heavy = [
         name
         for name, value in zip(estimate.parameters, estimate.chi)
@@ -87,9 +124,14 @@ def implausible(estimate: Estimate) -> list[str]:
     if not heavy:
         return []
     return [
-        f"parameters such as {heavy[0]} come out larger than robots are; "
-        "torque looks recorded in N mm or in drive "
-        "units, if so give scale: 0.001 or drive_gains in the study"
+        Check(
+            "torque_scale",
+            tuple(signals),
+            f"parameters such as {heavy[0]} come out larger than robots are; the torques look recorded in "
+            "N mm or in the drive's own units",
+            f"if N mm, write {column_line({}, {name: {'scale': 0.001} for name in signals})}, else give "
+            "drive_gains: in the study",
+        )
     ]
 
 

@@ -30,7 +30,8 @@ _GRAVEST = (
 @dataclass(frozen=True, slots=True)
 class Check:
     """recording: label, empty where all are meant; rows: first and last row of the table, from 1, or None.
-    hint: it only shows that something is wrong; a check of the same signals that says what replaces it."""
+    hint: it only shows that something is wrong; a check of the same signals that says what replaces it.
+    spread: standard deviation of the remedy's factor, a share of it; None where it is not told."""
 
     check: str
     signals: tuple[str, ...]
@@ -40,6 +41,7 @@ class Check:
     recording: str = ""
     rows: tuple[int, int] | None = None
     hint: bool = False
+    spread: float | None = None
 
     @property
     def sentence(self) -> str:

@@ -21,6 +21,8 @@ UNITS = (("ms", 1e-3, 100.0), ("us", 1e-6, 1e5), ("ns", 1e-9, 1e9))  # name, sca
 LONGER = (("minutes", 60.0), ("hours", 3600.0), ("days", 86400.0))
 PAUSE = 5.0  # usual steps
 ROUNDED = 10  # steps of another length, from which on stamps on a grid are asked for a clock behind them
+SIDE = 8  # rows on either side of a gap that show whether the motion goes on
+ELSEWHERE = 0.02  # rad or m, that a joint would have gone in the gap
 BURSTS = 0.05  # share of rows that share a stamp, or follow closer than a third of the mean
 
 
@@ -144,6 +146,42 @@ def time_stamps(recording: str, clock: Clock, shared: int, rows: int) -> Check:
         f"{1e3 * clock.worst_s:.3g} ms)",
         "record the stamps where the samples are taken, or leave t out and give rate_hz: beside the file",
         "refused",
+    )
+
+
+def goes_on(before: np.ndarray, after: np.ndarray, lost: float) -> bool:
+    """Whether the positions on both sides (K, n) of a gap of `lost` usual steps follow each other as if no
+    time had passed, while some joint moves fast enough to have gone elsewhere meanwhile."""
+    k, m = len(before), len(after)
+    if min(k, m) < SIDE // 2:
+        return False
+    both, x = np.vstack([before, after]), np.arange(-k, m) / SIDE
+    noise = sum(
+        np.square(_left(np.arange(len(side)) / SIDE, side, 2)).sum(axis=0) for side in (before, after)
+    )
+    noise = np.sqrt(noise / (k + m - 6))
+    left = np.sqrt(np.square(_left(x, both, 3)).sum(axis=0) / (k + m - 4))
+    speed = np.abs(both[-1] - both[0]) / (k + m - 1)
+    moves = speed > np.maximum(noise, 1e-12)
+    return bool((left <= 3 * noise + 1e-12).all() and (moves & (speed * lost > ELSEWHERE)).any())
+
+
+def _left(x: np.ndarray, y: np.ndarray, degree: int) -> np.ndarray:
+    """What a polynomial of x (N,) leaves of y (N, n)."""
+    columns = np.vander(x, degree + 1)
+    return np.asarray(y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0])
+
+
+def clock_leap(recording: str, seconds: float, row: int) -> Check:
+    """A clock that was set while the recording went on."""
+    return Check(
+        "time_stamps",
+        ("t",),
+        f"the clock leaps by {seconds:.4g} s in row {row} while the motion goes on as if no time had passed; "
+        "split there",
+        outcome="mended",
+        recording=recording,
+        rows=(row, row),
     )
 
 

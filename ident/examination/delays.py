@@ -40,7 +40,7 @@ def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
             held = gain_of(fit.validate[which], other.validate[which]) / len(which)
         if abs(LAGS[best]) < LEAST_S or own < each or held < HELD or other.gain_over(fit) < 0.8 * own:
             continue
-        names = tuple(signal_of(quick, c, currents) for c in which)
+        names = tuple(signal_of(quick.columns, c, currents) for c in which)
         word = "after" if LAGS[best] > 0 else "before"
         before, after = (100 * float(np.sqrt(np.mean(x.error[which] ** 2))) for x in (fit, other))
         check = Check(

@@ -42,12 +42,14 @@ from ident.examination.torques import (
     several_signs,
     swapped,
     swapped_positions,
+    too_large,
     unexplained,
 )
+from ident.examination.within import changed_within
 from ident.recordings.study import Study
 
 FAULTS = 4  # at most, one after the other
-DOUBTFUL = 0.15  # error of a channel from which the costlier questions are asked
+DOUBTFUL = 0.15  # error of a channel from which several faults at once are asked for
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
 FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is blamed, and anything else
 FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
@@ -77,19 +79,27 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if not (quick.identify.rows > 10).any():
         return ()
     maps, currents = dict(prepared.study.columns), reads_currents(prepared)
-    how, found = quick.plain(), []
+    how, found, at_an_end = quick.plain(), [], False
+    gained, halfway = 0.0, list(changed_within(quick, how, currents))
+    turned = halfway[-1][1].fit(how).gain_over(quick.fit(how)) if halfway else -np.inf
     for _ in range(FAULTS):
         fit = quick.fit(how)
         best = _best(prepared, quick, fit, how, maps, currents)
         if best is None:
             break
         found.append(best.check)
+        gained += best.gain
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
             refuse(stream.file, [*examine_tables(prepared), *found])
-        if best.how == how and best.quick is None:  # nothing here that later questions could stand on
-            return tuple(found)
+        at_an_end = best.how == how and best.quick is None
+        if at_an_end:  # nothing here that later questions could stand on
+            break
         how, quick = best.how, best.quick or quick
+    if halfway and (not found or turned > gained):  # what else is odd is its shadow, or it is theirs
+        return tuple(check for check, _ in halfway)
+    if at_an_end:
+        return tuple(found)
     last = quick.fit(how)
     doubted = any(check.hint for stream in prepared.streams for check in stream.checks)
     alone = [] if found or doubted else list(recordings_apart(quick, how, currents))
@@ -112,13 +122,18 @@ def _best(
     everything = all_signs(quick, fit, how, names, currents)
     if everything is not None:
         return everything
+    doubted = [c for s in prepared.streams for c in s.checks if c.check == "torque_scale" and c.hint]
+    large = too_large(quick, how, names, currents, {name for c in doubted for name in c.signals})
+    believed = next((h for h in large if _believed(quick, fit, h)), None)
+    if believed is not None:
+        return believed
     error = fit.error[np.isfinite(fit.error)]
     found = [*one_sign(quick, fit, how, names, currents)]
+    if not prepared.study.without:  # a torque that misses a term of the model looks scaled
+        found += scales(quick, fit, how, names, currents)
     if error.max() > DOUBTFUL:
         found += several_signs(quick, fit, how, names, currents)
         found += swapped(quick, fit, how, names, currents)
-        if not prepared.study.without:  # a torque that misses a term of the model looks scaled
-            found += scales(quick, fit, how, names, currents)
         found += _degrees(quick, fit, how, names)
     bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
     if bad:

@@ -18,7 +18,7 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.examination.check import Check
-from ident.examination.quick import CARRIED, FLOOR, Assignment, Carried, Sample, carried
+from ident.examination.quick import CARRIED, Assignment, Carried, Sample, carried, gain_of
 from ident.examination.torques import EXPLAINED, Hypothesis
 from modelgen.geometry.names import INERTIAL, ParameterName
 
@@ -155,7 +155,7 @@ def gain(before: np.ndarray | None, after: np.ndarray | None) -> float:
     """Sum of ln(before / after) over the channels."""
     if before is None or after is None:
         return np.inf
-    return float(np.nansum(np.log(np.maximum(before, FLOOR) / np.maximum(after, FLOOR))))
+    return gain_of(before, after)
 
 
 def base_orientation(

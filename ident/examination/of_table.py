@@ -41,6 +41,7 @@ def of_table(
         said,
         repeats.copies(columns, excerpt),
         repeats.standing(columns, excerpt, slow | gone),
+        repeats.noise_alone(columns, excerpt),
         repeats.unsigned(columns, excerpt),
         repeats.coarse(columns, excerpt, slow),
     )

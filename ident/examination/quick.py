@@ -109,6 +109,7 @@ class Fit:
 
 
 def gain_of(before: np.ndarray, after: np.ndarray) -> float:
+    """Sum of ln(before / after) of errors (C,) over the channels that both have."""
     seen = np.isfinite(before) & np.isfinite(after)
     return float(np.sum(np.log(np.maximum(before[seen], FLOOR) / np.maximum(after[seen], FLOOR))))
 
@@ -232,6 +233,35 @@ def functionals(quick: Quick, fit: Fit, how: Assignment, H: np.ndarray) -> tuple
         pieces = np.array_split(scores, max(2, CLUSTERS // len(quick.fitted)))
         meat += sum(piece.sum(axis=0) ** 2 for piece in pieces)
     return H.T @ fit.chi, np.sqrt(meat)
+
+
+@dataclass(frozen=True, slots=True)
+class Explained:
+    """Recordings, a fit of them, and what it took of their torques."""
+
+    quick: Quick
+    fit: Fit
+    how: Assignment
+
+    def squares(self, s: Sample, c: int) -> np.ndarray:
+        """(N,) squared errors of a channel of one of the recordings, as shares of its mean square."""
+        k, f = self.how.order[c], self.how.factor[c]
+        size = f * f * self.quick.identify.yy[c, k] / max(self.quick.identify.rows[c], 1.0)
+        return s.weight[:, c] * (f * s.Y[:, k] - s.W[c] @ self.fit.chi) ** 2 / max(size, 1e-300)
+
+
+def stretch_gains(one: Explained, other: Explained) -> np.ndarray:
+    """(stretches,) by how much more the other explains of each stretch: falls of the squared errors, in units
+    of what the two leave."""
+    out: list[float] = []
+    for s, its in zip(one.quick.fitted, other.quick.fitted):
+        gain = np.zeros(len(s.q))
+        for c, left in enumerate(one.fit.error * other.fit.error):
+            if np.isfinite(left) and left > 0:
+                gain += 0.5 * (one.squares(s, c) - other.squares(its, c)) / left
+        pieces = np.array_split(gain, max(2, CLUSTERS // len(one.quick.fitted)))
+        out += [float(piece.sum()) for piece in pieces]
+    return np.array(out)
 
 
 def take(

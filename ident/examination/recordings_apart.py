@@ -97,7 +97,7 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
             said += f"so taken {100 * float(np.nanmax(apart.left(best.sample)[list(apart.odd)])):.0f} %)"
             yield _check(best.check, apart, best.signals, said, best.remedy)
         elif unlike := [c for c in apart.odd if _unlike(apart, c)]:
-            names = tuple(signal_of(quick, c, currents) for c in unlike)
+            names = tuple(signal_of(quick.columns, c, currents) for c in unlike)
             yield _check(
                 "wrong_robot"
                 if len(unlike) > 1 and len(unlike) > len(apart.error) / 2
@@ -106,7 +106,7 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
                 names,
                 f"{listed(names)} {'has' if len(names) == 1 else 'have'} nothing to do with what the other "
                 f"recordings say of this motion (error {here:.0f} %, there {there:.0f} %): another signal, "
-                "another run's, or another robot's",
+                "another run's, or another robot's, or a sign that changes on the way",
                 "check how it was recorded, or leave the recording out",
             )
 
@@ -232,7 +232,7 @@ def _correlation(apart: Apart, c: int) -> float:
 def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
     """Torques turned, scaled, swapped, late."""
     s, odd = apart.sample, list(apart.odd)
-    names = tuple(signal_of(quick, c, currents) for c in odd)
+    names = tuple(signal_of(quick.columns, c, currents) for c in odd)
     are = f"{listed(names)} {'has' if len(odd) == 1 else 'have'}"
     own = "give this recording a columns: of its own in the study with"
     Y = s.Y.copy()
@@ -261,7 +261,7 @@ def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
             for c, d in ((a, b), (b, a)):
                 own_gain = float(scale(s.Y[:, d], c)) if currents else 1.0
                 Y[:, c] = s.Y[:, d] * (own_gain if 1 / LARGE < own_gain < LARGE else 1.0)
-            pair = tuple(signal_of(quick, c, currents) for c in (a, b))
+            pair = tuple(signal_of(quick.columns, c, currents) for c in (a, b))
             words = f"{pair[0]} and {pair[1]} look swapped"
             line = f"{{{pair[0]}: {pair[1]}, {pair[1]}: {pair[0]}}}"
             yield Cause(replace(s, Y=Y), "swapped_signals", pair, words, f"{own} {line}")
@@ -270,7 +270,7 @@ def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
             if abs(lag) >= LEAST_LAG:
                 Y = s.Y.copy()
                 Y[:, which] = s.late[k][:, which]
-                late = tuple(signal_of(quick, c, currents) for c in which)
+                late = tuple(signal_of(quick.columns, c, currents) for c in which)
                 words = f"{listed(late)} {'is' if len(late) == 1 else 'are'} recorded about {abs(lag):g} s "
                 words += f"{'after' if lag > 0 else 'before'} the positions"
                 yield Cause(replace(s, Y=Y), "channel_delay", late, words, "record both with one clock")

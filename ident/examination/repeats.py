@@ -21,6 +21,9 @@ TRAVEL = 0.02  # of the joint's range, moved through meanwhile
 MOST_STILL, FEW = 0.05, 40  # share of the samples; values of a signal that stands still by its resolution
 NEAR_ZERO, AWAY, VISITS = 0.01, 0.1, 8  # of the largest value
 HELD_S, HELD_ROWS, HELD_ALIKE = 0.04, 4, 0.6  # s and rows between changes, share of equal distances
+TRAVELLED = 0.05  # rad or m, that a joint must move for its torque to be asked for more than noise
+FEWEST_STEPS, FEWEST_SCALES = 16, 4  # of means of one length, and lengths
+WHITE = 4.5  # standard deviations between scatter at one length and at the shortest
 LEVELS, TORQUE_LEVELS = 250, 6  # steps of its resolution that a signal's range holds
 
 
@@ -117,6 +120,40 @@ def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
                 f"{name} comes down to zero {count} times and never changes its sign: a magnitude, or a "
                 "sensor of one direction",
                 f"record it with its sign, or leave it out with {columns.without([name])}",
+            )
+
+
+def noise_alone(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Torques that are white noise about a constant while their joint moves: means over 2, 4, 8 ... samples
+    scatter as those of independent samples do, at every length (Haar's variances). Gravity, friction or an
+    offset that turns with the motion would show in the long ones, however far below the noise."""
+    for k in range(columns.n, len(columns.signals)):
+        moved = float(np.ptp(excerpt.column(int(columns.joint[k]))))
+        if moved < TRAVELLED or excerpt.fewer(k, 3):
+            continue
+        low, high = np.quantile(excerpt.column(k), [0.1, 0.9])  # spikes would drown what is below them
+        pieces = [np.clip(values[:, k], low, high) for _, _, values in excerpt.pieces]
+        size, ratios = 1, []
+        first = 0.0
+        while True:
+            means = [x[: len(x) // (2 * size) * 2 * size].reshape(-1, 2, size).mean(axis=2) for x in pieces]
+            steps = np.concatenate([m[:, 1] - m[:, 0] for m in means])
+            if len(steps) < FEWEST_STEPS:
+                break
+            power = float(np.mean(steps**2)) * size
+            first = first or power
+            if not first:
+                break
+            ratios.append((power / first - 1.0) / np.sqrt(2.0 / len(steps)))
+            size *= 2
+        if len(ratios) >= FEWEST_SCALES and max(map(abs, ratios)) < WHITE:
+            name, x = columns.signals[k], excerpt.column(k)
+            yield Check(
+                "dead_channel",
+                (name,),
+                f"{name} is noise about {x.mean():.3g} and nothing else while joint "
+                f"{columns.labels[columns.joint[k]]} moves: dead, absent, or far below its own noise",
+                f"leave it out with {columns.without([name])}",
             )
 
 

@@ -28,6 +28,7 @@ from ident.recordings.resampling import cubic_at
 SPIKE = 15.0  # in the local scale; 9 is the most on eleven measured robots' positions
 TORQUE_SPIKE = 12.0
 TORQUE_RANGE = 0.9  # of the signal's range; 0.67 is the most on the measured robots
+LONE = 0.5
 LEAST_SPIKE = 1e-4  # rad or m: below it nothing is harmed
 GROSS = 30.0  # ranges from the median at which short runs are no measurement
 GROSS_RUN = 20  # samples
@@ -101,6 +102,7 @@ class Mender:
     steps: list[tuple[int, int, float]] = field(
         default_factory=list
     )  # row, column, size of leaps of positions
+    left_out: int = 0  # rows of runs in which a position is unknown for longer than can be interpolated
     truncated: int | None = None  # row, where the last one is not whole
     _found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=list)
     _dropped: list[np.ndarray] = field(default_factory=list)
@@ -173,6 +175,7 @@ class Mender:
         filled = _filled(t, values, bad)
         here = bad & fresh[:, None]
         drop = _long_gaps(t, bad[:, : self.n]) & fresh
+        self.left_out += int(drop.sum())
         drop |= self._frozen(rows, t, filled, begun, done)
         self._leaps(rows, t, filled, fresh & ~np.roll(drop, 1))
         if here.any():
@@ -360,12 +363,14 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
     if not off.max() > (LEAST_SPIKE if position else TORQUE_RANGE * known):
         return none
     if not position:
-        low, high = np.percentile(x, [0.5, 99.5])
+        low, high = np.percentile(x, [5, 95])  # then the whole range, of all but what may be spikes
+        low, high = np.percentile(x[off <= TORQUE_RANGE * max(high - low, known)], [0.5, 99.5])
         reach = TORQUE_RANGE * max(high - low, known)
     candidates = off > max(reach, LEAST_SPIKE if position else 0.0)
     if not candidates.any():
         return none
     miss = np.abs(c - (-a + 4 * b + 4 * d - e) / 6)
+    candidates &= off > LONE * miss  # beside a leap the prediction fails by half of it, the median hardly
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0]
     smallest = np.quantile(changes, 0.1) if len(changes) else np.inf

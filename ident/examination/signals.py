@@ -84,7 +84,7 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
             message = (
                 f"{number} sample{'s' if number > 1 else ''} of {subject} "
                 f"{'are' if number > 1 else 'is'} {_WORDS[kind]} (rows {span[0]} to {span[1]}); "
-                f"{'left out' if kind == 'frozen' else 'interpolated, and given no weight in the fit'}"
+                f"{_done(kind, number, mender.left_out if (mine < columns.n).any() else 0)}"
             )
         check = "missing_values" if kind == "sentinel" else kind
         yield Check(
@@ -104,6 +104,14 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
             outcome="mended",
             rows=(row, row),
         )
+
+
+def _done(kind: str, number: int, long: int) -> str:
+    """What was done to samples, of which `long` are in stretches that nothing can cross."""
+    if kind == "frozen" or long >= number:
+        return "left out"
+    crossed = "interpolated, and given no weight in the fit"
+    return f"{long} of them in long stretches left out, the others {crossed}" if long else crossed
 
 
 def _after_a_stop(mender: Mender, k: int) -> bool:
@@ -156,7 +164,8 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
         yield Check(
             "resting_joint",
             tuple(columns.signals[k] for k in still),
-            f"joint {which} never moves, so its own parameters cannot be seen here",
+            f"joint {which} never moves, so its own friction and inertia cannot be seen here, and its offset "
+            "holds the friction that it rests with",
             "record it moving",
         )
     dead = [k for k in range(n, len(reach)) if reach[k] == 0 and columns.joint[k] not in still]
@@ -264,7 +273,9 @@ def units(columns: Columns, mender: Mender, lowest: np.ndarray, highest: np.ndar
             tuple(names),
             f"{names[0]} reaches {reach[far[0]]:.4g}, more than two turns in rad, it looks like degrees or "
             f"the motor's side of the gear (joints {listed(columns.labels[k] for k in far)})",
-            "if degrees, write " + column_line(columns.maps, {name: {"scale": 0.0174533} for name in names}),
+            "if degrees, write "
+            + column_line(columns.maps, {name: {"scale": 0.0174533} for name in names})
+            + "; if the motor's side, the same with scale: 1/ratio of the gear (100: 0.01)",
             hint=True,
         )
     large = [k for k in range(n, len(reach)) if reach[k] > 2e4]

@@ -7,31 +7,59 @@ inertia is positive. Both are linear in the parameters, so they have a standard 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
+import scipy.stats
 
+from ident.equations.columns import Columns
 from ident.examination.check import Check, column_line, listed, turned_sign
 from ident.examination.quick import (
     CARRIED,
     Assignment,
     Carried,
+    Explained,
     Fit,
     Quick,
     carried,
     functionals,
     model_columns,
     regressor,
+    stretch_gains,
 )
 from modelgen.geometry.names import ParameterName
 
 CLEARLY = 0.7  # gain: one channel's error is halved
 SWAPPED = 1.4
+SCALED = 0.5  # over no factor, and over any; measured robots gain at most 0.07 beyond FACTOR, clipped 0.35
 SURE = 5.0  # standard deviations
 FRICTION = ("Fvm", "Fcm", "Fvl", "Fcl", "Fvc", "Fcc")
 FACTOR = 3.0
+MILLI = 1e-3  # N m in a N mm
+ODD, NORMAL = 0.05, 1.96  # rate at which chance confirms what a torque's size has told before; its interval
+TIMES = (
+    0.01,
+    0.02,
+    0.03,
+    0.05,
+    0.1,
+    0.2,
+    0.3,
+    0.5,
+    0.7,
+    1.0,
+    1.4,
+    2.0,
+    3.0,
+    5.0,
+    10.0,
+    20.0,
+    30.0,
+    50.0,
+    100.0,
+)
 NOTHING = 0.85  # error of a channel that the model does not explain
 EXPLAINED = 0.5  # error of a torque above which no fault of it is believed: something else is missing
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
@@ -109,9 +137,9 @@ class Hypothesis:
     quick: Quick | None = None  # with other motions
 
 
-def signal_of(quick: Quick, c: int, currents: bool) -> str:
+def signal_of(columns: Columns, c: int, currents: bool) -> str:
     """The study's name of the signal behind a channel."""
-    name = quick.columns.channels[c]
+    name = columns.channels[c]
     return "i" + name[5:] if currents and name.startswith("tau_m") else name
 
 
@@ -125,7 +153,7 @@ def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: boo
         return None
     which = [c for c in range(len(how.order)) if c not in quick.columns.gain_columns]
     flipped = how.times(which, -1.0)
-    names = tuple(signal_of(quick, c, currents) for c in which)
+    names = tuple(signal_of(quick.columns, c, currents) for c in which)
     check = turned_sign(
         names,
         f"all torques have the other sign: friction or inertia of joints "
@@ -150,7 +178,7 @@ def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
         alone = seen.against(c) and after.speaks_for(c)
         if not contradicts and not alone:
             continue
-        name, joint = signal_of(quick, c, currents), quick.columns.channels[c][5:]
+        name, joint = signal_of(quick.columns, c, currents), quick.columns.channels[c][5:]
         why = (
             f"friction or inertia of joint {joint} comes out negative"
             if seen.against(c)
@@ -191,8 +219,8 @@ def several_signs(
     speaking = sum(told.speaks_for(c) for c in seen) - sum(told.against(c) for c in seen)
     if speaking < 0 or (speaking == 0 and len(opposite) < len(which)):
         which = opposite
-    names = tuple(signal_of(quick, c, currents) for c in which)
-    beside = listed(signal_of(quick, c, currents) for c in seen if c not in which)
+    names = tuple(signal_of(quick.columns, c, currents) for c in which)
+    beside = listed(signal_of(quick.columns, c, currents) for c in seen if c not in which)
     message = f"{listed(names)} have the other sign than {beside}: turned, {_falls(fit, other)}"
     check = turned_sign(names, message, maps)
     yield Hypothesis(float(gains[best]), how.times(which, -1.0), check)
@@ -212,7 +240,7 @@ def swapped(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool)
                 best, gain, signs, other = turned, tried.gain_over(fit), pair, tried
         least = SWAPPED if signs == (1, 1) else 2 * SWAPPED  # another place and another sign
         if gain > least and other.holds_over(fit) > 0.5 * least:
-            names = (signal_of(quick, a, currents), signal_of(quick, b, currents))
+            names = (signal_of(quick.columns, a, currents), signal_of(quick.columns, b, currents))
             which = f"{columns.channels[a][5:]} and {columns.channels[b][5:]}"
             yield Hypothesis(gain, best, _swap_check(names, maps, which, "torques", fit, other, signs))
 
@@ -291,7 +319,7 @@ def other_orders(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: 
         wrong = [k for k in same if order[k] != k]
         changes = {f"q{labels[k]}": {"of": f"q{labels[order[k]]}"} for k in wrong}
         changes |= {
-            signal_of(quick, c, currents): {"of": signal_of(quick, k, currents)}
+            signal_of(quick.columns, c, currents): {"of": signal_of(quick.columns, k, currents)}
             for c, k in enumerate(source)
             if c != k
         }
@@ -335,15 +363,15 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
         gains = np.array([other.gain_over(fit) for other in fits])
         best = int(np.argmax(gains))
         ends = max(gains[0], gains[-1])
-        if not (0 < best < len(grid) - 1) or gains[best] < CLEARLY or gains[best] - ends < 0.5 * CLEARLY:
+        if not (0 < best < len(grid) - 1) or min(gains[best], gains[best] - ends) < SCALED:
             continue
         fine = np.geomspace(grid[best - 1], grid[best + 1], 41)
         fits = [quick.fit(how.times([int(c)], f)) for f in fine]
         place = int(np.argmax([other.gain_over(fit) for other in fits]))
         factor, other = float(fine[place]), fits[place]
-        if 1 / FACTOR < factor < FACTOR or other.holds_over(fit) < 0.5 * CLEARLY:
+        if 1 / FACTOR < factor < FACTOR or other.holds_over(fit) < 0.5 * SCALED:
             continue
-        name = signal_of(quick, int(c), currents)
+        name = signal_of(quick.columns, int(c), currents)
         if (quick.identify.rows > 10).sum() == 2:
             yield _one_of_two(quick, fit, how.times([int(c)], factor), int(c), factor, other, maps, currents)
             return
@@ -363,6 +391,48 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
         )
 
 
+def too_large(
+    quick: Quick, how: Assignment, maps: dict, currents: bool, names: Collection[str]
+) -> Iterator[Hypothesis]:
+    """A torque beyond what joints give, told by its size and not searched: believed where stretch by stretch
+    the other torques agree that it is too large, and do not reject N mm; by how much they allow is told.
+    Where no torque feels it the size alone is left."""
+    all_rows = quick.of([replace(s, role="identify") for s in quick.samples if s.role != "test"])
+    before = all_rows.fit(how)
+    as_it_is = Explained(all_rows, before, how)
+    for c in np.flatnonzero(quick.identify.rows > 10).tolist():
+        name = signal_of(quick.columns, c, currents)
+        if name not in names or abs(how.factor[c]) != 1.0:
+            continue
+        trials = [how.times([c], float(MILLI / f)) for f in TIMES]
+        tried = [Explained(all_rows, all_rows.fit(trial), trial) for trial in trials]
+        best = max(tried, key=lambda its: its.fit.gain_over(before))
+        left = [not agreed(its, best, ODD) for its in tried]
+        milli = TIMES.index(1.0)
+        if not left[milli] or not agreed(as_it_is, tried[milli], ODD):
+            continue
+        allowed = [f / MILLI for f, kept in zip(TIMES, left) if kept]
+        low, high = min(allowed), max(allowed)
+        check = Check(
+            "torque_scale",
+            (name,),
+            f"{name} is larger than robots' joints give, and by the other torques {low:.0f} to {high:.0f} "
+            f"times too large, as in N mm: scaled, {_falls(before, tried[milli].fit)}",
+            column_line(maps, {name: {"scale": MILLI}}),
+            spread=(high - low) * MILLI / (2 * NORMAL),
+        )
+        yield Hypothesis(np.inf, tried[milli].how, check)
+
+
+def agreed(one: Explained, other: Explained, rate: float) -> bool:
+    """Whether stretches of the recordings are explained better by the other fit, but for chance at this
+    rate."""
+    gains = stretch_gains(one, other)
+    if len(gains) < 3 or not gains.mean() > 0:
+        return False
+    return bool(scipy.stats.ttest_1samp(gains, 0.0, alternative="greater").pvalue < rate)
+
+
 def carried_scales(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> list[Carried]:
     """Of each torque the factor with which validate is predicted best, where it is by far."""
     told = []
@@ -373,7 +443,7 @@ def carried_scales(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> l
             tried.append((carried(fit.error, other.error, fit.validate, other.validate), factor))
         value, factor = max(tried)
         if value > CARRIED:
-            told.append(Carried(value, f"{signal_of(quick, c, currents)} times {factor:.2g}"))
+            told.append(Carried(value, f"{signal_of(quick.columns, c, currents)} times {factor:.2g}"))
     return told
 
 
@@ -384,7 +454,7 @@ def _one_of_two(
     other_one = next(k for k in np.flatnonzero(quick.identify.rows > 10).tolist() if k != c)
     large, small = (other_one, c) if factor > 1 else (c, other_one)
     ratio = max(factor, 1 / factor)
-    names = (signal_of(quick, large, currents), signal_of(quick, small, currents))
+    names = (signal_of(quick.columns, large, currents), signal_of(quick.columns, small, currents))
     lines = [
         column_line(maps, {name: {"scale": float(f"{value:.3g}")}})
         for name, value in zip(names, (1 / ratio, ratio))
@@ -405,6 +475,11 @@ def _unrelated(names: tuple[str, ...], message: str, remedy: str) -> Check:
     return Check("unrelated_torque", names, message, remedy)
 
 
+def _without(quick: Quick, which: Sequence[int]) -> str:
+    """The `channels:` line that leaves channels out."""
+    return f"channels: [{', '.join(n for c, n in enumerate(quick.columns.channels) if c not in which)}]"
+
+
 def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
     """Channels, or all of them, of which the model explains nothing; validate runs that nothing predicts."""
     seen = np.flatnonzero(np.isfinite(fit.error))
@@ -412,11 +487,12 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         return
     error = fit.error[seen]
     empty = [int(c) for c in seen if fit.error[c] > NOTHING]
+    everything = tuple(signal_of(quick.columns, c, currents) for c in range(len(quick.columns.channels)))
     nothing = np.median(error) > 0.6 and error.min() > UNLIKE and len(seen) > 1
     if nothing or (len(seen) == 1 and error[0] > NOTHING):
         yield Check(
             "wrong_robot",
-            tuple(quick.columns.channels),
+            everything,
             f"the model explains little of these torques (errors of {100 * error.min():.0f} to "
             f"{100 * error.max():.0f} % of each): another robot's or another run's signals, or a wrong "
             "robot file",
@@ -424,12 +500,12 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         )
         return
     if empty and len(seen) > 1:
-        names = tuple(signal_of(quick, c, currents) for c in empty)
+        names = tuple(signal_of(quick.columns, c, currents) for c in empty)
         yield _unrelated(
             names,
-            f"the model explains nothing of {listed(names)}: noise, another signal, or a joint that "
-            "carries next to no torque",
-            "check the columns, or leave them out with channels: [...]",
+            f"the model explains nothing of {listed(names)}: noise, another signal, a sign that "
+            "changes on the way, or a joint that carries next to no torque",
+            f"check the columns, or leave them out with {_without(quick, empty)}",
         )
     usual = float(np.median(error))
     some = [
@@ -440,21 +516,21 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         and (fit.validate is None or not fit.validate[c] < PARTLY)
     ]
     if some and len(seen) > 2:
-        names = tuple(signal_of(quick, c, currents) for c in some)
+        names = tuple(signal_of(quick.columns, c, currents) for c in some)
         yield _unrelated(
             names,
             f"the model explains only a part of {listed(names)} (errors of "
             f"{listed(f'{100 * fit.error[c]:.0f} %' for c in some)}, the other torques about "
             f"{100 * usual:.0f} %): noise, another signal for a while, a magnitude without its sign, or "
             "something large that the model lacks",
-            "look at its plot, or leave it out with channels: [...]",
+            f"look at its plot, or leave it out with {_without(quick, some)}",
         )
     if fit.validate is not None and np.isfinite(fit.validate).any():
         held = fit.validate[np.isfinite(fit.validate)]
         if np.median(held) > max(1.0, 3 * float(np.median(error))):
             yield Check(
                 "wrong_robot",
-                tuple(quick.columns.channels),
+                everything,
                 f"what identify explains ({100 * np.median(error):.0f} % error) does not predict "
                 "validate at all "
                 f"({100 * np.median(held):.0f} %): another robot, load or unit there, or motions that "

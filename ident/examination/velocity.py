@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from ident.recordings.tables import Table
 
 ROWS = 40000
-SLIGHT = 0.05  # disagreement that is said
+SLIGHT = (
+    0.02  # disagreement that is said, where it is more than what the filter of a logged velocity leaves out
+)
 WRONG = 0.25  # that is refused
 ALIKE = 0.9  # correlation from which two signals are the same but for a factor
 UNLIKE = 0.5
@@ -54,7 +56,11 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
     alike = {j: s for j, (s, r) in found.items() if abs(r) > ALIKE}
     strangers = [j for j, (_, r) in found.items() if abs(r) < UNLIKE]
     wrong = {j: s for j, s in alike.items() if abs(s - 1) > WRONG}
-    slight = [j for j, s in alike.items() if SLIGHT < abs(s - 1) <= WRONG]
+    slight = [
+        j
+        for j, s in alike.items()
+        if max(SLIGHT, np.sqrt(1 - min(found[j][1] ** 2, 1.0))) < abs(s - 1) <= WRONG
+    ]
     if wrong:
         values = np.array(list(wrong.values()))
         factor = float(np.median(values))
@@ -88,11 +94,16 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
         yield Check(check, ("t", *names), message, remedy, outcome="refused", recording=columns.recording)
     if slight:
         text = ", ".join(f"dq{j} {alike[j]:.3f}" for j in slight)
+        factor = float(np.median([alike[j] for j in slight]))
+        one = len(slight) == len(alike) > 1 and np.ptp([alike[j] for j in slight]) < 0.2 * abs(factor - 1)
+        clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.4g}")}})
         yield Check(
             "clock_rate",
             tuple(f"dq{j}" for j in slight),
             f"logged velocities differ slightly from the derivative of the positions (factor: {text})",
-            "nothing here uses them; check the clock if all differ alike",
+            f"all differ alike: if it is the clock that is wrong, write {clock}"
+            if one
+            else "nothing here uses them; check where they come from",
             recording=columns.recording,
         )
     if strangers:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 from ident.diagnosis.requests import request_of, separable
 from ident.excitation.limits import ExcitationError
 
@@ -39,7 +41,7 @@ class Diagnosed:
     """A diagnosis.json: its findings, and its noise per channel in per cent of the torque.
 
     Where no noise floor could be read, all that is left is taken for noise. `fit`: the numbers of the robot
-    beside it, where they are there."""
+    beside it, where they are there; `effects_folder`: of the user's own effects that it knew."""
 
     file: str
     findings: tuple[Mapping[str, Any], ...]
@@ -47,6 +49,7 @@ class Diagnosed:
     model: str = "A"
     robot: str = ""
     fit: Path | None = None
+    effects_folder: Path | None = None
 
     @classmethod
     def read(cls, path: Path) -> Diagnosed:
@@ -60,7 +63,10 @@ class Diagnosed:
             fit = file.parent / "fit.json"
             model, robot = str(data.get("model", "A")), str(data.get("robot", ""))
             own = fit if fit.is_file() else None
-            return cls(str(file), tuple(data["findings"]), noise, model, robot, own)
+            study = file.parent / "extended_study.yaml"
+            keys = yaml.safe_load(study.read_text(encoding="utf-8")) if study.is_file() else {}
+            folder = Path(keys["effects_folder"]) if keys.get("effects_folder") else None
+            return cls(str(file), tuple(data["findings"]), noise, model, robot, own, folder)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise ExcitationError(
                 f"{file}: is no diagnosis.json; name the folder of ident diagnose."

@@ -26,12 +26,14 @@ from ident.excitation.separate import RATE_HZ, Projector, Separation
 from ident.excitation.suspects import Separated, suspects, told
 from ident.excitation.urdf_shapes import link_places
 from ident.progress import Progress, silent
+from modelgen.effects import register_folder
 from modelgen.geometry.robot import Robot
 from modelgen.geometry.robot_file import load_robot
 
 Array = np.ndarray
 DURATION = (2.0, 600.0)  # s
 MOTIONS = ("fourier", "point_to_point")
+UNSEEN = 1e-10  # of the largest singular value: a direction that no row shows
 TURN_OVER = 0.05  # of the top speed, of the smooth sign while designing
 
 
@@ -60,6 +62,7 @@ class Request:
     points: tuple[str, ...] = ()
     keep_out: tuple[str, ...] = ()
     self_collision: bool = False
+    effects_folder: Path | None = None  # of a user's own effects
 
 
 @dataclass(frozen=True)
@@ -79,6 +82,7 @@ class Experiment:
     separated: Separated | None = None
     visible: tuple[Visible, ...] = ()
     remarks: tuple[str, ...] = ()
+    stopped: bool = False  # before all was done
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -106,6 +110,8 @@ def excite(
     if request.start is not None and len(request.start) != robot.n:
         raise ExcitationError(f"--start has {len(request.start)} values for {robot.n} joints; give one each.")
     found = Diagnosed.read(request.diagnosis) if request.diagnosis else None
+    if own := request.effects_folder or (found and found.effects_folder):
+        register_folder(own)
     if found is not None and found.robot not in ("", robot.name):
         raise ExcitationError(
             f"--from {found.file}: is a diagnosis of {found.robot}, the motion is asked for {robot.name}; "
@@ -121,7 +127,6 @@ def excite(
         texts = found.suspects()
     holding = _holding(request, known, bounds, progress)
     start = None if request.start is None else np.array(request.start)
-    remarks = _remarks(bounds, known, holding, request.evaluate is None)
     if request.evaluate is not None:
         motion: Any = recorded_motion(request.robot, request.model, request.evaluate, progress, request.exact)
         sigma, optimum, separation = known.sigma(motion.planned, noise), None, None
@@ -139,23 +144,37 @@ def excite(
             project = Projector(known, as_motion(trial.states(t), t, turn_over), sigma)
             terms = suspects(known, texts, bounds, project)
             separation = Separation(known, basis, sigma, turn_over, terms)
-        decides = separation is not None and not all(its.same for its in separation.each(trial.x))
-        aim = separation if decides else None
+        aim = separation if separation is not None and separation.decides(trial.x) else None
         optimum = _designed(request, holding, known, bounds, basis, sigma, aim, start, progress, stop)
         motion = optimum.motion
     planned = motion.planned if request.evaluate else _planned(motion)
+    remarks = _remarks(bounds, known, holding, motion)
     std, number = _expected(known, planned, sigma, motion.duration)
     separated = None
     if texts:
         project = projector(known, planned, sigma)
         terms = suspects(known, texts, bounds, project) if request.evaluate is not None else terms
-        separated = told(project, terms)
+        settled = separation.contained if separation is not None else ()
+        separated = told(project, terms, "recording" if request.evaluate else "motion", settled)
     visible: tuple[Visible, ...] = ()
-    if request.sensitivity and not stop() and not texts:
-        visible = table(known, bounds, planned, sigma, motion.duration, progress)
+    if request.sensitivity and not stop():
+        visible = table(known, bounds, planned, sigma, motion.duration, progress, stop)
     use = (np.nan, "") if request.evaluate else holding.use(motion)
     return Experiment(
-        request, robot, bounds, known, motion, sigma, std, number, use, optimum, separated, visible, remarks
+        request,
+        robot,
+        bounds,
+        known,
+        motion,
+        sigma,
+        std,
+        number,
+        use,
+        optimum,
+        separated,
+        visible,
+        remarks,
+        stop(),
     )
 
 
@@ -187,6 +206,8 @@ def check(request: Request) -> None:
         raise ExcitationError(f"--harmonics {request.harmonics}: choose 3 to 20.")
     if not 0 < request.noise < 100:
         raise ExcitationError(f"--noise {request.noise:g}: give percent of the torques' rms, as 1.")
+    if request.start is not None and not np.isfinite(request.start).all():
+        raise ExcitationError("--start has a value that is no number; give rad, or m, as 0,-1.5,1.5,0,0,0.")
     if request.seed < 0 or request.starts < 1:
         raise ExcitationError("--seed is not negative and --starts at least 1; change them.")
     if request.separate and request.kind == "point_to_point":
@@ -201,8 +222,9 @@ def _planned(motion: Planned, rate_hz: float = FINE_HZ) -> Any:
 def _designed(  # type: ignore[no-untyped-def]
     request, holding, known: Known, bounds, basis, sigma, separation, start, progress, stop
 ) -> Optimum:
-    rows = Rows(known.model, sigma, TURN_OVER * bounds.dq)
-    criterion = criteria(known.chi)[request.criterion]
+    criterion = criteria(known.chi, known.of_bodies)[request.criterion]
+    weight = np.ones_like(sigma) if request.criterion == "bodies" else sigma
+    rows = Rows(known.model, weight, TURN_OVER * bounds.dq)
     if request.kind == "point_to_point":
 
         def value(motion: PointMotion) -> float:
@@ -213,7 +235,7 @@ def _designed(  # type: ignore[no-untyped-def]
     starts, iterations = request.starts, request.iterations
     if separation is not None:  # its slopes cost more, those of effects that move the link most
         quick = all(plain(term) for term in separation.terms)
-        starts, iterations = (starts, min(iterations, 30)) if quick else (1, min(iterations, 8))
+        starts, iterations = (starts, min(iterations, 40)) if quick else (1, min(iterations, 8))
     return optimise(
         holding, basis, request.duration, separation or along(rows, basis, criterion), start=start,
         seed=request.seed, starts=starts, iterations=iterations, progress=progress, stop=stop,
@@ -221,29 +243,34 @@ def _designed(  # type: ignore[no-untyped-def]
 
 
 def _expected(known: Known, planned: Any, sigma: Array, seconds: float) -> tuple[Array, float]:
-    """Standard deviations (b,) after `seconds` of the motion, and the condition of W with unit columns."""
+    """Standard deviations (b,) after `seconds` of the motion, infinite where it does not show a parameter,
+    and the condition of W with unit columns."""
     every = max(len(planned.t) // 2000, 1)
     thin = [getattr(planned, name)[::every] for name in ("q", "dq", "ddq", "sign_dq")]
     A = known.model.regressor(*thin[:3], sign=thin[3]) / sigma[:, None]
     A = A.reshape(-1, A.shape[2])
-    number = scaled_condition(A)
+    number, weight = scaled_condition(A), seconds * ROWS_HZ / len(thin[0])
     length = np.linalg.norm(A, axis=0)
-    if not np.isfinite(number) or number > 1e10:
-        return np.full(A.shape[1], np.inf), float("inf")
-    weight = seconds * ROWS_HZ / len(thin[0])
-    inverse = np.linalg.inv((A / length).T @ (A / length))
-    return np.sqrt(np.diag(inverse) / weight) / length, number
+    length[length <= 1e-9 * length.max(initial=0.0)] = np.inf
+    _, s, V = np.linalg.svd(A / length, full_matrices=False)
+    clear = s > UNSEEN * s.max(initial=1e-300)
+    shown = np.sum(V[clear] ** 2, axis=0) > 1 - 1e-6  # e_i in what the rows span
+    std = np.sqrt(np.sum((V[clear] / s[clear, None]) ** 2, axis=0) / weight) / length
+    return np.where(shown, std, np.inf), number if clear.all() else float("inf")
 
 
-def _remarks(bounds: Bounds, known: Known, holding: Holding, designed: bool) -> tuple[str, ...]:
-    out = []
+def _remarks(bounds: Bounds, known: Known, holding: Holding, motion: Planned | Recorded) -> tuple[str, ...]:
+    out, designed = [], not isinstance(motion, Recorded)
     if known.assumed:
         held = " torque limits and" if designed and np.isfinite(bounds.tau).any() else ""
         out.append(
             f"{known.assumed}:{held} expected deviations hold for such a robot; --parameters FILE tells"
         )
-    if not designed:
-        return tuple(out)
+    if isinstance(motion, Recorded):
+        resting = ", ".join(bounds.labels[k] for k in motion.resting)
+        told = f"{motion.file}: joint {resting} rests; record it in motion"
+        return (*out, told) if resting else tuple(out)
+    out += bounds.beyond
     if bounds.assumed:
         keys = ", ".join(bounds.assumed)
         out.append(

@@ -6,6 +6,7 @@ Rows A of the observation matrix are divided by the noise of their channel, M = 
     d            -log det M / b: the volume of the confidence ellipsoid, whatever the parameters' units
     condition    of A with columns of unit length, its extreme singular values by p-norms, which are smooth
     worst        largest std of a parameter relative to its value, by a p-norm
+    bodies       condition of the columns of the bodies alone, in SI units as they are and whatever the noise
 
 dV/dA follows in closed form; through W it goes by CasADi's reverse mode over the model's own function. The
 sign of the rate is tanh(dq/v) here, since a design needs a slope.
@@ -24,7 +25,7 @@ from ident.excitation.motion import Basis
 
 Array = np.ndarray
 Criterion = Callable[[Array], tuple[float, Array]]
-CRITERIA = ("balanced", "d", "condition", "worst")
+CRITERIA = ("balanced", "d", "condition", "worst", "bodies")
 POWER = 12
 ROUNDER = 0.2  # of log condition beside log det per parameter: costs less of it than another seed does
 
@@ -137,9 +138,24 @@ def worst(chi: Array) -> Criterion:
     return criterion
 
 
-def criteria(chi: Array) -> dict[str, Criterion]:
-    """By name; chi (b,) is what `worst` is relative to."""
-    return dict(zip(CRITERIA, (balanced, d_optimal, condition, worst(chi))))
+def bodies(which: Array) -> Criterion:
+    """log of the condition of the columns `which` (b,), by p-norms of their singular values."""
+
+    def criterion(A: Array) -> tuple[float, Array]:
+        U, s, V = np.linalg.svd(A[:, which], full_matrices=False)
+        s = np.maximum(s, 1e-12 * s[0])
+        up, down = (s / s[0]) ** (2 * POWER), (s[-1] / s) ** (2 * POWER)
+        slope = np.zeros_like(A)
+        slope[:, which] = (U * ((up / up.sum() - down / down.sum()) / s)) @ V
+        ends = (np.log(up.sum()) + np.log(down.sum())) / (2 * POWER)
+        return float(np.log(s[0] / s[-1]) + ends), slope
+
+    return criterion
+
+
+def criteria(chi: Array, of_bodies: Array) -> dict[str, Criterion]:
+    """By name; chi (b,) is what `worst` is relative to, of_bodies (b,) the parameters of `bodies`."""
+    return dict(zip(CRITERIA, (balanced, d_optimal, condition, worst(chi), bodies(of_bodies))))
 
 
 def scaled_condition(A: Array) -> float:

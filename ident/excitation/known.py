@@ -35,6 +35,7 @@ Array = np.ndarray
 ROWS_HZ = 20.0
 NOISE_PERCENT = 1.0
 FLOOR = 0.01  # N m
+DRIVE = ("Ia", "Fv", "Fc", "Off")  # what the names of a drive's parameters begin with
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,12 @@ class Known:
         return self.model.regressor(motion.q, motion.dq, motion.ddq, sign=motion.sign_dq)
 
     def bodies(self) -> Mapping[str, float]:
-        return {k: v for k, v in self.standard.items() if not k.startswith(("Ia", "Fv", "Fc", "Off"))}
+        return {k: v for k, v in self.standard.items() if not k.startswith(DRIVE)}
+
+    @property
+    def of_bodies(self) -> Array:
+        """(b,) whether a base parameter is named after one of a body: no friction, rotor or offset."""
+        return np.array([not name.startswith(DRIVE) for name in self.parameters])
 
     def drive_inertia(self, joint: int) -> float:
         return self.number("Iam", joint) or 0.0
@@ -136,7 +142,7 @@ def known_robot(
         return Known(robot, source, found, usual.standard, exact=exact)
     if found.standard_values:
         rest = random_parameters(robot, np.random.default_rng([0, 77])).standard
-        drive = {k: v for k, v in rest.items() if k.startswith(("Ia", "Fv", "Fc", "Off"))}
+        drive = {k: v for k, v in rest.items() if k.startswith(DRIVE)}
         told = "friction and rotors are those of a plausible robot of this size"
         return Known(robot, source, found, {**drive, **found.standard_values}, told, exact)
     told = "masses, friction and rotors are those of a plausible robot of this size"
@@ -151,15 +157,19 @@ def _from_file(file: Path, robot: Robot) -> Mapping[str, float]:
         raise ExcitationError(f"{file}: cannot be read; give a file of parameters or a fit.json.") from None
     if file.suffix == ".json":
         try:
-            rows = json.loads(text)["parameters"]  # without those of effects and payloads
-            text = "".join(
-                f"{row['name']}: {float(row['value'])!r}\n"
-                for row in rows
-                if standard_name(row["name"], robot) is not None
-            )
+            numbers = {row["name"]: float(row["value"]) for row in json.loads(text)["parameters"]}
         except (ValueError, KeyError, TypeError):
             raise ExcitationError(f"{file}: is no fit.json; give one that ident fit wrote.") from None
+        return standard_of(numbers, robot, str(file))
     return read_parameters(text, robot, str(file)).standard
+
+
+def standard_of(numbers: Mapping[str, float], robot: Robot, source: str = "a fit") -> Mapping[str, float]:
+    """Standard parameters of a fit's base parameters; those of effects and payloads are left out."""
+    lines = (
+        f"{name}: {value!r}\n" for name, value in numbers.items() if standard_name(name, robot) is not None
+    )
+    return read_parameters("".join(lines), robot, source).standard
 
 
 def as_motion(states: Sequence[Array], t: Array, turn_over: Array | None = None) -> Motion:
@@ -182,7 +192,8 @@ def term_of(known: Known, text: str, bounds: Bounds, motion: Motion, option: str
         raise ExcitationError(
             str(error).replace("--effect", option).replace("--model", "--model of excite,")
         ) from None
-    return usual_term(known, request.effect, place, bounds, motion, request.values)
+    with np.errstate(all="ignore"):  # what comes of a value that divides by zero is looked at by who asks
+        return usual_term(known, request.effect, place, bounds, motion, request.values)
 
 
 def sized(known: Known, text: str) -> bool:

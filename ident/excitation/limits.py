@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,8 @@ class ExcitationError(IdentError):
 class Bounds:
     """Limits of n joints, SI units: low, high, dq, ddq, jerk, tau, each (n,); tau is inf where none is known.
 
-    `labels` are the k of q_k; `assumed` says which limits nobody stated."""
+    `labels` are the k of q_k; `assumed` says which limits nobody stated, `beyond` which options allow more
+    than the robot file."""
 
     labels: tuple[str, ...]
     slides: tuple[bool, ...]
@@ -46,6 +48,7 @@ class Bounds:
     jerk: Array
     tau: Array
     assumed: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
 
     @property
     def half(self) -> Array:
@@ -101,15 +104,24 @@ def bounds_of(robot: Robot, options: Sequence[str] = ()) -> Bounds:
             if given is not None:
                 stated[key].add(k)
             values[key].append(given if given is not None else ASSUMED.get(key, (math.inf,) * 2)[slides[k]])
+    beyond = []
     for text in options:
         key, joints, value = _option(text, labels)
         for k in joints:
+            if k in stated[key] and _more(value, values[key][k]):
+                beyond.append(f"--limit {text} allows joint {labels[k]} more than its robot file does")
             values[key][k] = value
             stated[key].add(k)
     missing = [key for key in ASSUMED if len(stated[key]) < len(labels)]
     low, high = np.array(values["q"], dtype=float).T
     rest = {key: np.array(values[key], dtype=float) for key in KEYS[1:]}
-    return Bounds(labels, slides, low, high, **rest, assumed=tuple(missing))
+    return Bounds(labels, slides, low, high, **rest, assumed=tuple(missing), beyond=tuple(beyond))
+
+
+def _more(value: Any, own: Any) -> bool:
+    """Whether a limit, or one end of a range, is wider than another."""
+    low, high, least, most = *np.broadcast_to(value, 2), *np.broadcast_to(own, 2)
+    return bool(high > most or (low < least and least < most))
 
 
 def _option(text: str, labels: Sequence[str]) -> tuple[str, list[int], object]:

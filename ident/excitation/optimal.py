@@ -153,6 +153,7 @@ def _solver(
     options: Any = {
         "ipopt.hessian_approximation": "limited-memory",
         "ipopt.limited_memory_max_history": 6,
+        "ipopt.limited_memory_aug_solver": "extended",  # one solve of the large system for each of its pairs
         "ipopt.max_iter": iterations,
         "ipopt.tol": 1e-4,
         "ipopt.acceptable_tol": 1e-3,

@@ -42,9 +42,14 @@ def page(done: Experiment) -> ReportPage:
 
 
 def _verdict(done: Experiment) -> str:
-    known = done.percent[np.isfinite(done.percent)]
-    good = int((known < 10).sum())
-    return f"{good} of {len(done.names)} base parameters are expected within 10 per cent of their values."
+    valued = done.known.chi != 0
+    good, count = int((done.percent < 10).sum()), int(valued.sum())
+    told = f"{good} of {count} base parameters are expected within 10 per cent of their values"
+    return (
+        f"{told}; {len(valued) - count} are zero in a robot like this one."
+        if count < len(valued)
+        else f"{told}."
+    )
 
 
 def _motion(done: Experiment) -> list[Section]:

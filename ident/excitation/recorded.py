@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ident.equations.prepared import prepare_study
+from ident.equations.prepared import banks_of, columns_of, resting_joints
 from ident.excitation.limits import ExcitationError
+from ident.prediction.torque_free import open_log
 from ident.progress import Progress, silent
 from ident.recordings.study import study_from
 from ident.signals.filtering import filter_stream
@@ -19,25 +20,30 @@ LONGEST = 120.0  # s of a recording that are looked at in every detail; the rest
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording's motion: its first stretch as a plan, and how long the robot moved in all [s]."""
+    """A recording's motion: its first stretch as a plan, how long the robot moved in all [s], and the joints
+    (from 0) that rest in it."""
 
     file: str
     planned: Motion
     duration: float
+    resting: tuple[int, ...] = ()
 
 
 def recorded_motion(
     robot: str, model: str, file: Path, progress: Progress = silent, exact: bool = False
 ) -> Recorded:
-    """Raises IdentError for a file that cannot be read as a recording of this robot."""
+    """Its torques may be missing. Raises IdentError for a file that cannot be read as a recording of this
+    robot."""
     if not file.is_file():
         raise ExcitationError(f"--evaluate {file}: is no file; name a recording.")
     entry = {"file": str(file.resolve()), "use": "identify"}
     where = str(Path(robot).resolve()) if Path(robot).is_file() else robot
     keys = {"robot": where, "exact": exact, "model": model, "recordings": [entry]}
     study = study_from(keys, Path("the study"))
-    prepared = prepare_study(study, progress)
-    stream, bank = prepared.streams[0], prepared.banks[0]
+    columns = columns_of(study)
+    progress("reading the recording")
+    stream = open_log(study, study.recordings[0], columns.need, columns.model.prismatic)
+    bank = banks_of(study, (stream,))[0]
     parts, total, kept = [], 0, 0
     for number, block in filter_stream(stream, bank):
         total += len(block.t)
@@ -52,4 +58,4 @@ def recorded_motion(
     every = max(int(stream.rate_hz // 250), 1)
     t, q, dq, ddq, sign = (part[::every] for part in (t, q, dq, ddq, sign))
     motion = Motion("", None, t - t[0], q, dq, ddq, sign, None, stream.rate_hz / every)
-    return Recorded(str(file), motion, total / stream.rate_hz)
+    return Recorded(str(file), motion, total / stream.rate_hz, resting_joints((stream,)))

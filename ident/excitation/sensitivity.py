@@ -11,8 +11,9 @@ identification does it; shape parameters are those of a usual robot, and said.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import scipy.optimize
@@ -67,6 +68,7 @@ class Visible:
         return f"{self.effect}{where} as large as {self.told} would have been seen."
 
 
+@cache
 def needed(parameters: int, alpha: float = 0.01, power: float = 0.95) -> float:
     """The noncentrality of a chi-square test of that many parameters with this level and power."""
     limit = scipy.stats.chi2.isf(alpha, parameters)
@@ -144,11 +146,15 @@ def table(
     sigma: np.ndarray,
     seconds: float,
     progress: Progress = silent,
+    stop: Callable[[], bool] = lambda: False,
 ) -> tuple[Visible, ...]:
-    """The smallest visible size of every effect and joint; `motion` at FINE_HZ stands for `seconds` of it."""
+    """The smallest visible size of every effect and joint, until told to stop; `motion` at FINE_HZ stands for
+    `seconds` of it."""
     project, terms = projector(known, motion, sigma), list(usual_terms(known, bounds, motion))
-    out: Sequence[Visible] = []
+    out: list[Visible] = []
     for k, term in enumerate(terms):
+        if stop():
+            break
         progress(f"sensitivity to {term.effect.name}", k / len(terms))
-        out = [*out, smallest_visible(project, term, seconds)]
+        out.append(smallest_visible(project, term, seconds))
     return tuple(out)

@@ -25,12 +25,14 @@ from ident.equations.terms import Term, plain, torque_of
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion
 from ident.excitation.motion import Basis
+from ident.excitation.same import proof_in_limit
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Motion
 
 Array = np.ndarray
 RATE_HZ = 50.0  # at which a motion is designed
 SAME = 1e-4  # share of what is visible of an effect below which it is imitated
+NEAR = 1e-2  # the same where one contains the other in a limit, which bounds keep it from reaching
 SHAPES = 60  # starting shapes that are tried
 
 
@@ -49,12 +51,19 @@ class Imitation:
 
     @property
     def seconds(self) -> float:
-        """Until a diagnosis decides, rightly in 1 - ALPHA of all cases."""
-        return seconds_needed(ROWS_HZ * np.sum(self.residual**2, axis=1), self.period)
+        """Until a diagnosis decides, rightly in 1 - ALPHA of all cases; whole motions, at least one."""
+        return max(seconds_needed(ROWS_HZ * np.sum(self.residual**2, axis=1), self.period), self.period)
 
     @property
     def same(self) -> bool:
         return self.rate <= SAME * self.visible
+
+
+def contained(a: Term, its: Imitation) -> bool:
+    """Whether the other one does what a does: in this motion all of it, or all in a proven limit and here all
+    but what bounds leave."""
+    near = its.rate <= NEAR * its.visible
+    return its.same or (near and proof_in_limit(a, its.other) is not None)
 
 
 class Projector:
@@ -82,7 +91,10 @@ class Projector:
     def seen(self, torque: Array) -> Array:
         """(rows, ...) of torques (N, C, ...): filtered, thinned, weighted."""
         if self.filter is not None:
-            torque = scipy.signal.sosfiltfilt(self.filter, torque, axis=0)[self.every // 2 :: self.every]
+            moving = np.flatnonzero(torque.any(axis=tuple(k for k in range(torque.ndim) if k != 1)))
+            low = scipy.signal.sosfiltfilt(self.filter, torque[:, moving], axis=0)
+            torque = np.zeros_like(torque[self.every // 2 :: self.every])
+            torque[:, moving] = low[self.every // 2 :: self.every]  # most effects act on one channel
         shape = (1, len(self.sigma)) + (1,) * (torque.ndim - 2)
         return (torque / self.sigma.reshape(shape)).reshape(-1, *torque.shape[2:])
 
@@ -160,7 +172,7 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
         d,
         other,
         residual.reshape(project.instants, -1),
-        float(project.motion.t[-1] - project.motion.t[0]),
+        len(project.motion.t) / project.motion.rate_hz,
     )
 
 
@@ -210,7 +222,8 @@ def _polished(residual: Callable[[Mapping[str, float]], Array], near: Term) -> d
 
 class Separation:
     """x (n, K) -> log of the sum of 1/T over every two terms, each against the other, and its slope, for
-    `optimal.optimise`: next to the worst told of them. Any of them may be the true one."""
+    `optimal.optimise`: next to the worst told of them. Any of them may be the true one. What `decides` found
+    to be contained in another one is not asked for, in whatever motion comes of the search."""
 
     def __init__(
         self, known: Known, basis: Basis, sigma: Array, turn_over: Array, terms: Sequence[Term]
@@ -218,6 +231,7 @@ class Separation:
         self.known, self.basis, self.sigma, self.v = known, basis, sigma, turn_over
         self.terms = tuple(terms)
         self.warm: dict[tuple[str, str], Term] = {}
+        self.contained = [False] * len(self.pairs)
         self.t = np.arange(0.0, basis.period, 1 / RATE_HZ)
         self.rows = Rows(known.model, sigma, turn_over)
         self.B = basis.at(self.t)[:3]
@@ -240,24 +254,39 @@ class Separation:
             found.append(its)
         return found
 
+    def decides(self, x: Array) -> bool:
+        """Whether any of them can be told apart, by the motion of x; that one contains another is a property
+        of the two, settled here and left out from now on."""
+        each = self.each(x)
+        self.contained = [contained(a, its) for (a, _), its in zip(self.pairs, each)]
+        return not all(self.contained)
+
+    def asked(self, each: Sequence[Imitation]) -> list[tuple[Imitation, Term]]:
+        """Of all pairs, both ways round, what is to be told apart."""
+        left_out = zip(each, self.pairs, self.contained)
+        return [(its, a) for its, (a, _), out in left_out if not out]
+
     def __call__(self, x: Array) -> tuple[float, Array]:
-        found = [(its, a) for its, (a, _) in zip(self.each(x, warm=True), self.pairs) if not its.same]
+        found = self.asked(self.each(x, warm=True))
         rates = np.array([max(its.rate, 1e-12) for its, _ in found])
         total = (1 / rates).sum()
-        slopes = (self._slope(x, a, its) / rate**2 for (its, a), rate in zip(found, rates))
-        return float(np.log(total)) if found else 0.0, -sum(slopes, np.zeros_like(x)) / max(total, 1e-300)
+        states = [b @ x.T for b in self.B]
+        model, out = np.zeros((1, 1, 1)), np.zeros_like(x)  # dE through W of all pairs goes back at once
+        for (its, a), rate in zip(found, rates):
+            weight = -2 * ROWS_HZ / len(self.t) / (rate**2 * total) * its.residual  # (N, C)
+            model = model - weight[:, :, None] * its.d
+            out += self._slope(x, states, a, its.other, weight)
+        back = self.rows.back(states[0], states[1], states[2], model)
+        return float(np.log(total)), out + sum(g.T @ b for g, b in zip(back, self.B))
 
-    def _slope(self, x: Array, a: Term, its: Imitation) -> Array:
-        """dT/dx at fixed parameters: 2 r' dE, E = F_a - W d - F_b."""
-        weight = 2 * ROWS_HZ / len(self.t) * its.residual  # (N, C)
-        q, dq, ddq = (b @ x.T for b in self.B)
-        back = self.rows.back(q, dq, ddq, -weight[:, :, None] * its.d)
-        out = sum(g.T @ b for g, b in zip(back, self.B))
-        for term, sign in ((a, 1.0), (its.other, -1.0)):
-            here = self._torque(term, (q, dq, ddq))
+    def _slope(self, x: Array, states: Sequence[Array], a: Term, other: Term, weight: Array) -> Array:
+        """weight' dE / dx of E = F_a - F_other at fixed parameters."""
+        out = np.zeros_like(x)
+        for term, sign in ((a, 1.0), (other, -1.0)):
+            here = self._torque(term, states)
             own = [j for j in (term.place.joint, term.place.source) if j is not None]
             for j, k in ((j, k) for j in own for k in range(3) if _instant(term)):
-                moved = [q, dq, ddq]
+                moved = list(states)
                 step = 1e-5 * max(abs(moved[k][:, j]).max(), 0.1)
                 moved[k] = moved[k].copy()
                 moved[k][:, j] += step

@@ -13,33 +13,34 @@ from itertools import combinations
 
 import numpy as np
 
+from ident.diagnosis.deciding import PATIENCE
 from ident.equations.terms import Term
 from ident.excitation.known import ROWS_HZ, Known, sized, term_of
 from ident.excitation.limits import Bounds, ExcitationError
-from ident.excitation.same import proof
-from ident.excitation.separate import Imitation, Projector, imitation
+from ident.excitation.same import proof, proof_in_limit
+from ident.excitation.separate import NEAR, Imitation, Projector, contained, imitation
 
 Array = np.ndarray
+SURE = "right in 99 of 100 cases, when as much again is fitted"
+INSTEAD = "wider limits, less noise or a sensor beside the torque would tell sooner"
 HIDDEN = 1e-9  # share of an effect's own square below which the model holds it already
 
 
 @dataclass(frozen=True)
 class Pair:
-    """What a motion says of two suspects: a against b, b against a; the identity that makes them one."""
+    """What a motion says of two suspects: a against b, b against a; the identities by which b does what a
+    does in any motion, and a what b does; `same`: b does what a does, a what b does."""
 
     labels: tuple[str, str]
     both: tuple[Imitation, Imitation]
-    exact: str | None
-
-    @property
-    def same(self) -> tuple[bool, bool]:
-        """b imitates a, a imitates b."""
-        return self.both[0].same, self.both[1].same
+    exact: tuple[str | None, str | None]
+    same: tuple[bool, bool]
 
     @property
     def seconds(self) -> float:
         """For a decision that is right in 99 of 100."""
-        return max((its.seconds for its in self.both if not its.same), default=float("inf"))
+        asked = [its.seconds for its, same in zip(self.both, self.same) if not same]
+        return max(asked, default=float("inf"))
 
 
 @dataclass(frozen=True)
@@ -62,50 +63,93 @@ def suspects(known: Known, texts: Sequence[str], bounds: Bounds, project: Projec
     for term, text in zip(terms, texts):
         if sum(term.effect.name == b.effect.name and term.place == b.place for b in terms) > 1:
             raise ExcitationError(f"--separate {','.join(texts)}: {text} is there twice; name two effects.")
-        own = project.torque(term)
+        if term.effect.windowed and not term.place.start:
+            window = ("," if "=" in text else ":" * (2 - text.count(":"))) + "from=5"
+            raise ExcitationError(
+                f"--separate {text}: what is there from the first moment on is part of the robot; say when "
+                f"it comes, as {text}{window}."
+            )
+        with np.errstate(all="ignore"):
+            own = project.torque(term)
+        if not (np.isfinite(own).all() and own.any()):
+            raise ExcitationError(f"--separate {text}: makes no torque at these values; give others.")
         if float(np.sum(project.off(own) ** 2)) <= HIDDEN * float(np.sum(own**2)):
             raise ExcitationError(
                 f"{term.label} cannot be told from the model's own parameters in any motion; leave it out."
             )
     first, *rivals = terms
     return first, *(
-        term if sized(known, text) else _alike(project, first, term) for term, text in zip(rivals, texts[1:])
+        term if sized(known, text) else _alike(project, first, term, [r for r in rivals if r is not term])
+        for term, text in zip(rivals, texts[1:])
     )
 
 
-def _alike(project: Projector, first: Term, rival: Term) -> Term:
+def _alike(project: Projector, first: Term, rival: Term, others: Sequence[Term] = ()) -> Term:
     """The rival in the shape that looks most like the first one, and as visible; of one that contains the
-    first, in a shape of its own."""
+    first, in a shape of its own. So too where that shape is one that another suspect has as well and that
+    the rival contains: what it does there is asked of the other one."""
     its = imitation(project, first, rival)
-    near = rival if its.same or not any(its.other.size) else its.other
+    near = rival if contained(first, its) or not any(its.other.size) else its.other
+    if near is not rival and any(_within(project, other, near) for other in others):
+        near = rival
     beside = float(np.sum(project.off(project.torque(near)) ** 2))
     factor = np.sqrt(its.visible * project.instants / ROWS_HZ / beside) if beside > 0 else 1.0
     return replace(near, size=tuple(float(factor) * size for size in near.size))
 
 
-def told(project: Projector, terms: Sequence[Term]) -> Separated:
-    """What a motion says of the suspects."""
+def _within(project: Projector, special: Term, general: Term) -> bool:
+    """Whether a term does, in its shape, no more than another one of fewer parameters that it contains."""
+    if len(special.linear) + len(special.free) >= len(general.linear) + len(general.free):
+        return False
+    its = imitation(project, general, special)
+    if its.rate > NEAR * its.visible or not any(its.other.size):
+        return False
+    return contained(its.other, imitation(project, its.other, general))
+
+
+def told(
+    project: Projector, terms: Sequence[Term], moved: str = "motion", settled: Sequence[bool] = ()
+) -> Separated:
+    """What a motion, or a recording, says of the suspects; `moved`: what it is called; `settled`: of every
+    pair, both ways, that the second contains the first, as it was known before the motion was designed."""
     pairs = []
-    for a, b in combinations(terms, 2):
+    for number, (a, b) in enumerate(combinations(terms, 2)):
         both = imitation(project, a, b), imitation(project, b, a)
-        exact = proof(a, both[0].other) if both[0].same else None
-        pairs.append(Pair((a.label, b.label), both, exact))
-    period = float(project.motion.t[-1] - project.motion.t[0])
+        known = settled[2 * number : 2 * number + 2] or (False, False)
+        same = [before or contained(of, its) for before, of, its in zip(known, (a, b), both)]
+        found = [
+            (proof(of, its.other) or proof_in_limit(of, its.other)) if alike else None
+            for of, its, alike in zip((a, b), both, same)
+        ]
+        pairs.append(Pair((a.label, b.label), both, (found[0], found[1]), (same[0], same[1])))
     labels = tuple(term.label for term in terms)
-    return Separated(labels, tuple(pairs), " ".join(_sentence(pair, period) for pair in pairs))
+    return Separated(labels, tuple(pairs), " ".join(_sentence(pair, moved) for pair in pairs))
 
 
-def _sentence(pair: Pair, period: float) -> str:
+def _sentence(pair: Pair, moved: str) -> str:
     a, b = pair.labels
-    much = f"{pair.seconds:.3g} s of this motion decide"
-    much = much if pair.seconds > period else "one period of this motion decides"
+    if pair.seconds > PATIENCE:
+        needed = f"{pair.seconds / 3600:.2g} h" if np.isfinite(pair.seconds) else "more time than there is"
+        much = f"{needed} of this {moved} would decide, {SURE}; that is too long: {INSTEAD}"
+    elif pair.seconds > pair.both[0].period:
+        much = f"{pair.seconds:.3g} s of this {moved} decide, {SURE}"
+    else:
+        whole = "one period of this motion" if moved == "motion" else f"this {moved}"
+        much = f"{whole} decides, {SURE}"
+    if all(pair.exact):
+        shown = " and ".join(map(str, pair.exact))
+        return f"{a} and {b} span the same torques: no motion tells them apart, for {shown}."
+    if all(pair.same) and any(pair.exact):
+        special, general = (a, b) if pair.exact[0] else (b, a)
+        return (
+            f"What {special} does, {general} does too, in any motion, for {pair.exact[0] or pair.exact[1]}; "
+            f"and at the values given {general} does no more: no {moved} of this length tells them apart."
+        )
     if all(pair.same):
-        shown = f"; exactly: {pair.exact}" if pair.exact else " in this motion and at the sizes given"
-        return f"{a} and {b} span the same torques: no motion tells them apart{shown}."
+        return f"{a} and {b} look the same in this {moved} and at the sizes given; a wider one may tell."
     if any(pair.same):
         special, general = (a, b) if pair.same[0] else (b, a)
-        return (
-            f"{general} contains {special}: what {special} does, {general} does too; only the other way "
-            f"round: {much}."
-        )
-    return f"{a} or {b}: {much}, right in 99 of 100 cases."
+        exact = pair.exact[0] if pair.same[0] else pair.exact[1]
+        ever = f"in any motion, for {exact}" if exact else f"in this {moved} and at the sizes given"
+        return f"What {special} does, {general} does too, {ever}; only the other way round: {much}."
+    return f"{a} or {b}: {much}."

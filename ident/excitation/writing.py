@@ -15,18 +15,24 @@ import yaml
 
 from ident.excitation.experiment import Experiment
 from ident.excitation.page import page, stick_figure
+from ident.inspection.excitation import HARD
 from ident.report.files import write_csv, write_document
 from ident.report.render import render
 
 Array = np.ndarray
 SERVO_HZ = 125.0  # of URScript's servoj
 ROS_HZ = 100.0  # points of a JointTrajectory
+NAMED = 6  # parameters in a sentence
+MORE = "give it more time, wider limits, or more joints that move"
 Row = tuple[str, ...]
 
 
-def write_experiment(done: Experiment, folder: Path, rate_hz: float = 1000.0) -> None:
+def write_experiment(done: Experiment, folder: Path, rate_hz: float = 1000.0) -> tuple[str, ...]:
     """motion.parquet, motion.csv, trajectory/ (ROS 2 bag), motion.script, study.yaml, motion.html (stick
-    figure); of a recording none of these; always parameters.csv, excitation.json, report.html."""
+    figure); of a recording none of these; always parameters.csv, excitation.json, report.html.
+
+    Returns why a file of these is not there, a sentence each."""
+    missing = []
     write_csv(folder / "parameters.csv", parameter_rows(done))
     write_document(folder / "excitation.json", document(done))
     if done.optimum is not None:
@@ -41,12 +47,16 @@ def write_experiment(done: Experiment, folder: Path, rate_hz: float = 1000.0) ->
             writer.writerow(columns)
             writer.writerows([f"{value:.9g}" for value in row] for row in zip(*columns.values()))
         points = instants(done.seconds, min(rate_hz, ROS_HZ))
-        _ros2(done, folder / "trajectory", points, done.motion.states(points))  # type: ignore[union-attr]
-        if not any(done.bounds.slides):
+        if not _ros2(done, folder / "trajectory", points, done.motion.states(points)):  # type: ignore[union-attr]
+            missing.append('trajectory/ (ROS 2) takes rosbags: pip install "dynident[ros]"')
+        if any(done.bounds.slides):
+            missing.append("motion.script is not written: URScript knows no joint that slides")
+        else:
             (folder / "motion.script").write_text(urscript(done), encoding="utf-8")
         (folder / "study.yaml").write_text(study_text(done), encoding="utf-8")
         (folder / "motion.html").write_text(stick_figure(done), encoding="utf-8")
     (folder / "report.html").write_text(render(page(done)), encoding="utf-8")
+    return tuple(missing)
 
 
 def instants(seconds: float, rate_hz: float) -> Array:
@@ -84,15 +94,20 @@ def document(done: Experiment) -> dict[str, Any]:
     }
     if done.optimum is not None:
         out["criterion"] = "separation" if separated else done.request.criterion
-        out["stopped_early"] = done.optimum.stopped
+        out["stopped_early"] = done.stopped
     if separated is not None:
         out["separation"] = {
             "effects": list(separated.labels),
             "pairs": [pair.labels for pair in separated.pairs],
-            "per_second": [0.0 if its.same else its.rate for pair in separated.pairs for its in pair.both],
-            "same_in_any_motion": [same for pair in separated.pairs for same in pair.same],
+            "per_second": [
+                0.0 if same else its.rate
+                for pair in separated.pairs
+                for same, its in zip(pair.same, pair.both)
+            ],
+            "imitated_here": [same for pair in separated.pairs for same in pair.same],
+            "same_in_any_motion": [exact is not None for pair in separated.pairs for exact in pair.exact],
             "seconds_for_99_percent": separated.seconds,
-            "exact": next((pair.exact for pair in separated.pairs if pair.exact), None),
+            "identities": [exact for pair in separated.pairs for exact in pair.exact],
             "told": separated.sentence,
         }
     return out
@@ -123,13 +138,13 @@ def _list(values: Sequence[float]) -> str:
     return "[" + ", ".join(f"{value:.6f}" for value in values) + "]"
 
 
-def _ros2(done: Experiment, folder: Path, t: Array, states: Sequence[Array]) -> None:
-    """One trajectory_msgs/JointTrajectory, a point every 10 ms; nothing without the extra `ros`."""
+def _ros2(done: Experiment, folder: Path, t: Array, states: Sequence[Array]) -> bool:
+    """One trajectory_msgs/JointTrajectory, a point every 10 ms; False without the extra `ros`."""
     try:
         from rosbags.rosbag2 import Writer
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
-        return
+        return False
     store = get_typestore(Stores.ROS2_HUMBLE)
     types = store.types
     Time, Duration = types["builtin_interfaces/msg/Time"], types["builtin_interfaces/msg/Duration"]
@@ -146,18 +161,23 @@ def _ros2(done: Experiment, folder: Path, t: Array, states: Sequence[Array]) -> 
     with Writer(folder, version=9) as writer:
         connection = writer.add_connection("/joint_trajectory", kind, typestore=store)
         writer.write(connection, 0, store.serialize_cdr(message, kind))
+    return True
 
 
 def sentences(done: Experiment) -> list[str]:
     """What the command prints."""
     b = len(done.names)
     out = [f"{b} base parameters, scaled condition number {done.condition:.3g}, {done.seconds:g} s."]
-    if not np.isfinite(done.condition):
-        out.append("It does not show all of them: give it more time, or wider limits.")
+    unseen = [name for name, std in zip(done.names, done.std) if not np.isfinite(std)]
+    if unseen:
+        more = f" and {len(unseen) - NAMED} others" if len(unseen) > NAMED else ""
+        out.append(f"It does not show {', '.join(unseen[:NAMED])}{more}: {MORE}.")
+    elif done.condition > HARD and done.separated is None:
+        out.append(f"That is beyond {HARD:g}: some of them hardly differ in this motion; {MORE}.")
     if done.largest_use[1]:
         out.append(f"Largest use of a limit: {100 * done.largest_use[0]:.1f} % of {done.largest_use[1]}.")
     if done.separated is not None:
         out.append(done.separated.sentence)
-    if done.optimum is not None and done.optimum.stopped:
+    if done.stopped:
         out.append("Stopped early: this is the best so far.")
     return out

@@ -98,7 +98,9 @@ def profile(table: Table) -> TableProfile:
         )
         for k, name in enumerate(names)
     )
-    return TableProfile(table.file, rows, columns, tuple(text), pieces, table.remarks)
+    return TableProfile(
+        table.file, rows, columns, tuple(text), pieces, (*table.remarks, *filter(None, [table.cut]))
+    )
 
 
 def _is_readable(table: Table, names: list[str]) -> bool:

@@ -98,6 +98,10 @@ def open_recording(
     survey = seen.survey
     rows = survey.rows + len(survey.mending.dropped)  # all that were read: what was lost is a share of them
     checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, rows)
+    if table.cut:
+        whole = (rows + 1, rows + 1) if window == (-np.inf, np.inf) else None
+        checks.append(Check("truncated", (), table.cut, "", "mended", stream.label, whole))
+    checks += seen.leaps
     refuse(stream.file, checks)
     checks += velocity_agrees(columns, replace(stream, survey=survey), table)
     refuse(stream.file, checks)

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.errors import RecordingError
-from ident.examination.check import refuse
-from ident.examination.clock import BURSTS, Grid, time_unit
+from ident.examination.check import Check, refuse
+from ident.examination.clock import BURSTS, SIDE, Grid, clock_leap, goes_on, time_unit
 from ident.examination.excerpt import Excerpt
 from ident.examination.samples import Mender
 from ident.examination.signals import MOVED
@@ -36,6 +36,7 @@ class Surveyed:
     bursts: int
     rate_hz: float  # as recorded, where the stamps are to be believed
     grid: Grid
+    leaps: tuple[Check, ...]  # of the clock
 
 
 def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
@@ -56,6 +57,7 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
     lowest = highest = np.empty(0)
     last_t: float | None = None
     last_row = np.empty(0)
+    recent, leaps = np.empty((0, n)), []  # positions just before a block
     sums = np.zeros(3)  # intervals inside segments: count, sum, sum of squares about the median
     worst = 0.0
     marks: list[tuple[float, float]] = []  # gaps
@@ -93,6 +95,15 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         wide = dt > gap_s
         bursts += int(((dt < 0.3 * dt[~wide].sum() / max((~wide).sum(), 1)) & ~same).sum())
         marks += [(float(after_t[k] - dt[k]), float(after_t[k])) for k in np.flatnonzero(wide)]
+        for k in np.flatnonzero(wide):
+            first = len(values) - len(after) + k  # of the rows after the gap
+            sides = (
+                np.vstack([recent, values[max(first - SIDE, 0) : first, :n]])[-SIDE:],
+                values[first : first + SIDE, :n],
+            )
+            if goes_on(*sides, float(dt[k]) / first_interval):
+                leaps.append(clock_leap(stream.label, float(dt[k]), int(at[k]) + 1))
+        recent = np.vstack([recent, values[-SIDE:, :n]])[-SIDE:]
         inner = dt[moving & ~wide]
         sums += [len(inner), inner.sum(), ((inner - first_interval) ** 2).sum()]
         worst = max(worst, float(np.abs(inner - first_interval).max(initial=0.0)))
@@ -142,7 +153,13 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         mender.mending(),
     )
     return Surveyed(
-        survey, mender, excerpt, bursts if bursts > BURSTS * rows else 0, 1.0 / first_interval, grid
+        survey,
+        mender,
+        excerpt,
+        bursts if bursts > BURSTS * rows else 0,
+        1.0 / first_interval,
+        grid,
+        tuple(leaps),
     )
 
 

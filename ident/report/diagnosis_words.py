@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ident.diagnosis.deciding import PATIENCE
 from ident.report.wording import joined, number, percent, with_deviation
 
 PLACED = ("source_joint", "recording", "from", "to", "link")  # said as a place, not as a value
@@ -60,8 +61,26 @@ def verdict(document: Mapping[str, Any]) -> str:
         opening = "Structure is left that" if sentences else "There is structure in the residual that"
         sentences.append(f"{opening} no known effect explains, on {places}.")
     if not sentences:
-        sentences = ["The model lacks nothing that these recordings show.", left_in_words(document)]
+        hints = [hint_sentence(document, hint) for hint in document.get("hints") or ()]
+        nothing = "The model lacks nothing that these recordings show."
+        unsure = "These recordings do not confirm that the model lacks anything, nor that it lacks nothing."
+        sentences = [unsure if hints else nothing, *hints, left_in_words(document)]
     return " ".join([*sentences, *worse_elsewhere(document)])
+
+
+def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:
+    """What may be there, and why it is not told."""
+    judged = document.get("judged") or {}
+    asked = judged.get("log_e_asked")
+    against = "" if asked is None else f", where {number(asked, 2)} is asked"
+    rivals = joined([f"{effect_name(r['effect'])} on {_where(r)}" for r in hint.get("equivalent") or ()])
+    instead = f", or instead at {rivals}," if rivals else ""
+    rows = rows_in_words(judged) + ("," if judged.get("apart") else "")
+    return (
+        f"They hint at {effect_name(hint['effect'])} on {_where(hint)}{instead} with "
+        f"log E = {number(hint['log_e'], 2)}{against}; it is not told because only {hint['blocks_for']} of "
+        f"{hint['blocks']} blocks of {rows} speak for it. A longer run to judge it by would tell."
+    )
 
 
 def left_in_words(document: Mapping[str, Any]) -> str:
@@ -170,14 +189,23 @@ def separated_in_words(finding: Mapping[str, Any]) -> str:
     its = finding.get("separate") or {}
     if not its.get("command"):
         return ""
-    seconds = its.get("seconds")
-    if seconds is None:
-        return f" In the motion of these recordings they look the same; another may tell: {its['command']}"
-    much = "hours" if seconds > 3600 else f"about {number(seconds, 2)} s"
+    made, recorded = its.get("seconds"), its.get("seconds_as_recorded")
+    here = "never, for they look the same" if recorded is None else _long(recorded)
+    sure = "To tell in 99 of 100 cases, at the noise measured, takes"
+    if made is None or made > PATIENCE:
+        much = "no motion that was tried does" if made is None else f"up to {_long(made)} of one made for it"
+        return (
+            f" {sure} too long: in motion as in these recordings {here}, and {much}; wider limits, "
+            f"less noise or a sensor beside the torque may tell. The search for a motion: {its['command']}"
+        )
     return (
-        f" To tell in 99 of 100 cases, at the noise measured, takes {much} of motion as in these recordings, "
-        f"less of the one that is made for it: {its['command']}"
+        f" {sure} at most {_long(made)} of a motion made for it to judge and as much to fit, in motion as in "
+        f"these recordings {here}: {its['command']}"
     )
+
+
+def _long(seconds: float) -> str:
+    return f"{number(seconds / 3600, 2)} h" if seconds > PATIENCE else f"about {number(seconds, 2)} s"
 
 
 def evidence_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:

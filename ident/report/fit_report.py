@@ -12,6 +12,7 @@ from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPag
 from ident.report.thinning import envelope, stretches_for, with_gaps
 from ident.report.wording import (
     check_sentence,
+    check_sentences,
     meaning,
     number,
     percent,
@@ -95,7 +96,9 @@ def verdict(document: Mapping[str, Any]) -> str:
 def remarks(document: Mapping[str, Any]) -> tuple[Remark, ...]:
     """`checks` of a document, for the top of its page."""
     checks, names = document.get("checks") or (), names_of(document)
-    return tuple(Remark(check_sentence(check, names), check["outcome"] != "mended") for check in checks)
+    return tuple(
+        Remark(sentence, not sentence.startswith("mended")) for sentence in check_sentences(checks, names)
+    )
 
 
 def _told(document: Mapping[str, Any], warning: str) -> bool:

@@ -11,7 +11,7 @@ from ident.report.fit_report import left_over, parameter_section, verdict
 from ident.report.joints import named, names_of, with_names
 from ident.report.page import Table
 from ident.report.render import render_table
-from ident.report.wording import check_sentence
+from ident.report.wording import check_sentences
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -33,7 +33,7 @@ def fit_summary(result: FitResult) -> str:
     document = fit_document(result)
     names = names_of(document)
     parts = [f"{document['robot']}, model {document['model']}"]
-    parts += [check_sentence(check, names) for check in document["checks"]]
+    parts += check_sentences(document["checks"], names)
     parts += [
         verdict(document),
         "",
@@ -57,7 +57,7 @@ def diagnosis_summary(document: Mapping[str, Any]) -> str:
 
     names = names_of(document)
     parts = [f"{document['robot']}, model {document['model']}"]
-    parts += [check_sentence(check, names) for check in document.get("checks", ())]
+    parts += check_sentences(document.get("checks", ()), names)
     parts += [named(text, names) for text in (verdict(document), *told(document))]
     return "\n".join([*parts, "", text_table(*with_names(*before_and_after(document), names))])
 
@@ -79,6 +79,6 @@ def diagnosis_table(document: Mapping[str, Any]) -> str:
 def _fragment(said: str, checks: Sequence[Mapping[str, Any]], blocks: Sequence[Any], more: str = "") -> str:
     from html import escape
 
-    lines = "".join(f"<p>{escape(check_sentence(check))}</p>" for check in checks)
+    lines = "".join(f"<p>{escape(sentence)}</p>" for sentence in check_sentences(checks))
     tables = "".join(render_table(block) for block in blocks if isinstance(block, Table))
     return f"<div>{lines}<p><strong>{escape(said)}</strong></p>{more}{tables}</div>"

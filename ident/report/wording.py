@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from ident.report.joints import named
@@ -89,6 +89,18 @@ def check_sentence(check: Mapping[str, Any], names: Mapping[str, str] | None = N
     remedy = f"; {check['remedy']}" if check.get("remedy") else ""
     message = named(check["message"].rstrip("."), names or {})
     return f"{opening}: {where}{message}{remedy}"
+
+
+def check_sentences(checks: Iterable[Mapping[str, Any]], names: Mapping[str, str] | None = None) -> list[str]:
+    """A line for each check; what is said alike of several recordings is one."""
+    alike: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
+    for check in checks:
+        alike.setdefault((check["outcome"], check["message"], check.get("remedy") or ""), []).append(check)
+    out = []
+    for first, *others in alike.values():
+        labels = dict.fromkeys(c.get("recording") or "" for c in (first, *others))
+        out.append(check_sentence({**first, "recording": "" if "" in labels else ", ".join(labels)}, names))
+    return out
 
 
 def joined(words: list[str]) -> str:

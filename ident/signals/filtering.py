@@ -154,6 +154,7 @@ class FilterBank:
     sign: LowPass
     vs: np.ndarray | None  # (n,) rad/s; None until estimated
     turn_over: tuple[TurnOver, ...] = ()  # of each joint's dry friction; none given: tanh(2.5 dq / vs)
+    resting: tuple[int, ...] = ()  # joints that stand at one place throughout the study
 
     @property
     def halo(self) -> int:
@@ -253,7 +254,12 @@ def filter_blocks(
         _, motor, sensor = stream.split((low if torque_too else window)[inner])
         speed = first_difference(light, rate)
         span = slice(int(np.argmax(use)), count - int(np.argmax(use[::-1])))
-        ddq = second_difference(q, rate)
+        dq, ddq = first_difference(q, rate), second_difference(q, rate)
+        sign = told_sign(light[2:-2][span], speed[span], vs, bank.turn_over, states)
+        certain = certainty(speed[span], vs)
+        for j in bank.resting:  # rounding is no motion; its load is seen all the same, beside static friction
+            dq[:, j] = ddq[:, j] = speed[:, j] = sign[:, j] = 0.0
+            certain[:, j] = 1.0
         motor_ddq: np.ndarray | None = None
         if stream.stiffness is not None:  # q = q_m - tau_l / k, of the position filter's band alike
             bent = scipy.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
@@ -262,13 +268,13 @@ def filter_blocks(
         yield FilteredBlock(
             t[span],
             q[2:-2][span],
-            first_difference(q, rate)[span],
+            dq[span],
             ddq[span],
-            told_sign(light[2:-2][span], speed[span], vs, bank.turn_over, states),
+            sign,
             None if motor is None else motor[span],
             None if sensor is None else sensor[span],
             vs,
-            certainty(speed[span], vs) * stream.weight(window[inner])[span],
+            certain * stream.weight(window[inner])[span],
             speed[span],
             motor_ddq,
         )
@@ -312,14 +318,17 @@ def _odd_end(rows: np.ndarray, halo: int) -> np.ndarray:
 
 
 def prepare(
-    stream: RecordingStream, settings: FilterSettings, turn_over: Sequence[TurnOver] = ()
+    stream: RecordingStream,
+    settings: FilterSettings,
+    turn_over: Sequence[TurnOver] = (),
+    resting: Sequence[int] = (),
 ) -> FilterBank:
     """The filters of a recording with the velocity noise estimated on the first samples that move."""
-    bent = tuple(turn_over)
+    bent, rest = tuple(turn_over), tuple(resting)
     bank = filter_bank(settings, stream.rate_hz)
     if settings.sign_velocity is not None:
         vs = np.full(len(stream.need.joints), settings.sign_velocity)
-        return FilterBank(bank.position, bank.sign, vs, bent)
+        return FilterBank(bank.position, bank.sign, vs, bent, rest)
     q: list[np.ndarray] = []
     rows = 0
     for segment, blocks in stream.segments():
@@ -334,7 +343,7 @@ def prepare(
         if rows > MIN_SAMPLES:
             break
     noise = velocity_noise(np.concatenate(q), bank)
-    return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise, bent)
+    return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise, bent, rest)
 
 
 def filter_stream(

@@ -94,6 +94,11 @@ class Definition:
             symbols |= {s.name for s in term.free_symbols}
         return frozenset(symbols - set(self.nonlinear_names))
 
+    @property
+    def shifts_time(self) -> bool:
+        """Whether its columns are the torque's own derivative: it says that the torque is recorded late."""
+        return "dtau" in self.needs
+
     def complete(self, theta: Mapping[str, float] | None) -> dict[str, float]:
         """All nonlinear parameters: the given ones, the middle of the grid for the others."""
         theta = dict(theta or {})

@@ -200,11 +200,13 @@ class Effect(Expressions, Telling):
 
     def usual(self, given: Mapping[str, float], own: Mapping[str, float]) -> dict[str, float]:
         """Reported values of a usual robot beside those that are given; sizes that are left out are not
-        there.
+        there. Where nothing is typical, one of each size and the middle of each shape's grid.
 
         `own`: the joint's "Fc" and "Fv", where the robot's are known.
         """
-        values = dict(self.typical)
+        names = {quantity.name for quantity in self.quantities}
+        middle = {**dict.fromkeys(self.linear_names, 1.0), **self.complete(None)}
+        values = {**{name: value for name, value in middle.items() if name in names}, **self.typical}
         if set(given) & set(self.size_names):
             values |= dict.fromkeys(self.size_names, 0.0)
         return {**values, **given}

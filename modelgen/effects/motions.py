@@ -5,6 +5,7 @@ link: `link_torque` is the model of the link side (B, or A without rotor inertia
 """
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 
@@ -59,13 +60,21 @@ def position_slope(model: Model, motion: Motion, j: int) -> Array:
     return (up - down) / 2e-5
 
 
+@lru_cache(64)
+def _third_order(rate_hz: float, cutoff_hz: float) -> Array:
+    from scipy.signal import butter
+
+    return butter(3, cutoff_hz, fs=rate_hz, output="sos")
+
+
 def low_passed(x: Array, rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
     """x (N,) through a zero-phase third-order Butterworth, with its first and second time derivative."""
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     if cutoff_hz < 0.45 * rate_hz and len(x) > 12:
-        sos = butter(3, cutoff_hz, fs=rate_hz, output="sos")
-        x = sosfiltfilt(sos, x, padlen=min(len(x) - 1, int(2 * rate_hz / cutoff_hz)))
+        x = sosfiltfilt(
+            _third_order(rate_hz, cutoff_hz), x, padlen=min(len(x) - 1, int(2 * rate_hz / cutoff_hz))
+        )
     dx = np.gradient(x, 1.0 / rate_hz) if len(x) > 1 else np.zeros_like(x)
     return x, dx, np.gradient(dx, 1.0 / rate_hz) if len(x) > 1 else np.zeros_like(x)
 

@@ -52,7 +52,7 @@ def load_robot(name_or_path: str | Path, exact: bool = False) -> Robot:
         except FileNotFoundError:
             raise RobotFileError(source, _not_found(text)) from None
         except ModelgenError as error:
-            raise RobotFileError(source, f"{error}, or a built-in robot") from None
+            raise RobotFileError(text, f"{error}, or a built-in robot") from None
     return parse_robot(data, source, exact)
 
 

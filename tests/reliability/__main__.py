@@ -1,8 +1,8 @@
 """`make reliability`: as many mutated inputs as wished, a table at the end, exit status 1 if anything failed.
 
-    python -m tests.reliability --robots 20000 --studies 20000 --recordings 20000 --commands 500 --kills 20
+    python -m tests.reliability --robots 20000 --planted 1000 --seed 7
 
-`RELIABILITY=10` in the environment multiplies the numbers by ten.
+`RELIABILITY=0.1` in the environment multiplies the numbers.
 """
 
 from __future__ import annotations
@@ -15,12 +15,20 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tests" / "support")]
-USUAL = {"robots": 2000, "studies": 2000, "recordings": 1000, "fits": 500, "commands": 200, "kills": 10}
+USUAL = {
+    "robots": 20000,
+    "studies": 20000,
+    "recordings": 20000,
+    "planted": 1000,
+    "fits": 500,
+    "commands": 500,
+    "kills": 20,
+}
 
 
 def main() -> int:
     """Exit status."""
-    from tests.reliability import command_lines, fits, kills, recordings, robot_files, studies
+    from tests.reliability import command_lines, fits, kills, planted, recordings, robot_files, studies
     from tests.reliability.explore import explore, table
     from tests.reliability.judge import HANG_S
 
@@ -38,6 +46,7 @@ def main() -> int:
         ("robots", robot_files),
         ("studies", studies),
         ("recordings", recordings),
+        ("planted", planted),
         ("fits", fits),
         ("commands", command_lines),
         ("kills", kills),

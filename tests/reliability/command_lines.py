@@ -33,12 +33,35 @@ PLACES = (
     "readonly/out", "ur10e", "kuka_lwr4p", "--", "-x", "1", "-1", "nan", "http://x/y", "C:\\x",
 )  # fmt: skip
 OPTIONS: dict[str, tuple[str, ...]] = {
-    "ident fit": ("-o", "-v", "--overwrite"),
-    "ident diagnose": ("-o", "-v", "--max-effects", "--alpha"),
+    "ident fit": ("-o", "-v", "--overwrite", "--models"),
+    "ident diagnose": ("-o", "-v", "--max-effects", "--alpha", "--memory", "--overwrite"),
     "ident simulate": ("-o", "--model", "--effect", "--payload", "--seed", "--duration", "--rate", "--noise"),
-    "ident predict": ("-o", "--payload"),
+    "ident predict": ("-o", "--payload", "--episode"),
     "ident export": ("--c", "--urdf", "--mjcf", "--float32", "--name"),
-    "ident robot": ("-o",),
+    "ident robot": ("-o", "--exact"),
+    "ident inspect": ("-o", "--robot", "--topic", "--exact", "--overwrite"),
+    "ident excite": (
+        "-o",
+        "--model",
+        "--duration",
+        "--criterion",
+        "--motion",
+        "--limit",
+        "--start",
+        "--keep-out",
+        "--point",
+        "--self-collision",
+        "--separate",
+        "--from",
+        "--evaluate",
+        "--parameters",
+        "--noise",
+        "--rate",
+        "--starts",
+        "--seed",
+    ),
+    "ident fleet": ("-o", "--robot", "--study", "--scheduler", "--diagnose"),
+    "ident demo": ("-o",),
     "ident": ("--version", "--help", "fti", "fit", "--nonsense"),
     "regenerate-model": (
         "--model",
@@ -109,6 +132,10 @@ def cases(draw: st.DrawFn) -> Case:
     words = list(draw(st.lists(st.sampled_from(PLACES), max_size=3)))
     if command == "ident simulate":  # right requests are long work
         words += ["--effect", "nothing:1"]
+    if command == "ident excite":
+        words += ["--separate", "nothing:1,nothing:2"]
+    if command == "ident demo":
+        words += ["--nonsense"]
     if command in ("ident fit", "ident diagnose", "ident predict") and draw(st.booleans()):
         words += ["-o", draw(st.sampled_from(PLACES))]
     for _ in range(draw(st.integers(0, 3))):

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from tests.reliability import recordings, robot_files, studies
+from tests.reliability import command_lines, recordings, robot_files, studies
 from tests.reliability.judge import Case, judged
 from tests.reliability.mutations import text_of
 
@@ -64,3 +64,11 @@ STUDIES = {
 def test_studies_that_were_tracebacks_or_refused_at_length(name):
     outcome = judged(studies.trial, Case(text_of(studies.FULL | STUDIES[name])))
     assert outcome.kind == "refused", outcome
+
+
+COMMANDS = {"a root for a file": ("ident inspect", "study.yaml", "-o", "/")}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_command_lines_that_were_tracebacks(name):
+    assert judged(command_lines.trial, Case(COMMANDS[name])).kind == "refused"

@@ -4,7 +4,7 @@ import warnings
 
 import pytest
 
-from tests.reliability import command_lines, fits, kills, recordings, robot_files, studies
+from tests.reliability import command_lines, fits, kills, planted, recordings, robot_files, studies
 from tests.reliability.explore import explore, table
 from tests.reliability.judge import Case, Hang, judged, time_limit
 
@@ -21,7 +21,7 @@ def test_every_input_is_accepted_or_refused_in_one_sentence(module, inputs):
     assert tally.outcomes["refused"] and tally.outcomes["accepted"]  # it does try both
 
 
-def planted(module):
+def one_of_each(module):
     """One case per defect and base, none left to chance."""
     for base in module.bases():
         for name, change in module.PLANTED:
@@ -34,12 +34,27 @@ def test_every_planted_defect_is_refused(module):
 
     from tests.reliability.mutations import text_of
 
-    for name, change, base in planted(module):
+    for name, change, base in one_of_each(module):
         tree = copy.deepcopy(base)
         made = change(tree)
         data = made if isinstance(made, bytes) else text_of(tree)
         outcome = judged(module.trial, Case(data, name))
         assert outcome.kind == "refused", (name, outcome, data[:500])
+
+
+@pytest.mark.parametrize("defect", planted.DEFECTS)
+def test_every_planted_defect_of_a_recording_is_named(defect):
+    assert judged(planted.trial, Case(planted.Planted(defect, 1), defect)).kind == "refused"
+
+
+def test_nothing_is_said_of_the_recordings_before():
+    from ident.equations.prepared import prepare_study
+    from ident.examination.examine import examine_fit, examine_tables
+    from ident.recordings.study import load_study
+
+    prepared = prepare_study(load_study(planted._simulated()[0] / "study.yaml"))
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    assert {check.check for check in said} <= {"poor_excitation"}  # of three joints, where gravity is
 
 
 def test_the_untouched_bases_are_accepted(monkeypatch):
@@ -53,7 +68,7 @@ def test_the_untouched_bases_are_accepted(monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", kills.random_moments(2, seed=1))
+@pytest.mark.parametrize("case", [("simulate", 2, 0.6), ("fit", 0, 0.5)])
 def test_a_killed_command_leaves_the_old_result_whole(case):
     kills.trial(case)
 

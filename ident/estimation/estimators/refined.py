@@ -57,6 +57,11 @@ class Refined:
     feedback: Feedback | None = None
     notes: tuple[str, ...] = ()
 
+    @property
+    def plain(self) -> bool:
+        """Whether its covariance is spread by the equations whose residuals it leaves."""
+        return self.turn is None and self.spread is self.observed
+
     def covariance(self, estimate: Estimate, noises: Sequence[ChannelNoise] | None = None) -> np.ndarray:
         """Honest covariance (b, b) of the estimate, or of a restriction of it."""
         noises = channel_noises(self.observed, estimate) if noises is None else noises

@@ -47,7 +47,8 @@ class Table:
     """Columns by name, rows when asked: `blocks(names)` yields (rows, len(names)) float64 arrays.
 
     What is `in_memory` anyway is not held a second time. `units` is what a units row says, as written;
-    `remarks` are sentences on what was passed over or changed.
+    `remarks` are sentences on what was passed over or changed; `cut`, in words, the last row where it was not
+    whole and was left out.
     """
 
     file: str
@@ -56,6 +57,7 @@ class Table:
     read: Callable[[Sequence[str]], Blocks]
     units: Mapping[str, str] = field(default_factory=dict)
     remarks: tuple[str, ...] = ()
+    cut: str = ""
     in_memory: bool = False
     held: Held = field(default_factory=Held, repr=False, compare=False)
 

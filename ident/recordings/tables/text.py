@@ -47,8 +47,7 @@ def text(path: Path, decimal: str = ".") -> Table:
     def read(columns: Sequence[str]) -> Blocks:
         return _read(path, dialect, end, [places[name] for name in columns])
 
-    remarks = (*dialect.remarks, *([cut] if cut else []))
-    return Table(str(path), tuple(places), dialect.has_names, read, dialect.units, remarks)
+    return Table(str(path), tuple(places), dialect.has_names, read, dialect.units, dialect.remarks, cut)
 
 
 def _end(path: Path, size: int, dialect: Dialect) -> tuple[int, str]:

@@ -1,14 +1,19 @@
 """A contact for a while and a body from a moment on: their windows, and nothing where none is."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from ident.diagnosis.events import _gains, best_event, crossed, whole
+from ident.diagnosis import loop
+from ident.diagnosis.candidates import Library, screen
+from ident.diagnosis.events import Event, _gains, best_event, crossed, whole
 from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
-from ident.diagnosis.refine import fit_sizes
+from ident.diagnosis.refine import fit_sizes, refine
+from ident.diagnosis.terms import Term
+from ident.diagnosis.weighing import compared
 from ident.equations.prepared import prepare_study
 from modelgen.effects import catalogue
 
@@ -71,3 +76,26 @@ def test_halves_are_each_others_judges(tiny):
     a, b = crossed(tiny["metric"](rows), np.ones(M, bool), 1.0)
     assert np.array_equal(a.fitted.mask, b.judged.mask) and np.array_equal(a.judged.mask, b.fitted.mask)
     assert np.array_equal(a.fitted.mask, ~a.judged.mask)
+
+
+def test_a_law_of_the_whole_study_takes_a_loads_place(arm, monkeypatch):
+    """A base that is tilted, of which too few blocks agree to be told alone, looks like a force on all but a
+    second of a run: the force has nothing to say beside it, and is not told."""
+    tau = threshold(ALPHA)
+    begun = opened(prepare_study(arm("base_tilt:roll=0.02,pitch=0.004")))
+    tilt, force = catalogue()["base_tilt"], catalogue()["external_force"]
+    library = Library([tilt, force], begun.layout)
+    weighed = compared(begun.state, screen(begun.state, library, frozenset()), tau, ALPHA)
+    weighed = replace(weighed, passed=())
+    place = replace(next(iter(force.places(begun.layout))), recording="run1", start=1.0)
+    load = refine(
+        begun.state.metric, begun.state.scene, Term(force, place, dict.fromkeys(force.nonlinear_names, 0.0))
+    )
+    law = weighed.possible[0][1]
+    event = Event(load, replace(law, gain=law.gain - 1.0))
+    assert law.log_e > tau and law.gain > tau
+    monkeypatch.setattr(loop, "compared", lambda *_: weighed)
+    monkeypatch.setattr(loop, "best_event", lambda *_: event)
+    monkeypatch.setattr(loop, "pruned", lambda state, steps, *_: (state, steps))  # on this arm it would go
+    outcome = loop.trace(begun.state, library, ALPHA, max_steps=1)
+    assert not any(step.term.effect.windowed for step in outcome.steps)

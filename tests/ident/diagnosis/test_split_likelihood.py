@@ -1,12 +1,15 @@
 """The criterion: an e-value on rows that chose nothing, blind to the rigid model's parameters."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import scipy.stats
 
 from ident.diagnosis.evidence import block_sums, enough, orthonormal, rarely, weigh, weights
+from ident.diagnosis.refine import Refined
+from ident.diagnosis.weighing import Weighed, nearly
 
 M = 480
 
@@ -137,3 +140,27 @@ def test_blocks_keep_the_sum(tiny):
     blocks = block_sums(rows, values, rows.judged)
     assert len(blocks) >= 12
     assert blocks.sum() == pytest.approx(values[rows.judged].sum(), abs=3.0)
+
+
+def test_what_too_few_blocks_confirm_is_near_and_the_rest_is_not(tiny):
+    """Of hypotheses that pass all but the blocks' agreement the strongest of each channel; none of what says
+    too little, and none of what is told."""
+    rng = np.random.default_rng(8)
+    m, z = problem(tiny, rng, size=1.0)
+    told = weigh(m, {0: z[:, [0]]})
+    few = np.where(np.arange(len(told.blocks)) % 2, -1.0, 3.0)
+    split = replace(told, blocks=few, expected=np.full(len(few), 2.0))
+    against = replace(split, blocks=np.where(np.arange(len(few)) == 1, -20.0, few))
+
+    def near(*evidence):
+        names = [SimpleNamespace(key=k, free=1) for k in range(len(evidence))]
+        hypotheses = [(Refined(name, {0: z[:, [0]]}, np.ones(1), 9.0), e) for name, e in zip(names, evidence)]
+        return [(r.term.key, [q.term.key for q in beside]) for r, e, beside in
+                nearly(Weighed(m, tuple(hypotheses), (), tuple(hypotheses)), np.log(4000), 0.01)]  # fmt: skip
+
+    assert told.supported(0.01) and not split.supported(0.01)
+    assert near(split) == [(0, [])]
+    assert near(split, replace(split, log_e=split.log_e - 1)) == [(0, [1])]
+    assert near(replace(split, log_e=5.0)) == [] and near(told) == []
+    assert against.contradicted(0.01) and near(against) == []
+    assert not split.contradicted(0.01) and not told.contradicted(0.01)

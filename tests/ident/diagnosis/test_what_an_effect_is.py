@@ -1,18 +1,23 @@
 """What is asked of an effect besides that it says enough."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 from small_arm import ARM
 
-from ident.diagnosis.candidates import Library, screen
+from ident.diagnosis.candidates import Library, Ranked, screen
 from ident.diagnosis.evidence import weigh
 from ident.diagnosis.last_fit import _ended
+from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
-from ident.diagnosis.weighing import is_itself
+from ident.diagnosis.refine import Refined
+from ident.diagnosis.terms import Term
+from ident.diagnosis.weighing import Weighed, compared, is_itself, rivals_of, simplest
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
+from ident.twin.study import RUNS
 from modelgen.effects import catalogue
 
 
@@ -56,3 +61,46 @@ def test_what_a_study_left_out_is_asked_of_every_joint(tmp_path_factory):
     library = Library(list(catalogue().values()), begun.layout)
     listed = {(r.term.effect.name, r.term.place.joint) for r in screen(begun.state, library, frozenset())}
     assert {("viscous_friction", joint) for joint in range(3)} <= listed
+
+
+def test_what_is_not_beaten_is_told_beside_it(tmp_path_factory):
+    """A small arm's square law agreed with the judged rows in 8 blocks of 12, too few to be told alone, and
+    0.7 nats behind a cube: that one was told without it."""
+    folder = tmp_path_factory.mktemp("alike")
+    (folder / "robot.yaml").write_text(ARM)
+    runs = tuple(
+        replace(run, duration=20.0, points=round(20 * run.points / run.duration)) for run in RUNS[:3]
+    )
+    hidden = "quadratic_friction:3:Fv2=0.02"
+    made = simulate(folder / "robot.yaml", "A", (hidden,), seed=1, sensors=Sensors(250.0), runs=runs)
+    begun = opened(prepare_study(load_study(write_simulation(made, folder / "out"))))
+    laws = [catalogue()[name] for name in ("quadratic_friction", "nonlinear_viscous_friction")]
+    listed = [Ranked(Term(law, begun.layout.place(2, None, side="motor")), 0.0) for law in laws]
+    tau = threshold(0.01)
+    weighed = compared(begun.state, listed, tau, 0.01)
+    best, evidence = simplest(weighed, tau)
+    told = {best.term.effect.name}
+    told |= {rival.term.effect.name for rival in rivals_of(weighed, best, evidence, tau, 0.01)}
+    assert "quadratic_friction" in told
+
+
+def test_what_explains_another_part_is_no_equal(tiny):
+    """A law 20 nats behind a ripple was told as its equal, as too few blocks spoke against it: it shared a
+    hundredth of its torque. One that all but repeats it is its equal."""
+    rng = np.random.default_rng(6)
+    M = 2000
+    hop, own, other = np.ones((M, 1)), rng.normal(size=M), rng.normal(size=M)
+    faint = np.where(np.arange(M) % 200 < 40, 1.0, 0.2)  # hardly there in most blocks
+    m = tiny["metric"](tiny["rows"](hop, own * faint * 0.6 + 0.12 * other + rng.normal(size=M)))
+    zs = {"ripple": own * faint, "law": other, "alike": own * faint + 0.1 * rng.normal(size=M)}
+
+    def hypothesis(name):
+        term = SimpleNamespace(key=name, free=1)
+        return Refined(term, {0: zs[name][:, None]}, np.ones(1), 9.0), weigh(m, {0: zs[name][:, None]})
+
+    told = tuple(hypothesis(name) for name in zs)
+    weighed = Weighed(m, told, told, told)
+    best, evidence = told[0]
+    assert evidence.supported(0.01) and not evidence.beats(told[1][1], threshold(0.01), 0.01)
+    beside = rivals_of(weighed, best, evidence, threshold(0.01), 0.01)
+    assert [r.term.key for r in beside] == ["alike"]

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from planted import (
     DATA,
     ON_RECORDINGS,
@@ -19,6 +20,7 @@ from planted import (
     ur10e,
 )
 
+from ident.diagnosis.findings import told_by_checks
 from ident.equations.prepared import prepare_study
 from ident.errors import FitFailedError, StudyError
 from ident.estimation.fit import fit_study
@@ -99,8 +101,8 @@ def test_of_two_torques_either_may_be_scaled(tmp_path, factor, signals):
     assert [(c.check, c.signals) for c in checks] == [("torque_scale", signals)]
 
 
-def test_noise_in_one_of_two_torques_is_no_other_robot(tmp_path):
-    noise = np.random.default_rng(0).normal(size=10000)
+def test_a_slow_signal_in_one_of_two_torques_is_no_other_robot(tmp_path):
+    noise = np.convolve(np.random.default_rng(0).normal(size=10020), np.ones(20) / 20, "valid")
     study = planted(tmp_path, changed("tau_m2", lambda x: noise[: len(x)]), measured("barrett_wam_2dof"))
     assert [c.check for c in examine_fit(prepare_study(study))] == ["unrelated_torque"]
 
@@ -280,11 +282,69 @@ def test_a_dead_torque_and_all_of_them(tmp_path):
     assert checks == {"dead_channel"} and "no torque is recorded" in text
 
 
+def test_a_dead_torque_under_noise(tmp_path):
+    noise = np.random.default_rng(0).normal(scale=0.3, size=6000)
+    check, *_ = checks = tables(planted(tmp_path, changed("i4", lambda x: 1.5 + noise[: len(x)])))
+    assert {(c.check, c.signals, c.outcome) for c in checks} == {("dead_channel", ("i4",), "warned")}
+    assert "tau_m3, tau_m5" in check.remedy
+
+
+def test_noise_with_a_hundredth_of_torque_in_it_is_none(tmp_path):
+    noise = np.random.default_rng(0).normal(size=6000)
+    study = planted(tmp_path, changed("i4", lambda x: 0.3 * x + np.std(x) * noise[: len(x)]))
+    assert "dead_channel" not in {c.check for c in tables(study)}
+
+
 def test_a_pause_of_an_hour_splits_the_run_and_is_no_clock(tmp_path):
-    study = planted(tmp_path, changed("t", lambda t: t + np.where(np.arange(len(t)) > 2000, 3600.0, 0.0)))
-    plain, paused = (prepare_study(s).streams[0] for s in (ur10e(), study))
-    assert paused.checks == () and paused.rate_hz == pytest.approx(plain.rate_hz, rel=1e-6)
-    assert len(paused.survey.segments) == len(plain.survey.segments) + 1
+    def paused(columns):
+        here = np.r_[0:2000, 2300 : len(columns["t"])]
+        return {
+            k: (v + 3600.0 * (np.arange(len(v)) > 2000) if k == "t" else v)[here] for k, v in columns.items()
+        }
+
+    plain, other = (prepare_study(s).streams[0] for s in (ur10e(), planted(tmp_path, paused)))
+    assert other.checks == () and other.rate_hz == pytest.approx(plain.rate_hz, rel=1e-6)
+    assert len(other.survey.segments) == len(plain.survey.segments) + 1
+
+
+@pytest.mark.parametrize("seconds", [1.0, 3600.0])
+def test_a_clock_that_leaps_while_the_motion_goes_on(tmp_path, seconds):
+    study = planted(tmp_path, changed("t", lambda t: t + seconds * (np.arange(len(t)) > 2000)))
+    stream = prepare_study(study).streams[0]
+    (check,) = stream.checks
+    assert (check.check, check.outcome, check.rows) == ("time_stamps", "mended", (2002, 2002))
+    assert len(stream.survey.segments) == 2
+
+
+@pytest.mark.parametrize("factor", [1.03, 0.97])
+def test_a_clock_that_is_three_percent_off(tmp_path, factor):
+    check, *_ = checks = tables(planted(tmp_path, changed("t", lambda t: t * factor)))
+    assert {c.check for c in checks} == {"clock_rate"}
+    assert check.check == "clock_rate" and check.outcome == "warned" and len(check.signals) == 6
+    assert yaml.safe_load(check.remedy.partition("write ")[2])["columns"]["t"]["scale"] == pytest.approx(
+        1 / factor, rel=3e-3
+    )
+
+
+def test_a_line_that_was_cut_off_is_among_the_checks(tmp_path):
+    study = planted(tmp_path, lambda c: c)
+    entry = study.recordings[0]
+    import pyarrow.csv
+
+    pyarrow.csv.write_csv(pq.read_table(tmp_path / entry.file), tmp_path / "cut.csv")
+    text = (tmp_path / "cut.csv").read_bytes()
+    (tmp_path / "cut.csv").write_bytes(text[: text.rindex(b",")])
+    study = study.with_(recordings=[{"file": "cut.csv"}])
+    (check,) = prepare_study(study).streams[0].checks
+    whole = text.count(b"\n") - 1
+    assert (check.check, check.outcome, check.rows) == ("truncated", "mended", (whole, whole))
+
+
+def test_what_a_resting_joint_leaves_open_is_one_remark(tmp_path):
+    study = planted(tmp_path, changed("q1", lambda q: 0 * q + 0.3)).with_(without=())
+    fit = fit_study(study)
+    open_ = [c for c in fit.checks if c.check == "poor_excitation" and "not excited at all" in c.message]
+    assert len(open_) == 1 and "q1" in open_[0].signals and "record joint 1 moving" in open_[0].remedy
 
 
 @pytest.mark.parametrize(
@@ -322,6 +382,20 @@ def test_all_torques_with_the_other_sign(tmp_path):
     assert [(c.check, len(c.signals)) for c in checks] == [("torque_sign", 6)]
 
 
+@pytest.mark.parametrize(("name", "robot"), [("i4", "ur10e"), ("tau_m2", "kuka_kr300")])
+def test_a_sign_that_changes_in_mid_run(tmp_path, name, robot):
+    """No check spoke of it, and diagnosis said that it depends on two joints."""
+    turned = lambda x: x * np.where(np.arange(len(x)) < 0.6 * len(x), 1, -1)  # noqa: E731
+    prepared = prepare_study(planted(tmp_path, changed(name, turned), measured(robot)))
+    said = worst_first([*examine_tables(prepared), *examine_fit(prepared)])
+    assert said and {(c.check, c.signals) for c in said} == {("torque_sign", (name,))}
+    for check in said:
+        stream = next(s for s in prepared.streams if s.label == check.recording)
+        span = stream.survey.segments[-1].end - stream.survey.segments[0].start
+        told = float(check.message.split("at about ")[1].split(" s")[0]) - stream.survey.segments[0].start
+        assert abs(told / span - 0.6) < 0.05
+
+
 @pytest.mark.parametrize("factor", [1000.0, 0.2])
 def test_one_torque_of_another_scale(tmp_path, factor):
     study = planted(tmp_path, changed("i3", lambda x: x * factor))
@@ -339,6 +413,21 @@ def test_a_scale_that_the_fitted_motion_does_not_feel(tmp_path):
     prepared = prepare_study(study)
     said = worst_first([*examine_tables(prepared), *examine_fit(prepared)])
     assert {(c.check, c.signals) for c in said} == {("torque_scale", ("tau_m2",))}
+    told = told_by_checks(study, mended_study(study, said), said)
+    assert [(f.effect, f.joints, f.parameters["gain"]["value"]) for f in told] == [
+        ("drive_gain_error", (2,), 1000.0)
+    ]
+
+
+@pytest.mark.parametrize("which", [[6], range(1, 7)])
+def test_a_scale_that_no_torque_feels_is_a_hint_alone(tmp_path, which):
+    """The last joint's friction fits in any unit; so do all torques together."""
+    times = lambda c: c | {f"tau_m{j}": 1e3 * c[f"tau_m{j}"] for j in which}  # noqa: E731
+    study = planted(tmp_path, times, measured("kuka_kr300"))
+    prepared = prepare_study(study)
+    said = worst_first([*examine_tables(prepared), *examine_fit(prepared)])
+    assert {c.check for c in said} == {"torque_scale"} and all(c.hint for c in said)
+    assert told_by_checks(study, mended_study(study, said), said) == ()
 
 
 def test_a_limit_that_is_passed_gives_way_to_why(tmp_path):
@@ -384,8 +473,8 @@ def test_two_signals_in_each_others_place(tmp_path, kind):
     assert mended is not None and examine_fit(prepare_study(mended)) == ()
 
 
-def test_a_torque_that_is_noise(tmp_path):
-    noise = np.random.default_rng(0).normal(size=10000)
+def test_a_torque_that_is_another_signal(tmp_path):
+    noise = np.convolve(np.random.default_rng(0).normal(size=10020), np.ones(20) / 20, "valid")
     checks = examine_fit(prepare_study(planted(tmp_path, changed("i4", lambda x: noise[: len(x)]))))
     assert ("unrelated_torque", ("i4",)) in [(c.check, c.signals) for c in checks]
 

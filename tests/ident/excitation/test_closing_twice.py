@@ -19,13 +19,15 @@ def test_what_was_one_or_the_other_is_the_true_one_after_the_motion_that_decides
     finding = first.document()["findings"][0]
     suspects = {finding["effect"], *(rival["effect"] for rival in finding["equivalent"])}
     assert "quadratic_friction" in suspects and len(suspects) > 1
-    assert finding["separate"]["command"].startswith("ident excite") and finding["separate"]["seconds"] > 0
+    offer = finding["separate"]
+    assert offer["command"].startswith("ident excite") and offer["seconds_as_recorded"] > 0
 
     write_document(tmp_path / "diagnosis.json", first.document())
     write_document(tmp_path / "fit.json", fit_document(first.result.last))
     assert json.loads((tmp_path / "diagnosis.json").read_text())["smallest_visible"]
     done, motion = answer(case, tmp_path)
     assert "quadratic_friction:1" in done.separated.labels
+    assert done.separated.seconds <= offer["seconds"]  # a bound: what is designed needs no longer
     moved = motion.motion
     plans = [
         PlannedRun(name, use, moved.duration, motion=moved)

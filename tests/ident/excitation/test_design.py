@@ -1,5 +1,6 @@
 """Gradients against differences; what separates; what would be seen, held to by an arm of its own."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,12 +18,13 @@ from ident.excitation.information import CRITERIA, Rows, criteria
 from ident.excitation.known import as_motion, known_robot, term_of
 from ident.excitation.limits import ExcitationError, bounds_of
 from ident.excitation.motion import Basis
-from ident.excitation.same import proof
+from ident.excitation.same import proof, proof_in_limit
 from ident.excitation.sensitivity import FINE_HZ, projector, smallest_visible
-from ident.excitation.separate import Projector, Separation, imitation
-from ident.excitation.suspects import Separated
+from ident.excitation.separate import SAME, Projector, Separation, contained, imitation
+from ident.excitation.suspects import Separated, suspects, told
 from ident.twin.requests import parse_effect
-from ident.twin.twin import ActiveEffect, make_twin, placed, run_twin
+from ident.twin.twin import ActiveEffect, make_twin, run_twin
+from modelgen.effects import catalogue
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
 from modelgen.effects.place import Place
 from modelgen.geometry.robot_file import load_robot
@@ -47,7 +49,7 @@ def planned(basis, x, rate=FINE_HZ):
 def test_gradients_are_those_of_differences(arm, name):
     known, bounds, basis, x = arm
     rng = np.random.default_rng(2)
-    criterion = criteria(known.chi)[name]
+    criterion = criteria(known.chi, known.of_bodies)[name]
     rows, B = (
         Rows(known.model, rng.uniform(0.5, 2, 7), 0.1 * bounds.dq),
         basis.at(np.arange(0, 10, 0.125))[:3],
@@ -77,13 +79,64 @@ def test_the_slope_of_a_separation_is_that_of_differences(arm):
     assert np.sum(separation(x)[1] * way) == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-3)
 
 
+def test_a_motion_that_shows_nothing_separates_nothing(arm):
+    """Next to no motion makes two springs one: that is no way out of telling them apart."""
+    known, bounds, basis, x = arm
+    pair = [term_of(known, f"{name}:2", bounds, planned(basis, x)) for name in ("spring", "counterbalance")]
+    separation = Separation(known, basis, known.sigma(planned(basis, x)), 0.05 * bounds.dq, pair)
+    assert separation.decides(x)
+    assert separation(0.02 * x)[0] > separation(0.5 * x)[0] > separation(x)[0]
+
+
 def test_a_ripple_is_a_gear_ripple_but_not_the_other_way_round(arm):
     known, bounds, basis, x = arm
     motion = planned(basis, x, 50.0)
     ripple, gear = (term_of(known, f"{name}:3", bounds, motion) for name in ("torque_ripple", "gear_ripple"))
     project = Projector(known, motion, known.sigma(motion))
-    assert imitation(project, ripple, gear).same
-    assert not imitation(project, gear, ripple).same
+    there, back = imitation(project, ripple, gear), imitation(project, gear, ripple)
+    assert there.same and not back.same
+    assert proof(ripple, there.other) is not None and proof(gear, back.other) is None
+
+
+def test_an_effect_contains_what_it_becomes_in_a_limit(arm):
+    """Friction that fades over 2,000 s at most is one that does not, but for what that bound leaves."""
+    known, bounds, basis, x = arm
+    motion = planned(basis, x, 50.0)
+    names = ("stribeck_friction", "thermal_stribeck_friction", "thermal_friction", "thermal_coulomb_friction")
+    lasting, fading, viscous, dry = (term_of(known, f"{name}:3", bounds, motion) for name in names)
+    assert "T is large" in proof_in_limit(lasting, fading) and proof_in_limit(fading, lasting) is None
+    assert "vs is large" in proof_in_limit(dry, fading) and proof_in_limit(viscous, fading) is None
+    soon = replace(fading, bounds={**fading.bounds, "T": (2.0, 400.0)})
+    project = Projector(known, motion, known.sigma(motion))
+    there, back = imitation(project, lasting, soon), imitation(project, fading, lasting)
+    assert SAME * there.visible < there.rate  # where a share alone decided, the total was asked of this
+    assert contained(lasting, there) and not contained(fading, back)
+    assert not contained(dry, imitation(project, dry, fading))  # bounds keep vs too far from the limit
+
+
+def test_only_the_way_round_that_can_contradict_sets_the_seconds(arm):
+    known, bounds, basis, x = arm
+    motion = planned(basis, x, 50.0)
+    project = Projector(known, motion, known.sigma(motion))
+    texts = ("quadratic_friction:3", "stribeck_friction:3:vs=0.6", "thermal_stribeck_friction:3")
+    terms = suspects(known, texts, bounds, project)
+    assert terms[2].theta["T"] == 20.0  # nearest to the first it was nothing but the second
+    pair = told(project, terms).pairs[2]
+    assert pair.same == (True, False) and pair.seconds == pair.both[1].seconds < pair.both[0].seconds
+    slow = replace(terms[2], theta={**terms[1].theta, "T": 300.0}, size=terms[1].size)
+    assert told(project, (terms[1], slow)).pairs[0].same == (True, False)
+    settled = told(project, (terms[1], slow), settled=(True, True))  # that a design cannot undo
+    assert settled.seconds == float("inf") and "tells them apart" in settled.sentence
+
+
+def test_what_looks_the_same_in_a_small_motion_is_not_proven(arm):
+    """A spring is a sine of next to no wavenumber as far as anybody sees, and yet another function."""
+    known, bounds, basis, x = arm
+    motion = planned(basis, 0.1 * x, 50.0)
+    spring, ripple = (term_of(known, f"{name}:3", bounds, motion) for name in ("spring", "torque_ripple"))
+    slow = replace(ripple, theta={"wavenumber": 1e-3}, bounds={"wavenumber": (1e-4, 400.0)})
+    assert imitation(Projector(known, motion, known.sigma(motion)), spring, slow, warm=True).same
+    assert proof(spring, slow) is None
 
 
 def test_effects_that_are_the_same_are_proven_so():
@@ -121,7 +174,13 @@ def test_suspects_that_are_one_in_any_motion_ask_for_no_longer_one():
     assert Separated(("a", "b"), (one,), "").seconds == float("inf")
 
 
-@pytest.mark.parametrize("name", ["stribeck_friction:4", "spring:2", "offset_drift:3"])
+TORQUES = [
+    name for name, its in catalogue().items()
+    if its.kind == "column" and its.joints == "joint" and its.proportional and not its.replaces
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["spring:2", "offset_drift:3", *(f"{name}:4" for name in TORQUES)])
 def test_the_smallest_visible_size_is_seen_in_95_of_100(arm, name):
     """Torques of the twin, which knows no columns; noise at the rate that is assumed; a chi-square test."""
     known, bounds, basis, x = arm
@@ -129,9 +188,9 @@ def test_the_smallest_visible_size_is_seen_in_95_of_100(arm, name):
     sigma, seconds = known.sigma(motion), 10.0
     project, term = projector(known, motion, sigma), term_of(known, name, bounds, motion)
     seen = smallest_visible(project, term, seconds)
-    request = parse_effect(name, known.robot)
-    linear, nonlinear = request.effect.values_from_reported(seen.values)
-    place = placed(request, known.robot, "A")
+    request, place = parse_effect(name, known.robot), term.place
+    context = known.context(term.effect, place)
+    linear, nonlinear = request.effect.values_from_reported(seen.values, context)
     twin = make_twin(known.robot, ROBOT, known.standard)
     active = ActiveEffect(request, place, linear, nonlinear, {})
     with_it, without = (

@@ -3,6 +3,7 @@
 import json
 import os
 import signal
+import sys
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -94,6 +95,10 @@ def test_two_suspects_and_how_long(arm, capsys):
         (["--separate", "stribeck:1,hysteresis:1"], "did you mean stribeck_friction"),
         (["--separate", "coulomb_friction:1,hysteresis:1"], "cannot be told from the model's own"),
         (["--start", "9,0"], "start"),
+        (["--start", "nan,0"], "no number"),
+        (["--separate", "stribeck_friction:1:vs=0,hysteresis:1"], "makes no torque"),
+        (["--separate", "payload_change::m=2,hysteresis:1"], "payload_change::m=2,from=5"),
+        (["--limit", "q:1=1..1"], "not below"),
         (["--from", "nowhere"], "diagnosis.json"),
         (["--evaluate", "nowhere.parquet"], "nowhere.parquet"),
         (["--rate", "1"], "Hz"),
@@ -106,10 +111,53 @@ def test_wrong_inputs_end_in_a_sentence(arm, capsys, options, told):
     assert not (arm.parent / "refused").exists()
 
 
-def test_ctrl_c_asks_for_the_best_so_far():
+def test_a_recording_without_torques_is_evaluated_and_its_resting_joint_named(arm, capsys):
+    t = np.arange(0, 20, 0.01)
+    run_csv, out = arm.parent / "run.csv", arm.parent / "evaluated"
+    rows = np.column_stack((t, 0.5 * np.sin(t) + 0.2 * np.sin(3 * t), np.full_like(t, 0.1), np.cos(2 * t)))
+    np.savetxt(run_csv, rows, delimiter=",", header="t,q1,q2,q3", comments="")
+    assert run(["excite", str(arm), "-o", str(out), "--evaluate", str(run_csv)]) == 0
+    said = capsys.readouterr()
+    assert "joint 2 rests" in said.err and "does not show" in said.out
+    document = json.loads((out / "excitation.json").read_text())
+    hidden = {name for name, percent in document["expected_std_percent"].items() if percent is None}
+    assert "Fcm2R" in hidden and "Fcm1R" not in hidden  # friction shows in a joint that moves, and only there
+
+
+def test_an_effect_of_the_users_own_is_told_apart_and_has_a_smallest_visible_size(arm, monkeypatch):
+    monkeypatch.setattr("modelgen.effects.registry._own", {})
+    folder, out = arm.parent / "own", arm.parent / "own_pair"
+    folder.mkdir()
+    (folder / "wobble.py").write_text(
+        "import sympy as sp\n"
+        "from modelgen.effects import Effect, LinearParameter\n"
+        "from modelgen.effects.effect import SIGNALS\n"
+        'EFFECT = Effect(name="wobble", summary="", signature="", source="",\n'
+        '    terms={"w": sp.sin(3 * SIGNALS.q)}, linear=(LinearParameter("w", "N m", -9, 9),))\n'
+    )
+    options = ["--duration", "4", "--limit", "dq=1.5", "--starts", "1", "--effects-folder", str(folder)]
+    assert run(["excite", str(arm), "-o", str(out), "--separate", "wobble:3,spring:3", *options]) == 0
+    document = json.loads((out / "excitation.json").read_text())
+    assert document["separation"]["same_in_any_motion"] == [False, False]
+    assert {"wobble", "spring"} <= {its["effect"] for its in document["smallest_visible"] if its["values"]}
+
+
+def test_what_is_not_as_asked_for_is_said(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    arm = tmp_path / "arm.yaml"
+    arm.write_text(ARM.replace("theta: q1, r: 0.2", "theta: q1, r: 0.2, limits: {dq: 2}"))
+    options = ["--duration", "4", "--limit", "dq=1.5", "--limit", "dq:1=9", "--starts", "1"]
+    assert run(["excite", str(arm), "-o", str(tmp_path / "noted"), *options]) == 0
+    said = capsys.readouterr().err
+    assert "dynident[ros]" in said and "--limit dq:1=9 allows joint 1 more" in said
+    assert "--limit dq=1.5" not in said
+
+
+def test_ctrl_c_asks_for_the_best_so_far(capfd):
     before = signal.getsignal(signal.SIGINT)
     with stopping() as stopped:
         assert not stopped()
         os.kill(os.getpid(), signal.SIGINT)
         assert stopped()
+    assert "best so far" in capfd.readouterr().err
     assert signal.getsignal(signal.SIGINT) is before

@@ -3,9 +3,13 @@
 import numpy as np
 import pytest
 from planted import ON_RECORDINGS, planted
+from recordings import motion, write_parquet, write_study
+from small_arm import ARM
 
+import generated
 from ident.estimation.fit import fit_study
 from ident.examination.clock import Grid, rounded_stamps, uniform_clock
+from ident.recordings.study import load_study
 
 K = np.arange(6000)
 
@@ -67,3 +71,31 @@ class TestOnRecordings:
         fit = fit_study(planted(tmp_path, change))
         assert [s.rate_hz for s in fit.recordings] == pytest.approx([1 / 0.0105] * 2, rel=1e-4)
         assert {c.check for c in fit.checks if c.outcome == "mended"} == {"time_stamps"}
+
+
+@pytest.mark.parametrize("braked", [False, True])
+def test_a_joint_that_rests_keeps_its_load(tmp_path, braked):
+    """Its rows were left out with those of friction that is anything, and its gravity torque with them: 97 %
+    of it were told as error. A brake's torque is none of the load, and harms no other joint."""
+    (tmp_path / "robot.yaml").write_text(ARM)
+    model = generated.load(str(tmp_path / "robot.yaml"), "A")
+    rng = np.random.default_rng(0)
+    chi = 0.3 * rng.normal(size=len(model.parameters))
+    for k, name in enumerate(model.parameters):
+        if name.startswith(("Fv", "Fc", "Iam")):
+            chi[k] = 1.0
+    entries = []
+    for seed, use in enumerate(("identify", "validate")):
+        t, q, dq, ddq = motion(15, 200, seed, 3, 2.0)
+        q[:, 2], dq[:, 2], ddq[:, 2] = 0.3, 0.0, 0.0
+        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=np.sign(dq))) + 0.02 * rng.normal(size=q.shape)
+        tau[:, 2] = 0.02 * rng.normal(size=len(t)) if braked else tau[:, 2] + 0.3  # static friction
+        q = q + 1e-6 * rng.normal(size=q.shape)
+        columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}
+        write_parquet(tmp_path / f"{use}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)})
+        entries.append({"file": f"{use}.parquet", "use": use})
+    fit = fit_study(load_study(write_study(tmp_path, entries, robot="robot.yaml")))
+    told = fit.full_rate_error["validate"]
+    assert max(told["tau_m1"], told["tau_m2"]) < 1.0
+    assert braked or told["tau_m3"] < 1.0
+    assert not {"Fvm3", "Fcm3"} & set(np.array(fit.estimate.parameters)[fit.estimate.active])

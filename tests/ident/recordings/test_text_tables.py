@@ -81,7 +81,7 @@ def test_a_last_line_that_was_cut_off_is_left_out_and_said(tmp_path, separator, 
     text = separator.join(HEADER) + "\n" + "".join(separator.join(f"{x:.4f}" for x in r) + "\n" for r in rows)
     table, values = read(tmp_path, text[:-cut])
     assert np.array_equal(values, rows[:-1])
-    assert any("cut off" in remark for remark in table.remarks)
+    assert "cut off" in table.cut
 
 
 def test_a_file_that_only_lacks_its_last_newline_is_whole(tmp_path):

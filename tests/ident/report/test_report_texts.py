@@ -7,6 +7,7 @@ from ident.report.diagnosis_report import View, binned_median, diagnosis_page
 from ident.report.diagnosis_words import (
     evidence_in_words,
     finding_sentence,
+    separated_in_words,
     told,
     unexplained_sentence,
 )
@@ -144,6 +145,22 @@ def test_nothing_found_is_called_noise_only_where_the_floor_says_so():
     assert "The error on test runs is 4.5 times that of the fitted ones" in far
 
 
+def test_what_too_few_blocks_confirm_is_a_hint_and_not_nothing():
+    tilt = {
+        "effect": "base_tilt", "joints": [], "log_e": 44.2, "error_drop_percent": 12.0, "channel": "tau_m",
+        "blocks_for": 10, "blocks": 15, "equivalent": [{"effect": "external_force", "joints": [], "link": 3}],
+    }  # fmt: skip
+    judged = {"recordings": ["run2"], "apart": True, "log_e_asked": 8.294}
+    document = nothing({"tau_m1": 2.0}, {"tau_m1": 1.8}) | {"hints": [tilt], "judged": judged}
+    said = diagnosis_verdict(document).replace("\u00a0", " ")
+    assert said.startswith(
+        "These recordings do not confirm that the model lacks anything, nor that it lacks nothing. They hint "
+        "at base tilt on the whole robot, or instead at external force on link 3, with log E = 44, where 8.3 "
+        "is asked; it is not told because only 10 of 15 blocks of run2, which chose nothing, speak for it. "
+        "A longer run to judge it by would tell. What is left looks like noise"
+    )
+
+
 def test_a_finding_says_where_how_sure_and_what_else_it_may_be():
     first, load = (text.replace("\u00a0", " ") for text in told(DIAGNOSIS)[:2])
     assert first == (
@@ -160,6 +177,21 @@ def test_a_finding_says_where_how_sure_and_what_else_it_may_be():
         "log E = 1124 on run3, which chose nothing; 8.3 is asked, so that at most 1.0 % of studies are "
         "told wrong. 19 of 20 blocks of these rows speak for it."
     )
+
+
+@pytest.mark.parametrize(
+    ("seconds", "recorded", "told"),
+    [
+        (12.0, 900.0, ("at most about 12 s of a motion made for it", "in these recordings about 900 s")),
+        (40.0, None, ("at most about 40 s", "never, for they look the same")),
+        (2e5, 4e6, ("too long", "up to 56 h of one made for it", "a sensor beside the torque may tell")),
+        (None, 60.0, ("too long", "no motion that was tried does")),
+    ],
+)
+def test_the_offered_experiment_says_how_long_it_takes(seconds, recorded, told):
+    offer = {"command": "ident excite arm.yaml", "seconds": seconds, "seconds_as_recorded": recorded}
+    sentence = separated_in_words({"separate": offer})
+    assert all(part in sentence for part in (*told, "ident excite arm.yaml"))
 
 
 def test_unexplained_structure_names_its_signals_and_what_speaks_against_the_nearest_effect():
