@@ -13,8 +13,8 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import secrets
 import shutil
-import tempfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from modelgen.manifest import MANIFEST, as_text, is_ours, sha256_of, written
 UNFINISHED = ".unfinished-"
 FULL = {errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC)}
 UNWRITABLE = FULL | {errno.EROFS, errno.ENAMETOOLONG}  # tell of the output wherever they come from
-_open: dict[Path, int] = {}  # stages of this process, which a signal's handler removes; their owner
+_open: dict[Path, tuple[int, list[Path]]] = {}  # stages for a signal's handler: owner, folders made for it
 
 
 class OutputError(ModelgenError):
@@ -64,26 +64,19 @@ def staged(
         folder.mkdir(parents=True, exist_ok=True)
         yield folder
         return
-    with _as_sentence(folder):
-        made = _make(folder)
+    with _as_sentence(folder), _noted(folder) as stage:
+        _heal(folder)
+        if not overwrite:
+            _refuse_foreign(folder, command if complete else "")
+        stage.mkdir()
+        lock = _lock(stage)
         try:
-            _heal(folder)
-            if not overwrite:
-                _refuse_foreign(folder, command if complete else "")
-            stage = Path(tempfile.mkdtemp(prefix=UNFINISHED, dir=folder))
-            lock = _lock(stage)
-            _open[stage] = os.getpid()
-            try:
-                yield stage
-                _commit(folder, stage, command, overwrite, tuple(inputs), complete)
-            finally:
-                discard(stage)
-                if lock is not None:
-                    os.close(lock)
+            yield stage
+            _commit(folder, stage, command, overwrite, tuple(inputs), complete)
         finally:
-            for path in made:  # innermost first; a folder that got a file stays
-                with contextlib.suppress(OSError):
-                    path.rmdir()
+            discard(stage)
+            if lock is not None:
+                os.close(lock)
 
 
 def write_file(path: Path, data: str | bytes, *, overwrite: bool = False) -> None:
@@ -94,50 +87,54 @@ def write_file(path: Path, data: str | bytes, *, overwrite: bool = False) -> Non
             raise OutputError(f"{shown(path)} is no file that could be written; name another")
         if (path.exists() or path.is_symlink()) and not overwrite:
             raise OutputError(f"{shown(path)} is there already; name another file, or give --overwrite")
-        made = _make(path.parent)
-        stage = None
-        try:
-            handle, name = tempfile.mkstemp(prefix=UNFINISHED, dir=path.parent)
-            stage = Path(name)
-            _open[stage] = os.getpid()
-            with os.fdopen(handle, "wb") as stream:
-                stream.write(data if isinstance(data, bytes) else data.encode())
-            os.chmod(stage, 0o644)
+        with _noted(path.parent) as stage:
+            stage.write_bytes(data if isinstance(data, bytes) else data.encode())
             os.replace(stage, path)
-        finally:
-            if stage is not None:
-                discard(stage)
-            for folder in made:
-                with contextlib.suppress(OSError):
-                    folder.rmdir()
 
 
 def discard(stage: Path) -> None:
-    """Remove what an unfinished run wrote."""
-    _open.pop(stage, None)
-    if stage.is_dir():
+    """Remove what an unfinished run wrote; what it had decided to write (the list is there) is completed."""
+    if (stage / MANIFEST).is_file():
+        with contextlib.suppress(OSError):  # then the next run does it
+            _move_in(stage.parent, stage)
+    if stage.is_dir() and not (stage / MANIFEST).is_file():
         shutil.rmtree(stage, ignore_errors=True)
-    else:
+    elif not stage.is_dir():
         stage.unlink(missing_ok=True)
 
 
 def discard_all() -> None:
     """Remove the stages of this process (not of one that it was forked from); for a signal's handler."""
-    for stage, owner in list(_open.items()):
+    for stage, (owner, made) in list(_open.items()):
         if owner == os.getpid():
-            discard(stage)
             with contextlib.suppress(OSError):
-                stage.parent.rmdir()  # only if nothing is in it
+                discard(stage)
+            _remove_empty(made)
 
 
-def _make(folder: Path) -> list[Path]:
-    """Make a folder; returns those that were made, innermost first."""
+@contextlib.contextmanager
+def _noted(folder: Path) -> Iterator[Path]:
+    """A name to write under in `folder`, which is made. Whatever ends the block, neither it nor an empty
+    folder is left: a signal's handler knows of both before either is there."""
     if (folder.exists() or folder.is_symlink()) and not folder.is_dir():
         kind = "a file" if folder.is_file() else "no folder"
         raise OutputError(f"cannot write into {shown(folder)}: it is {kind}; name another folder with -o")
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    return missing
+    stage = folder / f"{UNFINISHED}{secrets.token_hex(6)}"
+    _open[stage] = (os.getpid(), missing)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield stage
+    finally:
+        discard(stage)
+        _remove_empty(missing)
+        del _open[stage]
+
+
+def _remove_empty(folders: list[Path]) -> None:
+    for path in folders:  # innermost first; a folder that got a file stays
+        with contextlib.suppress(OSError):
+            path.rmdir()
 
 
 @contextlib.contextmanager

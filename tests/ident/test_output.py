@@ -205,6 +205,51 @@ def test_a_run_beside_this_one_is_left_alone(tmp_path):
     assert {"a", "b"} < set(content(tmp_path / "out"))
 
 
+AT_EVERY_LINE = """
+import os, signal, sys
+from pathlib import Path
+from modelgen.command_line import leave_on_signals
+from modelgen import output
+
+def interrupted_at(line):
+    left = [line]
+    def trace(frame, event, arg):
+        if not frame.f_code.co_filename.endswith("output.py"):
+            return None
+        left[0] -= event == "line"
+        if left[0] == 0:
+            os.kill(os.getpid(), signal.SIGINT)
+        return trace
+    return trace
+
+for line in range(1, 1000):
+    if not (child := os.fork()):
+        leave_on_signals("ident")
+        sys.settrace(interrupted_at(line))
+        with output.staged(Path(sys.argv[1], str(line), "deeper")) as stage:
+            for name in ("a", "b"):
+                (stage / name).write_text(name)
+        os._exit(0)
+    if os.WEXITSTATUS(os.waitpid(child, 0)[1]) == 0:
+        break
+print(line)
+"""
+
+
+@posix
+def test_an_interrupt_at_any_line_leaves_all_or_nothing(tmp_path):
+    done = subprocess.run(
+        [sys.executable, "-c", AT_EVERY_LINE, tmp_path], capture_output=True, text=True, check=True
+    )
+    last = int(done.stdout)
+    left = [sorted(content(tmp_path / str(k))) for k in range(1, last)]
+    whole = sorted(f"deeper/{name}" for name in ("a", "b", MANIFEST))
+    assert last > 50 and left[0] == [] and left[-1] == whole and all(its in ([], whole) for its in left)
+    assert [k for k in range(1, last) if (tmp_path / str(k)).exists()] == [
+        k for k in range(1, last) if left[k - 1]
+    ]
+
+
 @posix
 @pytest.mark.parametrize("module", ["ident", "modelgen.cli"])
 def test_control_c_from_the_first_moment_on(module, tmp_path):
