@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.examination.check import Check, listed
-from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, gain_of, solve
+from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, alone, gain_of, solve
 from ident.examination.torques import Hypothesis, signal_of
 
 SPOILED = 0.03  # error of a channel from which it is asked
@@ -71,11 +71,7 @@ def _worth_asking(quick: Quick, fit: Fit, how: Assignment, which: Sequence[int])
             late = s.late[:, :, k] * np.sqrt(s.weight[:, c])
             v += (s.W[c] * np.sqrt(s.weight[:, c : c + 1])).T @ late.T
             size += (late**2).sum(axis=1)
-        length = np.sqrt(np.maximum(np.diag(G), 1e-300))
-        v = v / length[:, None]
-        normal = G / np.outer(length, length) + np.diag(np.where(np.diag(G) > 0, 1e-12, 1.0))
-        left = size - (v * np.linalg.solve(normal, v)).sum(axis=0)
-        best = np.sqrt(np.maximum(left, 0.0) / np.maximum(size, 1e-300))
+        best = alone(G, v, size)
         gain += [gain_of(fit.error[[c]], best[m : m + 1]) for m in range(len(LAGS))]
     far = np.abs(LAGS) >= LEAST_S
     return bool(gain[far].max() / len(which) >= (OWN if len(which) == 1 else TOGETHER))

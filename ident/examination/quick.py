@@ -90,13 +90,18 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """chi (b,), error (C,) on identify, validate (C,) or None, inverse and weights of its normal matrix."""
+    """chi (b,), error (C,) on identify, validate (C,) or None, and its normal matrix."""
 
     chi: np.ndarray
     error: np.ndarray
     validate: np.ndarray | None
-    inverse: np.ndarray
+    normal: np.ndarray  # (b, b), of columns divided by `length`
+    length: np.ndarray
     scale: np.ndarray  # (C,) 1 / variance of the channels
+
+    @property
+    def inverse(self) -> np.ndarray:
+        return np.linalg.inv(self.normal) / np.outer(self.length, self.length)
 
     def gain_over(self, other: Fit) -> float:
         return gain_of(other.error, self.error)
@@ -156,15 +161,17 @@ class Normal:
                 rows[c] += s.weight[:, c].sum()
         return cls(G, v, yy, rows)
 
+    def right(self, how: Assignment) -> tuple[np.ndarray, np.ndarray]:
+        """(C,) |Y|^2 and (C, b) W' Y of the torques that the channels then have."""
+        each, factor = (np.arange(len(how.order)), list(how.order)), np.array(how.factor)
+        return factor**2 * self.yy[each], factor[:, None] * self.v[each]
+
     def errors(self, chi: np.ndarray, how: Assignment) -> np.ndarray:
         """(C,) relative; NaN where nothing is seen."""
-        out = np.full(len(self.rows), np.nan)
-        for c, (k, f) in enumerate(zip(how.order, how.factor)):
-            size = f * f * self.yy[c, k]
-            if self.rows[c] > 10 and size > 0:
-                left = size - 2 * f * self.v[c, k] @ chi + chi @ self.G[c] @ chi
-                out[c] = np.sqrt(max(left, 0.0) / size)
-        return out
+        size, v = self.right(how)
+        left = size - 2 * v @ chi + self.G @ chi @ chi
+        seen = (self.rows > 10) & (size > 0)
+        return np.where(seen, np.sqrt(np.maximum(left, 0.0) / np.where(seen, size, 1.0)), np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,25 +205,31 @@ def quick_of(columns: Columns, samples: Sequence[Sample]) -> Quick:
 
 def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
     """Least squares of all channels, weighted three times by what it leaves."""
-    C, b = len(identify.rows), identify.G.shape[1]
-    size = np.array([f * f * identify.yy[c, k] for c, (k, f) in enumerate(zip(how.order, how.factor))])
+    size, right = identify.right(how)
     seen = (identify.rows > 10) & (size > 0)
     scale = np.where(seen, 1.0 / np.maximum(size, 1e-300), 0.0)
-    chi, inverse, error = np.zeros(b), np.zeros((b, b)), np.full(C, np.nan)
     for turn in range(3):
         G = np.tensordot(scale, identify.G, 1)
-        v = sum(scale[c] * f * identify.v[c, k] for c, (k, f) in enumerate(zip(how.order, how.factor)))
-        live = np.diag(G) > 1e-20 * np.diag(G).max()  # a joint at rest shows nothing of itself
-        length = np.where(live, np.sqrt(np.maximum(np.diag(G), 0.0)), np.inf)
+        own = np.diag(G)
+        live = own > 1e-20 * own.max()  # a joint at rest shows nothing of itself
+        length = np.where(live, np.sqrt(np.maximum(own, 0.0)), np.inf)
         normal = G / np.outer(length, length) + np.diag(np.where(live, RIDGE, 1.0))
+        chi = np.linalg.solve(normal, scale @ right / length) / length
+        error = identify.errors(chi, how)
         if turn < 2:
-            chi = np.linalg.solve(normal, v / length) / length
-            error = identify.errors(chi, how)
             scale = np.where(seen, 1.0 / (np.maximum(size, 1e-300) * np.fmax(error, 0.02) ** 2), 0)
-    inverse = np.linalg.inv(normal) / np.outer(length, length)
-    chi = inverse @ v
-    error = identify.errors(chi, how)
-    return Fit(chi, error, validate.errors(chi, how) if validate else None, inverse, scale)
+    return Fit(chi, error, validate.errors(chi, how) if validate else None, normal, length, scale)
+
+
+def alone(G: np.ndarray, v: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """(L,) relative errors of one channel fitted by itself, to L torques with W' Y (b, L) and |Y|^2 (L,): no
+    fit of several channels leaves less of it."""
+    own = np.diag(G)
+    length = np.sqrt(np.maximum(own, 1e-300))
+    normal = G / np.outer(length, length) + np.diag(np.where(own > 0, 1e-12, 1.0))
+    v = v / length[:, None]
+    left = size - (v * np.linalg.solve(normal, v)).sum(axis=0)
+    return np.sqrt(np.maximum(left, 0.0) / np.maximum(size, 1e-300))
 
 
 def functionals(quick: Quick, fit: Fit, how: Assignment, H: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -145,8 +145,10 @@ def noise_alone(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             if not first:
                 break
             ratios.append((power / first - 1.0) / np.sqrt(2.0 / len(steps)))
+            if abs(ratios[-1]) >= WHITE:
+                break
             size *= 2
-        if len(ratios) >= FEWEST_SCALES and max(map(abs, ratios)) < WHITE:
+        if len(ratios) >= FEWEST_SCALES and abs(ratios[-1]) < WHITE:
             name, x = columns.signals[k], excerpt.column(k)
             yield Check(
                 "dead_channel",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
-import scipy.stats
+import scipy.special
 
 from ident.equations.columns import Columns
 from ident.examination.check import Check, column_line, listed, turned_sign
@@ -23,8 +23,10 @@ from ident.examination.quick import (
     Explained,
     Fit,
     Quick,
+    alone,
     carried,
     functionals,
+    gain_of,
     model_columns,
     regressor,
     stretch_gains,
@@ -358,7 +360,12 @@ def _falls(before: Fit, after: Fit) -> str:
 def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
     """One torque off by a constant factor against the others."""
     grid = np.geomspace(1e-5, 1e5, 61)
+    most = _most_gain(quick, fit, how)
     for c in np.flatnonzero(quick.identify.rows > 10):
+        if most < SCALED or any(
+            most - quick.fit(how.times([int(c)], f)).gain_over(fit) < SCALED for f in grid[[0, -1]]
+        ):
+            continue
         fits = [quick.fit(how.times([int(c)], f)) for f in grid]
         gains = np.array([other.gain_over(fit) for other in fits])
         best = int(np.argmax(gains))
@@ -389,6 +396,14 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
                 column_line(maps, {name: {"scale": 0.001 if milli else float(f"{factor:.3g}")}}),
             ),
         )
+
+
+def _most_gain(quick: Quick, fit: Fit, how: Assignment) -> float:
+    """No factors of the torques can gain more: every channel fitted by itself."""
+    size, v = quick.identify.right(how)
+    its = zip(quick.identify.G, v, size)
+    own = np.concatenate([alone(G, right[:, None], np.array([norm])) for G, right, norm in its])
+    return gain_of(fit.error, own)
 
 
 def too_large(
@@ -430,7 +445,8 @@ def agreed(one: Explained, other: Explained, rate: float) -> bool:
     gains = stretch_gains(one, other)
     if len(gains) < 3 or not gains.mean() > 0:
         return False
-    return bool(scipy.stats.ttest_1samp(gains, 0.0, alternative="greater").pvalue < rate)
+    t = gains.mean() / (gains.std(ddof=1) / np.sqrt(len(gains)))
+    return bool(scipy.special.stdtr(len(gains) - 1, -t) < rate)  # scipy.stats takes 0.7 s to import
 
 
 def carried_scales(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> list[Carried]:
