@@ -7,7 +7,7 @@ The list is a budget of what is tried, no verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,10 +119,22 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
         for r in ordered[:PER_METRIC]:
             if r.gain > SHARE * ordered[0].gain:
                 out.setdefault(r.term.key, r)
+        out |= {r.term.key: r for r in _contained(best, tuple(out.values())) if r.term.key not in out}
         for r in best.values():  # what the study left out is there: it is asked before what imitates it
             if r.term.effect.replaces:
                 out.setdefault(r.term.key, r)
     return list(out.values())
+
+
+def _contained(best: Mapping[tuple, Ranked], listed: Sequence[Ranked]) -> list[Ranked]:
+    """The simpler effects that those of the list are at special values: what does not differ from them is
+    theirs. (AIRBOT: friction under load that drives and brakes alike was told as one that differs.)"""
+    wanted = {(name, _where(r.term.place)) for r in listed for name in r.term.effect.contains}
+    return [r for r in best.values() if (r.term.effect.name, _where(r.term.place)) in wanted]
+
+
+def _where(place: Place) -> tuple:
+    return place.joint, place.source, place.recording
 
 
 def _weigh(

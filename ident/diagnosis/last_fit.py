@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -60,18 +60,25 @@ def extended(
             refused.add(keys.pop(at))
             entries.pop(at)
             continue
-        weak = [
-            k
-            for k, f in enumerate(told)
-            if k >= declared and not (f.essential and max(f.p_value, f.p_itself) < limit)
-        ]
-        weakest = max(weak, key=lambda k: (not told[k].essential, told[k].p_value), default=None)
-        lost = _worse(last, base, declared) if weakest is None else [weakest]  # two can hide each other
+        lost = _weakest(told, declared, limit) or _worse(last, base, declared)  # one: two can hide each other
         if not lost:
-            return _turned(last, outcome.last, known, progress), refused
+            last = _turned(last, outcome.last, known, progress)
+            lost = _weakest(found_effects(last), declared, limit)  # a friction that turns over can do without
+        if not lost:
+            return last, refused
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
         keys = [key for k, key in enumerate(keys) if k not in lost]
     return base, refused
+
+
+def _weakest(told: Sequence[FoundEffect], declared: int, limit: float) -> list[int]:
+    """The number of the finding that a fit needs least, of those that it does not need at the limit."""
+    weak = [
+        k
+        for k, f in enumerate(told)
+        if k >= declared and not (f.essential and max(f.p_value, f.p_itself) < limit)
+    ]
+    return [max(weak, key=lambda k: (not told[k].essential, told[k].p_value))] if weak else []
 
 
 def replaced(

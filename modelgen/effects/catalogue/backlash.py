@@ -53,6 +53,7 @@ class Backlash(MotionEffect):
     nonlinear = (NonlinearParameter("travel", "rad", 1e-5, 0.1, (3e-4, 1e-3, 3e-3, 0.01, 0.03)),)
     reported = (Quantity("gap", "rad", gap), Quantity("drop", "-", drop))
     inverse = {"travel": gap}
+    one_quantity = {"gap": "travel"}  # the motor crosses what the link lags
     state = PLAY
     sizes = ("gap",)
     proportional = False

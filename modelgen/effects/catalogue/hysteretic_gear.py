@@ -31,6 +31,7 @@ class HystereticGear(MotionEffect):
         "IEEE Trans. Ind. Electron. 50(6), 2003; Seyfferth, Maghzal, Angeles, ICRA 1995"
     )
     equation = "q_link = q - compliance tau_link - lost z, dz/dtau = (1 - z sign(dtau))/width"
+    contains = ("joint_elasticity",)
     remedy = "measure the link's position, or approach positions under a load from one side"
     terms = {"compliance": -PASSED, "lost": -SIGNALS.z}
     linear = (

@@ -7,6 +7,7 @@ import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Array, Effect, LinearParameter, NonlinearParameter, Quantity
 from modelgen.effects.memory import Memory, carried
+from modelgen.effects.place import Model
 from modelgen.effects.states import integrate_play
 
 Wa, Wb, Wc, width = sp.symbols("Wa Wb Wc width", real=True)
@@ -30,6 +31,7 @@ class MaxwellSlip(Effect):
         "simulation and compensation, IEEE Trans. Autom. Control 50(11), 2005"
     )
     equation = "tau += Wa za + Wb zb + Wc zc - (Wa + Wb + Wc) sign(dq), each z = clip(z + dq/width, -1, 1)"
+    contains = ("hysteresis",)
     remedy = "compensate with this term at reversals, or avoid small reversing motions in what is fitted"
     terms = {
         "Wa": SIGNALS.za - SIGNALS.sign_dq,
@@ -52,6 +54,11 @@ class MaxwellSlip(Effect):
     typical = {"Wa": 2.0, "Wb": 2.0, "Wc": 2.0, "width": 0.01}
     share = 0.1
     common = False
+
+    def physical(self, values: Mapping[str, float], model: Model | None = None) -> str | None:
+        if sum(values.get(name, 1.0) > 0 for name in self.sizes) < 2:
+            return "one element alone is a `hysteresis`"
+        return super().physical(values, model)
 
     def states(
         self,

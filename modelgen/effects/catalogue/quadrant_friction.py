@@ -24,6 +24,7 @@ class QuadrantFriction(Effect):
         "Hamon, Gautier, Garrec, New dry friction model with load- and velocity-dependence and dynamic "
         "identification of multi-DOF robots, ICRA 2011"
     )
+    contains = ("load_dependent_friction",)
     remedy = "add its term to the friction model, or state the gear's efficiency both ways"
     terms = {"mu_drive": load * (1 + quadrant) / 2, "mu_brake": load * (1 - quadrant) / 2}
     linear = (

@@ -28,6 +28,7 @@ class StiffeningGear(MotionEffect):
         "Autom. "
         "12(3), 1996"
     )
+    contains = ("joint_elasticity",)
     remedy = "add the gear's measured stiffness curve to the model, or measure the link's position"
     terms = {"compliance": -PASSED, "cubic": -(PASSED**3)}
     linear = (

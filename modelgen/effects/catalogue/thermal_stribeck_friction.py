@@ -21,6 +21,7 @@ class ThermalStribeckFriction(Effect):
         "load and "
         "temperature effects, J. Dyn. Sys. Meas. Control 134(5), 2012"
     )
+    contains = ("stribeck_friction",)
     remedy = "warm the robot up before recording, or add its term to the friction model"
     terms = {"Fs": sp.exp(-SIGNALS.t / T - (SIGNALS.dq / vs) ** 2) * SIGNALS.sign_dq}
     linear = (LinearParameter("Fs", "N m", 0.0, 100.0, "positive"),)

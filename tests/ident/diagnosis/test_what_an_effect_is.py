@@ -6,19 +6,27 @@ from types import SimpleNamespace
 import numpy as np
 from small_arm import ARM
 
-from ident.diagnosis.candidates import Library, Ranked, screen
+from ident.diagnosis.candidates import Library, Ranked, _contained, screen
 from ident.diagnosis.evidence import weigh
 from ident.diagnosis.last_fit import _ended
 from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Weighed, compared, is_itself, rivals_of, simplest
+from ident.diagnosis.weighing import (
+    Weighed,
+    compared,
+    is_itself,
+    is_one_quantity,
+    rivals_of,
+    simplest,
+)
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from ident.twin.study import RUNS
 from modelgen.effects import catalogue
+from modelgen.effects.place import Place
 
 
 def test_a_change_of_the_model_shows_in_the_parameters_that_it_has(tiny):
@@ -36,6 +44,34 @@ def test_a_change_of_the_model_shows_in_the_parameters_that_it_has(tiny):
             sizes=np.ones(2),
         )
         assert is_itself(m, r, weigh(m, r.columns), 8.3, 0.01) is itself
+
+
+def test_a_size_that_its_shape_measures_too_has_to_be_that(tiny):
+    """A link that lags by 84 mrad in a gap of 12 is no backlash."""
+    rng = np.random.default_rng(1)
+    M = 400
+    place = rng.normal(size=M)
+    effect = SimpleNamespace(
+        one_quantity={"gap": "travel"}, parameters_of=lambda place: ("gap", "drop"), name="play"
+    )
+    m = tiny["metric"](tiny["rows"](np.ones((M, 1)), 0.5 * place + 0.1 * rng.normal(size=M)), 0.1)
+    columns = {0: np.column_stack([place, rng.normal(size=M)])}
+    for travel, itself in ((0.5, True), (0.4, True), (0.01, False), (5.0, False)):
+        r = SimpleNamespace(term=SimpleNamespace(effect=effect, place=None, theta={"travel": travel}))
+        r.columns = columns
+        assert is_one_quantity(m, r, weigh(m, columns), 8.3) is itself
+    effect.one_quantity = {}
+    assert is_one_quantity(m, r, weigh(m, columns), 8.3)
+
+
+def test_simpler_effects_are_asked_beside_those_that_contain_them(tmp_path_factory):
+    """Friction under load that drives and brakes alike was told as one that differs."""
+    effects = catalogue()
+    assert all(inner in effects for e in effects.values() for inner in e.contains)
+    outer, inner = effects["quadrant_friction"], effects["load_dependent_friction"]
+    places = [Place(joint, side="motor") for joint in (1, 2)]
+    best = {(e.name, p.joint): Ranked(Term(e, p), 1.0) for e in (outer, inner) for p in places}
+    assert _contained(best, [best["quadrant_friction", 2]]) == [best["load_dependent_friction", 2]]
 
 
 def test_a_shape_that_ends_where_its_search_does_is_none():

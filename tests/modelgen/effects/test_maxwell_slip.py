@@ -46,6 +46,8 @@ def test_blocks_places_signs_and_spread():
     assert split_agrees(E, first_place(E, model), values_of(E), motion(model, 2.0), model) < 1e-9
     assert [p.side for p in E.places(layout(arm_model()))] == ["motor"] * 4
     assert "Wb would be negative" in E.physical({**values_of(E), "Wb": -1.0})
+    assert "hysteresis" in E.physical({**values_of(E), "Wa": 0.0, "Wc": 0.0})
+    assert E.physical({**values_of(E), "Wb": 0.0}) is None
     told = E.report(values_of(E, Wa=1.0, Wb=3.0, Wc=9.0, width=0.01), None)
     assert told["sigma"]["value"] == pytest.approx(300.0)
     check = {"Wa", "Wb", "Wc", "width"}
