@@ -9,10 +9,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import scipy.linalg
 
-from ident.diagnosis.evidence import Metric, metric
+from ident.diagnosis.evidence import Metric, metric, project
+from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import State
 
+LITTLE = 0.25  # of what these rows hide of a law's other parts
 TURNED = 0.99  # of the sign that friction takes: below it has not turned over yet
 
 
@@ -27,6 +30,24 @@ def without_turning(state: State, m: Metric) -> Metric:
         beside.append(use & ~turning)
     design, B = state.design
     return metric(replace(rows, use=np.array(beside)), design, B, m.whiteners)
+
+
+def turning_alone(state: State, m: Metric, r: Refined) -> bool:
+    """Whether a law with several sizes has a direction of them that the model imitates while the joint keeps
+    its direction: what turning joints say of it is an error of the turn-over. (Friction under load that
+    differs by the direction of power is friction under load and a multiple of the load: 30 nats parted them,
+    all of rows that turned, and for the wrong one.)"""
+    if "sign_dq" not in r.term.effect.needs or r.term.effect.state or len(r.sizes) < 2:
+        return False
+    white = m.whiten(r.columns)
+    left = []
+    for its in (m, without_turning(state, m)):
+        cross, own, _ = project(its, its.fitted, white)
+        left.append(own - cross.T @ cross)
+    scale = np.sqrt(np.maximum(np.diag(left[0]), 1e-300))
+    whole, kept = (G / np.outer(scale, scale) for G in left)
+    shares = scipy.linalg.eigvalsh(kept, whole + 1e-9 * np.eye(len(whole)))
+    return bool(shares[0] < LITTLE * shares[-1])
 
 
 def _turning(sign: np.ndarray, rows: int, every: int) -> np.ndarray:

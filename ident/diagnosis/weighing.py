@@ -14,7 +14,7 @@ from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
-from ident.diagnosis.turning_rows import without_turning
+from ident.diagnosis.turning_rows import turning_alone, without_turning
 
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
 
@@ -29,12 +29,14 @@ class Equivalent:
 
 @dataclass(frozen=True)
 class Weighed:
-    """The hypotheses of one step in one metric; those that may be, and those that passed, best first."""
+    """The hypotheses of one step in one metric; those that may be, and those that passed, best first.
+    `turning`: of which that may be a part is shown by joints that turn round alone."""
 
     metric: Metric
     all: tuple[tuple[Refined, Evidence], ...]
     passed: tuple[tuple[Refined, Evidence], ...]
     possible: tuple[tuple[Refined, Evidence], ...] = ()
+    turning: frozenset[tuple] = frozenset()  # keys
 
 
 def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float) -> Weighed:
@@ -49,8 +51,9 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     told = [(r, weigh(m, r.columns)) for r in refined]
     possible = [(r, e) for r, e in told if may_be(state, m, r, e, tau, alpha)]
     possible.sort(key=lambda item: -item[1].log_e)
-    passed = tuple((r, e) for r, e in possible if says_enough(r, e, tau, alpha))
-    return Weighed(m, tuple(told), passed, tuple(possible))
+    turning = frozenset(r.term.key for r, _ in possible if turning_alone(state, m, r))
+    passed = tuple((r, e) for r, e in possible if says_enough(r, e, tau, alpha) and r.term.key not in turning)
+    return Weighed(m, tuple(told), passed, tuple(possible), turning)
 
 
 def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
@@ -96,7 +99,8 @@ def simplicity(term: Term) -> tuple[int, bool]:
 
 def holds(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
     """Everything that is asked of a hypothesis alone."""
-    return says_enough(r, e, tau, alpha) and may_be(state, m, r, e, tau, alpha)
+    told = says_enough(r, e, tau, alpha) and may_be(state, m, r, e, tau, alpha)
+    return told and not turning_alone(state, m, r)
 
 
 def may_be(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
@@ -179,7 +183,8 @@ def rivals_of(
     weighed: Weighed, best: Refined, evidence: Evidence, tau: float, alpha: float
 ) -> tuple[Equivalent, ...]:
     """What may be there on its channels and is not beaten by it, without those that only add parameters to it
-    and gain nothing by them. The model without any of them is rejected by the best one: what another says
+    and gain nothing by them, unless nothing could be gained: those are shown where a joint turns round alone.
+    The model without any of them is rejected by the best one: what another says
     against that model, and in how many blocks, is no reason to reject it against the best. What leaves the
     best one all that it says explains another part of the residual."""
     own = max((e.log_e for r, e in weighed.passed if r.term.key == best.term.key), default=0.0)
@@ -188,7 +193,7 @@ def rivals_of(
         for r, e in weighed.possible
         if set(r.columns) & set(best.columns)
         and r.term.key != best.term.key
-        and (r.term.free <= best.term.free or e.log_e > own)
+        and (r.term.free <= best.term.free or e.log_e > own or r.term.key in weighed.turning)
         and not evidence.beats(e, tau, alpha)
         and not _stays_beside(weighed.metric, (best, evidence), (r, e), tau, alpha)
     )

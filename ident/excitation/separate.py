@@ -243,9 +243,9 @@ class Separation:
     def motion(self, x: Array) -> Motion:
         return as_motion([b @ x.T for b in self.B], self.t, self.v)
 
-    def each(self, x: Array, warm: bool = False) -> list[Imitation]:
-        """Of every pair, what of the first the second cannot imitate."""
-        project = Projector(self.known, self.motion(x), self.sigma)
+    def each(self, x: Array, warm: bool = False, motion: Motion | None = None) -> list[Imitation]:
+        """Of every pair, what of the first the second cannot imitate; `motion`: instead of that of x."""
+        project = Projector(self.known, motion or self.motion(x), self.sigma)
         found = []
         for a, b in self.pairs:
             key = (a.label, b.label)
@@ -256,8 +256,11 @@ class Separation:
 
     def decides(self, x: Array) -> bool:
         """Whether any of them can be told apart, by the motion of x; that one contains another is a property
-        of the two, settled here and left out from now on."""
-        each = self.each(x)
+        of the two, settled here and left out from now on. Dry friction turns over at once for that: what a
+        smooth sign alone parts is parted by its width."""
+        t = self.t + 0.5 / RATE_HZ  # at rest, where the motion begins, nothing has a sign
+        sharp = as_motion([b @ x.T for b in self.basis.at(t)], t)
+        each = self.each(x, motion=sharp)
         self.contained = [contained(a, its) for (a, _), its in zip(self.pairs, each)]
         return not all(self.contained)
 

@@ -7,12 +7,13 @@ import numpy as np
 from small_arm import ARM
 
 from ident.diagnosis.candidates import Library, Ranked, _contained, screen
-from ident.diagnosis.evidence import weigh
+from ident.diagnosis.evidence import stacked, weigh
 from ident.diagnosis.last_fit import _ended
 from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.terms import Term
+from ident.diagnosis.turning_rows import turning_alone
 from ident.diagnosis.weighing import (
     Weighed,
     compared,
@@ -72,6 +73,27 @@ def test_simpler_effects_are_asked_beside_those_that_contain_them(tmp_path_facto
     places = [Place(joint, side="motor") for joint in (1, 2)]
     best = {(e.name, p.joint): Ranked(Term(e, p), 1.0) for e in (outer, inner) for p in places}
     assert _contained(best, [best["quadrant_friction", 2]]) == [best["load_dependent_friction", 2]]
+
+
+def test_what_only_turning_joints_show_of_a_law_is_not_known(tiny):
+    """Where the model holds the load, friction that differs by the direction of power is the load's own
+    multiple but for the turn-over: it was told of friction that did not."""
+    rng = np.random.default_rng(1)
+    M = 800
+    rate, load = np.sin(0.1 * np.arange(M)), 1 + rng.normal(size=M)
+    sign = np.tanh(20 * rate)
+    both = np.column_stack([np.abs(load) * sign, load * sign**2]) @ np.array([[1, 1], [1, -1]]) / 2
+    effect, place = SimpleNamespace(needs={"sign_dq", "tau_link"}, state=None), SimpleNamespace(joint=0)
+    law = SimpleNamespace(
+        term=SimpleNamespace(effect=effect, place=place), columns={0: both}, sizes=np.ones(2)
+    )
+    segment = SimpleNamespace(sign_dq=sign[:, None], rows=M, every=1)
+    for base, alone in ((load, True), (rng.normal(size=M), False)):
+        rows = tiny["rows"](base[:, None], both @ np.ones(2))
+        channel = SimpleNamespace(joint=0)
+        model = SimpleNamespace(channels=[channel])
+        state = SimpleNamespace(rows=rows, segments=[segment], model=model, design=stacked(rows, []))
+        assert turning_alone(state, tiny["metric"](rows, 0.1), law) is alone
 
 
 def test_a_shape_that_ends_where_its_search_does_is_none():

@@ -8,6 +8,7 @@ import pytest
 import scipy.stats
 import sympy as sp
 
+from benchmarks.closing_twice import ARM
 from ident.diagnosis.deciding import seconds_needed
 from ident.diagnosis.evidence import enough
 from ident.diagnosis.loop import threshold
@@ -227,3 +228,19 @@ def test_a_finding_and_its_rival_become_a_command_that_is_read_back():
         parse_effect(text, load_robot("ur10e"))
     with pytest.raises(ExcitationError, match="name two effects"):
         split_requests("stribeck_friction:2")
+
+
+def test_what_a_smooth_sign_alone_parts_is_not_asked_for(arm, tmp_path):
+    """Friction under load that differs by the direction of power is friction under load, and a multiple of
+    the load: where no other joint shares it, the model has that already."""
+    file = tmp_path / "small.yaml"
+    file.write_text(ARM)
+    robot = load_robot(str(file))
+    small = known_robot(robot, str(file)), bounds_of(robot), arm[2], arm[3][:2]
+    for (known, bounds, basis, x), joint, told_apart in ((small, 1, False), (arm, 2, True)):
+        motion = planned(basis, x, 50.0)
+        texts = (f"load_dependent_friction:{joint}", f"quadrant_friction:{joint}:mu_drive=0.1,mu_brake=0.04")
+        terms = [term_of(known, text, bounds, motion) for text in texts]
+        separation = Separation(known, basis, known.sigma(motion), 0.02 * bounds.dq, terms)
+        assert separation.decides(x) == told_apart
+        assert not all(its.same for its in separation.each(x))  # the width of the smooth sign shows
