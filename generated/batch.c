@@ -8,6 +8,11 @@
 #include <immintrin.h>
 #endif
 
+#if defined(__clang__)
+#define SHUFFLE(a, b, ...) __builtin_shufflevector(a, b, __VA_ARGS__)
+#else
+#define SHUFFLE(a, b, ...) __builtin_shuffle(a, b, (integers){__VA_ARGS__})
+#endif
 #define AT_LEAST_ONE(x) ((x) > 0 ? (x) : 1)
 
 typedef struct { const double *data; ptrdiff_t row, column; } table; /* strides in doubles */
@@ -66,6 +71,41 @@ static inline vector sign_of(vector x)
     return s;
 }
 
+/* LANES vectors of LANES numbers: rows become columns. Lane by lane a compiler loads and inserts every number. */
+static inline void transpose(vector *v)
+{
+    vector w[LANES];
+#if LANES == 8
+    for (int i = 0; i < 8; i += 2) {
+        w[i] = SHUFFLE(v[i], v[i + 1], 0, 8, 2, 10, 4, 12, 6, 14);
+        w[i + 1] = SHUFFLE(v[i], v[i + 1], 1, 9, 3, 11, 5, 13, 7, 15);
+    }
+    for (int i = 0; i < 8; i += 4)
+        for (int k = 0; k < 2; ++k) {
+            v[i + k] = SHUFFLE(w[i + k], w[i + k + 2], 0, 1, 8, 9, 4, 5, 12, 13);
+            v[i + k + 2] = SHUFFLE(w[i + k], w[i + k + 2], 2, 3, 10, 11, 6, 7, 14, 15);
+        }
+    for (int k = 0; k < 4; ++k) {
+        w[k] = SHUFFLE(v[k], v[k + 4], 0, 1, 2, 3, 8, 9, 10, 11);
+        w[k + 4] = SHUFFLE(v[k], v[k + 4], 4, 5, 6, 7, 12, 13, 14, 15);
+    }
+#elif LANES == 4
+    for (int i = 0; i < 4; i += 2) {
+        w[i] = SHUFFLE(v[i], v[i + 1], 0, 4, 2, 6);
+        w[i + 1] = SHUFFLE(v[i], v[i + 1], 1, 5, 3, 7);
+    }
+    for (int k = 0; k < 2; ++k) {
+        v[k] = SHUFFLE(w[k], w[k + 2], 0, 1, 4, 5);
+        v[k + 2] = SHUFFLE(w[k], w[k + 2], 2, 3, 6, 7);
+    }
+    memcpy(w, v, sizeof w);
+#else
+    w[0] = SHUFFLE(v[0], v[1], 0, 2);
+    w[1] = SHUFFLE(v[0], v[1], 1, 3);
+#endif
+    memcpy(v, w, sizeof w);
+}
+
 /* Samples first .. first + LANES - 1 as vectors; the last sample stands in for those that are not there. */
 static inline void read_table(const table *t, ptrdiff_t first, ptrdiff_t last, int columns, vector *out)
 {
@@ -75,7 +115,14 @@ static inline void read_table(const table *t, ptrdiff_t first, ptrdiff_t last, i
     }
     const double *p[LANES];
     for (int l = 0; l < LANES; ++l) p[l] = t->data + (first + l < last ? first + l : last - 1) * t->row;
-    if (t->column == 1) {
+    if (t->column == 1 && t->row > 0 && first + 2 * LANES <= last) { /* whole vectors, into later samples' rows */
+        for (int j = 0; j < columns; j += LANES) {
+            vector v[LANES];
+            for (int l = 0; l < LANES; ++l) v[l] = *(const loose_vector *)(p[l] + j);
+            transpose(v);
+            for (int l = 0; l < LANES && j + l < columns; ++l) out[j + l] = v[l];
+        }
+    } else if (t->column == 1) {
         for (int j = 0; j < columns; ++j) {
             vector v = broadcast(0.0);
             for (int l = 0; l < LANES; ++l) v[l] = p[l][j];
@@ -96,16 +143,18 @@ static __attribute__((noinline)) void read_state(const samples *in, ptrdiff_t fi
     read_table(&in->dq, first, last, JOINTS, x->dq);
     read_table(&in->ddq, first, last, JOINTS, x->ddq);
     for (int j = 0; j < JOINTS; ++j) cos_sin(x->q[j], &x->c[j], &x->s[j]);
-    if (in->sign.data) read_table(&in->sign, first, last, JOINTS, x->sign);
-    else
+    vector sum = broadcast(0.0); /* one that overflows only has the samples looked at */
+    for (int j = 0; j < JOINTS; ++j) sum += x->q[j] + x->dq[j] + x->ddq[j];
+    if (in->sign.data) {
+        read_table(&in->sign, first, last, JOINTS, x->sign);
+        for (int j = 0; j < JOINTS; ++j) sum += x->sign[j];
+    } else
         for (int j = 0; j < JOINTS; ++j) x->sign[j] = sign_of(x->dq[j]);
-    vector nothing = broadcast(0.0);
-    for (int j = 0; j < JOINTS; ++j) nothing += (x->q[j] * 0.0 + x->dq[j] * 0.0) + (x->ddq[j] * 0.0 + x->sign[j] * 0.0);
     if (EXTRAS) {
         read_table(&in->extra, first, last, EXTRAS, x->extra);
-        for (int j = 0; j < EXTRAS; ++j) nothing += x->extra[j] * 0.0;
+        for (int j = 0; j < EXTRAS; ++j) sum += x->extra[j];
     }
-    x->nothing = nothing;
+    x->nothing = sum * 0.0;
     x->one = broadcast(1.0);
 }
 
@@ -213,17 +262,27 @@ int dynident_dense(const samples *in, ptrdiff_t first, ptrdiff_t last, double *W
 /* tau (N, CHANNELS), row after row, of base parameters chi. Returns 1 if all inputs are finite. */
 int dynident_torque(const samples *in, ptrdiff_t first, ptrdiff_t last, const double *chi, double *tau)
 {
-    vector cell[CHANNELS];
+    enum { WHOLE = (CHANNELS + LANES - 1) / LANES * LANES };
+    vector cell[WHOLE];
     double *row[CHANNELS];
     for (int k = 0; k < CHANNELS; ++k) row[k] = (double *)&cell[k];
+    for (int k = CHANNELS; k < WHOLE; ++k) cell[k] = broadcast(0.0);
     vector nothing = broadcast(0.0);
     for (ptrdiff_t i = first; i < last; i += LANES) {
         state x;
         read_state(in, i, last, &x);
         nothing += x.nothing;
         TORQUE(x.c, x.s, x.q, x.dq, x.ddq, x.sign, x.extra, chi, (entries){row, 0});
-        for (int l = 0; l < LANES && i + l < last; ++l)
-            for (int k = 0; k < CHANNELS; ++k) tau[(i + l) * CHANNELS + k] = cell[k][l];
+        if (i + 2 * LANES <= last) { /* whole vectors: what they spill, the next sample's row writes over */
+            vector by_sample[WHOLE];
+            memcpy(by_sample, cell, sizeof cell);
+            for (int k = 0; k < WHOLE; k += LANES) transpose(by_sample + k);
+            for (int l = 0; l < LANES; ++l)
+                for (int k = 0; k < WHOLE; k += LANES)
+                    *(loose_vector *)(tau + (i + l) * CHANNELS + k) = by_sample[k + l];
+        } else
+            for (int l = 0; l < LANES && i + l < last; ++l)
+                for (int k = 0; k < CHANNELS; ++k) tau[(i + l) * CHANNELS + k] = cell[k][l];
     }
     return all_finite(nothing);
 }

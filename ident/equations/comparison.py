@@ -12,7 +12,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.fft
 
 from ident.equations.attaching import halo_of, motion_of
 from ident.equations.columns import Columns
@@ -23,7 +22,7 @@ from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import ROLES
 from ident.signals.decimation import Decimator, kept_every
-from ident.signals.filtering import FilteredBlock, LowPass, filter_stream, windows
+from ident.signals.filtering import FilteredBlock, LowPass, fast_length, filter_stream, windows
 from ident.signals.neighbours import by_segment, sliced, wide_blocks
 
 CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off
@@ -225,7 +224,7 @@ class _Tap:
 def low_pass_blocks(blocks: Iterator[np.ndarray], filter: LowPass) -> Iterator[tuple[int, np.ndarray]]:
     """Zero-phase filter of a stream of blocks (N, m): (number of the first row, filtered rows)."""
     for start, window, inner in windows(blocks, filter.halo):
-        size = scipy.fft.next_fast_len(len(window), real=True)
-        response = filter.response(scipy.fft.rfftfreq(size, 1.0 / filter.rate_hz))
-        spectrum = scipy.fft.rfft(window, size, axis=0)
-        yield start, scipy.fft.irfft(spectrum * response[:, None], size, axis=0)[inner]
+        size = fast_length(len(window))
+        response = filter.response(np.fft.rfftfreq(size, 1.0 / filter.rate_hz))
+        spectrum = np.fft.rfft(window, size, axis=0)
+        yield start, np.fft.irfft(spectrum * response[:, None], size, axis=0)[inner]

@@ -13,18 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import islice
 
 import numpy as np
 
 from ident.equations.columns import Columns
 from ident.recordings.recording import RecordingStream
 from ident.signals.filtering import FilterBank, FilteredBlock, filter_stream
-from ident.signals.neighbours import joined, picked
+from ident.signals.neighbours import first_samples, joined, picked
 
 ROWS = 1500  # samples of all recordings of a role together
 HELD = 6e7  # bytes of their columns: fewer samples of a robot of very many joints
-BLOCKS = 6  # of a recording
+FIRST = 98_304  # rows of a recording that they are taken from
 FLOOR = 3e-3  # errors below it are not told apart
 CLUSTERS = 20  # stretches of one recording whose scores are taken as independent
 RIDGE = 1e-10
@@ -154,9 +153,11 @@ class Normal:
         G, v, yy, rows = np.zeros((C, b, b)), np.zeros((C, C, b)), np.zeros((C, C)), np.zeros(C)
         for s in samples:
             for c in range(C):
-                W = s.W[c] * s.weight[:, c : c + 1]
-                G[c] += W.T @ s.W[c]
-                v[c] += s.Y.T @ W
+                live = np.flatnonzero(s.W[c].any(axis=0))  # a torque feels no link before its joint
+                plain = s.W[c][:, live]
+                W = plain * s.weight[:, c : c + 1]
+                G[c][np.ix_(live, live)] += W.T @ plain
+                v[c][:, live] += s.Y.T @ W
                 yy[c] += s.weight[:, c] @ s.Y**2
                 rows[c] += s.weight[:, c].sum()
         return cls(G, v, yy, rows)
@@ -286,10 +287,10 @@ def take(
     out = []
     for stream, bank in mine:
         seconds = sum(s.move_end - s.move_start for s in stream.survey.segments)
-        length = min(seconds * stream.rate_hz, BLOCKS * 16384)
+        length = min(seconds * stream.rate_hz, FIRST)
         stride = max(1, int(length * len(mine) / most))
         thin, torques, total = [], [], 0
-        for _, block in islice(filter_stream(stream, bank, torque_too=True), BLOCKS):
+        for _, block in first_samples(filter_stream(stream, bank, torque_too=True), FIRST):
             thin.append(picked(block, np.arange(-total % stride, len(block.t), stride)))
             torques.append(columns.torque(block))
             total += len(block.t)

@@ -4,7 +4,7 @@ Filter. A Butterworth filter run forwards and backwards has the real response
 
     G(w) = |H(w)|^2 = 1 / (1 + (tan(w/2) / tan(w_c/2))^(2 order)),   w in rad per sample,
 
-so it is applied as a product in the frequency domain (`scipy.fft`), block by block with a halo beyond which
+so it is applied as a product in the frequency domain (`numpy.fft`), block by block with a halo beyond which
 its impulse response is below 1e-10. The result is that of `scipy.signal.sosfiltfilt` on the whole signal
 (which the tests compare), in memory that does not grow with the log; importing scipy.signal alone would
 cost a second.
@@ -32,9 +32,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
-import scipy.fft
 
 from ident.recordings.recording import MIN_SAMPLES, RecordingStream, Segment
 from ident.recordings.study import FilterSettings
@@ -43,6 +43,7 @@ from ident.signals.dry_friction import TurnOver
 TAIL = 1e-10  # where the impulse response is cut off, relative to its peak
 MAX_SHARE = 0.45  # of the sampling rate: highest usable cut-off
 NOISE_FACTOR = 2.0  # vs in standard deviations of the velocity noise
+INNER = 8192  # rows of a window without its halo
 NOISE_ROWS = 16000  # samples from which that noise is estimated
 STEEPNESS = 2.5  # of the sign between -vs and vs
 
@@ -94,17 +95,29 @@ def _length(filter: LowPass, level: float) -> int:
     return int(np.ceil(np.log(level) / np.log(slowest)))
 
 
+@cache
+def fast_length(rows: int) -> int:
+    """The next 2^a 3^b 5^c: of such a length transforms are fast."""
+    best = 1 << (rows - 1).bit_length()
+    five = 1
+    while five < best:
+        odd = five
+        while odd < best:
+            best = min(best, odd << max(-(-rows // odd) - 1, 0).bit_length())
+            odd *= 3
+        five *= 5
+    return best
+
+
 def zero_phase(x: np.ndarray, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
     """Filter the columns of x (N, m) forwards and backwards; ends are continued by odd reflection."""
     filter = LowPass(cutoff_hz, rate_hz, order)
     columns = x if x.ndim == 2 else x[:, None]
     padded = _odd(columns, filter.halo, filter.halo)
-    size = scipy.fft.next_fast_len(len(padded), real=True)
-    spectrum = scipy.fft.rfft(padded, size, axis=0)
-    response = filter.response(scipy.fft.rfftfreq(size, 1.0 / rate_hz))
-    out = scipy.fft.irfft(spectrum * response[:, None], size, axis=0)[
-        filter.halo : filter.halo + len(columns)
-    ]
+    size = fast_length(len(padded))
+    spectrum = np.fft.rfft(padded, size, axis=0)
+    response = filter.response(np.fft.rfftfreq(size, 1.0 / rate_hz))
+    out = np.fft.irfft(spectrum * response[:, None], size, axis=0)[filter.halo : filter.halo + len(columns)]
     return out if x.ndim == 2 else out[:, 0]
 
 
@@ -242,14 +255,14 @@ def filter_blocks(
         use = (t >= first - 1e-9) & (t <= last + 1e-9)
         if not use.any():
             continue
-        size = scipy.fft.next_fast_len(len(window), real=True)
-        frequency = scipy.fft.rfftfreq(size, period)
+        size = fast_length(len(window))
+        frequency = np.fft.rfftfreq(size, period)
         smoothed = window[:, :-n] if torque_too else window[:, :n]
-        spectrum = scipy.fft.rfft(smoothed, size, axis=0)
+        spectrum = np.fft.rfft(smoothed, size, axis=0)
         wide = slice(inner.start - 2, inner.stop + 2)
-        low = scipy.fft.irfft(spectrum * bank.position.response(frequency)[:, None], size, axis=0)
+        low = np.fft.irfft(spectrum * bank.position.response(frequency)[:, None], size, axis=0)
         q = low[wide, :n]
-        light = scipy.fft.irfft(spectrum[:, :n] * bank.sign.response(frequency)[:, None], size, axis=0)[wide]
+        light = np.fft.irfft(spectrum[:, :n] * bank.sign.response(frequency)[:, None], size, axis=0)[wide]
         vs = bank.vs if bank.vs is not None else np.zeros(n)
         _, motor, sensor = stream.split((low if torque_too else window)[inner])
         speed = first_difference(light, rate)
@@ -262,8 +275,8 @@ def filter_blocks(
             certain[:, j] = 1.0
         motor_ddq: np.ndarray | None = None
         if stream.stiffness is not None:  # q = q_m - tau_l / k, of the position filter's band alike
-            bent = scipy.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
-            bent = scipy.fft.irfft(bent * bank.position.response(frequency)[:, None], size, axis=0)[wide]
+            bent = np.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
+            bent = np.fft.irfft(bent * bank.position.response(frequency)[:, None], size, axis=0)[wide]
             motor_ddq = (ddq + second_difference(bent, rate))[span]
         yield FilteredBlock(
             t[span],
@@ -285,7 +298,7 @@ def windows(blocks: Iterable[np.ndarray], halo: int) -> Iterator[tuple[int, np.n
 
     Yields (number of the first inner row, window, slice of the inner rows in it).
     """
-    inner_rows = max(16384, 4 * halo)
+    inner_rows = max(INNER, 4 * halo)
     held: list[np.ndarray] = []
     count = start = 0
     begun = False
