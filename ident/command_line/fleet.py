@@ -24,10 +24,7 @@ def fleet(
 
         raise IdentError("ident fleet needs the extra fleet; pip install 'dynident[fleet]'") from None
     from ident.fleet.fleet import run_fleet, study_keys
-    from ident.fleet.page import page
-    from ident.fleet.trends import WATCH
     from ident.output import staged
-    from ident.report.render import write
 
     keys = study_keys(robot, study)
     inputs = [study] if study else []
@@ -35,6 +32,10 @@ def fleet(
         (stage / "fleet.txt").write_text(f"{source}\n{robot}\n", encoding="utf-8")
     with progress_bar(verbose) as progress:
         done = run_fleet(source, keys, output, scheduler, diagnose, progress)
+        from ident.fleet.page import page
+        from ident.fleet.trends import WATCH
+        from ident.report.render import write
+
         with staged(output, "ident fleet", overwrite=overwrite, inputs=inputs, complete=False) as stage:
             (stage / "fleet.parquet").write_bytes(done.table)
             write(page(done), stage / "report.html")

@@ -31,10 +31,10 @@ def threshold(run_length: float) -> float:
 
     2 k^2 L = e^u - u - 1, u = 2 k (h + 1.166), k the slack.
     """
-    from scipy.optimize import brentq
-
     most = 2 * SLACK**2 * max(run_length, 2.0)
-    u = brentq(lambda u: u - math.log(u + 1 + most), 0.0, 2 * (1 + math.log(2 + most)))
+    u = 0.0
+    for _ in range(60):  # a contraction: its slope is 1 / (u + 1 + most), at most a half
+        u = math.log(u + 1 + most)
     return max(u / (2 * SLACK) - 1.166, 0.0)
 
 

@@ -12,20 +12,22 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ident.fleet import work
 from ident.fleet.jobs import FleetError, Job, find, robots_of
-from ident.fleet.rows import Fitted, fitted, point, ready, table
 from ident.fleet.run import connected, run
-from ident.fleet.trends import Trends, trends
 from ident.output import write_file
 from ident.progress import Progress, silent
 from ident.recordings.study import RecordingEntry, Study, load_study, study_from
 from ident.summaries.file import Summary, read, together
 from ident.summaries.window import SummaryError
+
+if TYPE_CHECKING:  # imported where they are used: by then workers are at work
+    from ident.fleet.rows import Fitted
+    from ident.fleet.trends import Trends
 
 SUMMARIES = "summaries"
 A_YEAR = 365.25
@@ -94,6 +96,9 @@ def run_fleet(
         if not kept:
             first = reasons[jobs[0]]
             raise FleetError(f"none of {len(jobs)} recordings could be used; the first: {first}")
+        from ident.fleet.rows import point, table
+        from ident.fleet.trends import trends
+
         head = _apart(kept, summaries, reasons)
         progress("trends")
         points = [p for job in kept if job in summaries and (p := point(job, summaries[job], fits[job]))]
@@ -114,6 +119,8 @@ def _summaries(
     reasons: dict[Job, str] = {}
 
     def keep(job: Job, data: bytes, path: Path) -> None:
+        from ident.fleet.rows import fitted
+
         done[job] = read(data, str(path))
         fits[job] = [fitted(window, done[job].header.parameters) for window in done[job].windows]
 
@@ -125,6 +132,8 @@ def _summaries(
                 continue  # half a file of another program; it is made again
     left = [job for job in jobs if job not in done]
     coming = run(left, work.summarised, (dict(keys), str(Path.cwd())), client)
+    from ident.fleet.rows import ready
+
     ready()
     for number, (job, came) in enumerate(coming, 1):
         if came.data:

@@ -21,11 +21,9 @@ Fitted = SummaryFit | IdentError
 
 
 def ready() -> None:
-    """Import what the table and the trends need, better while workers work: pyarrow looks for pandas at its
-    first array."""
+    """Import what the table needs, better while workers work: pyarrow looks for pandas at its first array."""
     import pyarrow as pa
     import pyarrow.parquet
-    import scipy.optimize  # noqa: F401
 
     pa.array([0.0])
 

@@ -275,8 +275,8 @@ def filter_blocks(
             certain[:, j] = 1.0
         motor_ddq: np.ndarray | None = None
         if stream.stiffness is not None:  # q = q_m - tau_l / k, of the position filter's band alike
-            bent = np.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
-            bent = np.fft.irfft(bent * bank.position.response(frequency)[:, None], size, axis=0)[wide]
+            bending = np.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
+            bent = np.fft.irfft(bending * bank.position.response(frequency)[:, None], size, axis=0)[wide]
             motor_ddq = (ddq + second_difference(bent, rate))[span]
         yield FilteredBlock(
             t[span],
