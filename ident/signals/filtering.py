@@ -43,7 +43,7 @@ from ident.signals.dry_friction import TurnOver
 TAIL = 1e-10  # where the impulse response is cut off, relative to its peak
 MAX_SHARE = 0.45  # of the sampling rate: highest usable cut-off
 NOISE_FACTOR = 2.0  # vs in standard deviations of the velocity noise
-INNER = 8192  # rows of a window without its halo
+INNER = 6144  # rows of a window without its halo: more take more memory, fewer more time
 NOISE_ROWS = 16000  # samples from which that noise is estimated
 STEEPNESS = 2.5  # of the sign between -vs and vs
 
