@@ -7,7 +7,7 @@ Installs nothing; figaroh lives in an environment of its own. A KUKA iiwa 7 (sev
 simulated at 1 kHz; both identify inertia, friction, rotor inertia and offset of all joints from motor
 torques. figaroh goes its documented way: low-pass filter, derivatives, `build_regressor_basic`, the columns
 that do nothing left out, decimation of every column, double QR, deviations; no plots and no page, which
-`ident fit` writes. Both read the same run.npz. Whole processes, medians, side by side; one run before them
+`ident fit` writes. Both read the same run.npz. Whole processes, in turns, medians; one run before them
 derives and compiles the model, which is kept. The last lines are processes that only import what each works
 with: below those no data set, however short, is identified.
 """
@@ -19,6 +19,7 @@ import os
 import sys
 import tempfile
 from pathlib import Path
+from statistics import median
 
 import numpy as np
 from child import measured
@@ -84,6 +85,13 @@ def simulated(folder: Path, seconds: float) -> Path:
     return urdf
 
 
+def in_turns(commands: dict[str, list[str]], repeat: int) -> dict[str, tuple[float, ...]]:
+    """Medians of wall and CPU time, largest memory; one after the other, so a busy machine is so for both."""
+    rounds = [{who: measured(command, 1) for who, command in commands.items()} for _ in range(repeat)]
+    columns = {who: list(zip(*(its[who] for its in rounds))) for who in commands}
+    return {who: (median(wall), median(cpu), max(peak)) for who, (wall, cpu, peak) in columns.items()}
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -99,9 +107,9 @@ def main() -> None:
         peer = [options.figaroh, str(folder / "peer.py"), str(folder / "run1.npz"), str(urdf), "10"]
         fit += ["-o", str(folder / "out")]
         measured(fit, 1)
-        found = {"ident fit": measured(fit, options.repeat), "figaroh": measured(peer, options.repeat)}
         pythons = {"ident": sys.executable, "figaroh": options.figaroh}
-        floors = {who: measured([pythons[who], "-c", code], options.repeat) for who, code in FLOORS.items()}
+        found = in_turns({"ident fit": fit, "figaroh": peer}, options.repeat)
+        floors = in_turns({who: [pythons[who], "-c", code] for who, code in FLOORS.items()}, options.repeat)
     print(f"{'':12}{'wall s':>9}{'CPU s':>9}{'MB':>8}   (load {os.getloadavg()[0]:.1f})")
     for label, figures in found.items():
         print(f"{label:12}{figures[0]:9.2f}{figures[1]:9.2f}{figures[2]:8.0f}")
