@@ -23,15 +23,16 @@ def fleet(
         from ident.errors import IdentError
 
         raise IdentError("ident fleet needs the extra fleet; pip install 'dynident[fleet]'") from None
-    from ident.fleet.fleet import run_fleet, study_keys
+    from ident.fleet.fleet import jobs_of, run_fleet, study_keys
     from ident.output import staged
 
     keys = study_keys(robot, study)
     inputs = [study] if study else []
+    jobs = jobs_of(source, keys)  # a wrong address leaves no folder
     with staged(output, "ident fleet", overwrite=overwrite, inputs=inputs, complete=False) as stage:
         (stage / "fleet.txt").write_text(f"{source}\n{robot}\n", encoding="utf-8")
     with progress_bar(verbose) as progress:
-        done = run_fleet(source, keys, output, scheduler, diagnose, progress)
+        done = run_fleet(jobs, keys, output, scheduler, diagnose, progress)
         from ident.fleet.page import page
         from ident.fleet.trends import WATCH
         from ident.report.render import write

@@ -79,8 +79,13 @@ def settings_of(keys: Mapping[str, Any]) -> str:
     return json.dumps([dict(keys), content], sort_keys=True, default=str)
 
 
+def jobs_of(source: str, keys: Mapping[str, Any]) -> tuple[Job, ...]:
+    """The recordings of a pattern or table. Raises IdentError where it names none, or cannot be reached."""
+    return find(source, settings_of(keys))
+
+
 def run_fleet(
-    source: str,
+    jobs: Sequence[Job],
     keys: Mapping[str, Any],
     folder: Path,
     scheduler: str | None = None,
@@ -88,8 +93,6 @@ def run_fleet(
     progress: Progress = silent,
 ) -> Fleet:
     """Summaries into `folder`, the rest as a value. Raises IdentError for what concerns the whole fleet."""
-    progress("finding the recordings")
-    jobs = find(source, settings_of(keys))
     with connected(scheduler) as client:
         summaries, fits, reasons = _summaries(jobs, keys, folder, client, progress)
         kept = [job for job in jobs if job in summaries]
@@ -106,7 +109,7 @@ def run_fleet(
         findings = _findings(jobs, summaries, found, keys, client, progress) if diagnose and found else {}
     progress("writing the table")
     data = table(jobs, summaries, reasons, findings, fits)
-    return Fleet(jobs, summaries, reasons, findings, data, found)
+    return Fleet(tuple(jobs), summaries, reasons, findings, data, found)
 
 
 def _summaries(
@@ -201,4 +204,4 @@ def _findings(
     return out
 
 
-__all__ = ["Fleet", "Study", "run_fleet", "study_keys"]
+__all__ = ["Fleet", "Study", "jobs_of", "run_fleet", "study_keys"]
