@@ -24,6 +24,7 @@ Array = np.ndarray
 Objective = Callable[[Array], tuple[float, Array]]  # x (n, K) -> value, slope (n, K)
 FINER = 3  # times the instants of the grid at which bodies and boxes are looked at
 MARGIN = 0.98  # of the torque limits on the grid
+ROUNDS, AGAIN, SLACK = 3, 15, 1.002  # of iterations where limits do not hold between the instants of the grid
 
 
 @dataclass(frozen=True)
@@ -81,12 +82,21 @@ def optimise(
             tries = [random_motion(holding, basis, rest, duration, rng, start is not None) for _ in range(8)]
             begin = min(tries, key=lambda motion: objective(motion.x)[0])
         before = objective(begin.x)[0]
-        x = solve(begin.x, partial(_tell, progress, number, starts))
-        found = holding.drawn(basis, x, rest, duration)
-        for motion, value in ((found, objective(found.x)[0]), (begin, before)):
+        tell = partial(_tell, progress, number, starts)
+        x, used = solve(begin.x, tell, 1.0), 1.0
+        ways = [holding.drawn(basis, x, rest, duration)]
+        for _ in range(ROUNDS):  # drawn to rest it would lose what it won
+            over, _ = holding.use(FourierMotion(basis, x, duration))
+            if over <= 1 or stop():
+                break
+            used *= SLACK * over
+            x = solve(x, tell, used)
+            ways.append(holding.drawn(basis, x, rest, duration))
+        values = [objective(found.x)[0] for found in ways]
+        for motion, value in (*zip(ways, values), (begin, before)):
             if best is None or (value < best[0] and holding.touching(motion) is None):
                 best = (value, motion)
-        told.append((before, objective(found.x)[0]))
+        told.append((before, min(values)))
     assert best is not None
     return Optimum(best[1], best[0], tuple(told), stop())
 
@@ -102,8 +112,10 @@ def _solver(
     start: Array | None,
     iterations: int,
     stop: Callable[[], bool],
-) -> Callable[[Array, Callable[[float], None]], Array]:
-    """x0 (n, K), progress -> x (n, K) by IPOPT, the best point that it saw inside the limits at its end."""
+) -> Callable[[Array, Callable[[float], None], float], Array]:
+    """x0 (n, K), progress, used -> x (n, K) by IPOPT, the best point that it saw inside the limits at its
+    end; used: share of a limit that x0 takes at most, above one where it is nearly the best and the limits
+    are to be drawn in by so much."""
     import casadi as ca
 
     bounds, n, K = holding.bounds, len(holding.bounds.low), basis.size
@@ -149,8 +161,8 @@ def _solver(
         g.append(clear(z))
         low.append(np.zeros(clear.shape[0]))
         high.append(np.full(clear.shape[0], np.inf))
-    steps = Steps(n * K, sum(len(part) for part in low), iterations, stop)
-    options: Any = {
+    steps = Steps(n * K, sum(len(part) for part in low), stop)
+    options: dict[str, Any] = {
         "ipopt.hessian_approximation": "limited-memory",
         "ipopt.limited_memory_max_history": 6,
         "ipopt.limited_memory_aug_solver": "extended",  # one solve of the large system for each of its pairs
@@ -166,21 +178,25 @@ def _solver(
         "error_on_fail": False,
     }
     problem: Any = {"x": z, "f": value(z), "g": ca.vertcat(*g)}
-    solver = ca.nlpsol("excite", "ipopt", problem, options)
+    near: dict[str, Any] = {"ipopt.mu_strategy": "monotone", "ipopt.mu_init": 1e-4, "ipopt.max_iter": AGAIN}
+    near |= dict.fromkeys(("ipopt.bound_push", "ipopt.slack_bound_push"), 1e-6)
+    solvers = [ca.nlpsol("excite", "ipopt", problem, {**options, **its}) for its in ({}, near)]
     bound = np.full((n, K), np.inf)
     bound[:, 0] = 1.0
     lbz, ubz = -bound, bound.copy()
     if start is not None:
         lbz[:, 0] = ubz[:, 0] = (start - bounds.middle) / bounds.half
 
-    def solve(x0: Array, progress: Callable[[float], None]) -> Array:
-        steps.progress, steps.done = progress, 0
+    def solve(x0: Array, progress: Callable[[float], None], used: float) -> Array:
+        lbg, ubg = np.concatenate(low), np.concatenate(high)
+        if used > 1:
+            at = linear.shape[0]
+            lbg[at:], ubg[at:] = np.where(lbg[at:] < 0, lbg[at:] / used, used - 1), ubg[at:] / used
+        steps.begin(progress, iterations, lbg, ubg)
         z0 = np.hstack([((x0[:, 0] - bounds.middle) / bounds.half)[:, None], x0[:, 1:] / scale[:, None]])
-        found = solver(
-            x0=z0.ravel(), lbx=lbz.ravel(), ubx=ubz.ravel(), lbg=np.concatenate(low), ubg=np.concatenate(high)
-        )
+        found = solvers[used > 1](x0=z0.ravel(), lbx=lbz.ravel(), ubx=ubz.ravel(), lbg=lbg, ubg=ubg)
         del kept[3:]  # what CasADi calls must live as long as the solver
-        return plain(found["x"])
+        return plain(found["x"] if steps.best is None else steps.best)
 
     return solve
 
