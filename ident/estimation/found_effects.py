@@ -84,8 +84,7 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     joints = columns.need.joints
     joint, source = (None if j is None else joints[j] for j in (term.place.joint, term.place.source))
     sizes = [own[name] for name in (term.free if effect.changes_model else term.unknown)]
-    needs = {p.name for p in effect.linear if p.own}
-    needed = [own[name] for name in term.unknown if name in needs and own[name] in sizes] or sizes
+    needed = [own[name] for name in term.unknown if name in effect.needed and own[name] in sizes] or sizes
     reasons = [result.impossible[name] for name in term.names if name in result.impossible]
     return FoundEffect(
         term,

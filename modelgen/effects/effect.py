@@ -88,6 +88,12 @@ class Effect(Expressions, Telling):
         """Sets of linear parameters that may stand alone; () is all that are not optional."""
         return ((),)
 
+    @property
+    def needed(self) -> frozenset[str]:
+        """Linear parameters without which it would be another effect."""
+        sets = [set(parts) for parts in self.variants() if parts]
+        return frozenset(p.name for p in self.linear if p.own and all(p.name in parts for parts in sets))
+
     def parameters_of(self, place: Place) -> tuple[str, ...]:
         """Linear parameters in use at a place, in the order of the columns."""
         return place.parts or tuple(p.name for p in self.linear if not p.optional)

@@ -1,7 +1,7 @@
 """What an effect reports of itself: whether its values can be, and values and deviations as a person reads
 them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import sympy as sp
@@ -70,6 +70,23 @@ class Telling(Definition):
         shapes = {n: usual[n] if n in hidden else value(n) for n in self.nonlinear_names}
         return {n: value(n) for n in self.linear_names}, shapes
 
+    def _measured_twice(
+        self, names: Sequence[str], values: Mapping[str, float], covariance: Array
+    ) -> tuple[Mapping[str, float], Array]:
+        """Sizes that a shape measures too, as both say together: weights that leave least variance."""
+        for size, shape in self.one_quantity.items():
+            i, j = names.index(size), names.index(shape)
+            own, other, both = covariance[i, i], covariance[j, j], covariance[i, j]
+            if size not in values or not other > 0:
+                continue
+            apart = own + other - 2 * both
+            w = float(np.clip((other - both) / apart, 0.0, 1.0)) if own > 0 and apart > 0 else 0.0
+            change = np.eye(len(covariance))
+            change[i, i], change[i, j] = w, 1.0 - w
+            covariance = change @ covariance @ change.T
+            values = {**values, size: w * values[size] + (1.0 - w) * values[shape]}
+        return values, covariance
+
     def report(
         self,
         values: Mapping[str, float],
@@ -81,7 +98,8 @@ class Telling(Definition):
 
         `values`: linear and nonlinear parameters. `covariance` is of (linear, nonlinear, context) in the
         order of the definition, without the linear ones that `values` lacks; shorter when the last ones
-        were held fixed; None gives std 0. What depends on an absent one is not reported.
+        were held fixed; None gives std 0. What depends on an absent one is not reported. A quantity that a
+        size and a shape measure (`one_quantity`) is their mean as they are known.
         """
         missing = sorted(set(self.context) - set(context or {}))
         if missing:
@@ -93,6 +111,7 @@ class Telling(Definition):
         if covariance is not None:
             k = np.shape(covariance)[0]
             full[np.ix_(estimated[:k], estimated[:k])] = covariance
+        values, full = self._measured_twice(names, values, full)
         numbers, std = evaluation.told(self, {**values, **(context or {})}, full)
         return {
             quantity.name: {"value": float(v), "std": float(s), "unit": self.unit(quantity, place)}

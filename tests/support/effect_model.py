@@ -197,7 +197,9 @@ def check_report(name: str, context: Mapping[str, float] | None = None, rel: flo
     mix = rng.normal(size=(len(centre), len(centre))) * size[:, None]
     told = e.report(values, mix @ mix.T, context)
     draws = centre + rng.normal(size=(400, len(centre))) @ mix.T
-    seen = [[q["value"] for q in e.report(dict(zip(values, x)), None, context).values()] for x in draws]
+    seen = [
+        [q["value"] for q in e.report(dict(zip(values, x)), mix @ mix.T, context).values()] for x in draws
+    ]
     for (key, value), spread in zip(told.items(), np.std(seen, axis=0)):
         assert abs(value["std"] - spread) <= rel * spread + 1e-15, key
 

@@ -66,3 +66,16 @@ def test_places_signs_and_spread():
     assert not list(E.places(layout(arm_model(("drive",)))))
     assert "gap would be negative" in E.physical({**values_of(E), "gap": -1.0})
     check_report("backlash")
+
+
+def test_a_gap_that_two_numbers_measure_is_their_mean():
+    """A gear's drop shows its travel to a hundredth where gravity shows nothing of the gap: the gap was told
+    as 0 +- 0.8 mrad, and the finding withdrawn."""
+    v = {"gap": 0.0, "drop": 1.0, "travel": 6e-4}
+    told = E.report(v, np.diag([8e-4, 5e-3, 5e-6]) ** 2)
+    assert told["gap"]["value"] == pytest.approx(6e-4, rel=1e-3)
+    assert told["gap"]["std"] == pytest.approx(5e-6, rel=1e-3)
+    told = E.report({**v, "gap": 4e-4}, np.diag([1e-4, 5e-3, 1e-4]) ** 2)
+    assert told["gap"]["value"] == pytest.approx(5e-4) and told["gap"]["std"] == pytest.approx(1e-4 / 2**0.5)
+    assert E.report({**v, "gap": 4e-4}, None)["gap"]["value"] == 4e-4  # as it is given
+    assert "gap" not in E.needed  # a drop alone is a backlash

@@ -138,7 +138,7 @@ def test_reported_spread_is_the_spread_of_random_draws(name):
         [
             q["value"]
             for q in e.report(
-                {**dict(zip(linear, x[:k])), **dict(zip(nonlinear, x[k:]))}, None, context
+                {**dict(zip(linear, x[:k])), **dict(zip(nonlinear, x[k:]))}, mix @ mix.T, context
             ).values()
         ]
         for x in draws
