@@ -37,7 +37,7 @@ def turning_alone(state: State, m: Metric, r: Refined) -> bool:
     its direction: what turning joints say of it is an error of the turn-over. (Friction under load that
     differs by the direction of power is friction under load and a multiple of the load: 30 nats parted them,
     all of rows that turned, and for the wrong one.)"""
-    if "sign_dq" not in r.term.effect.needs or r.term.effect.state or len(r.sizes) < 2:
+    if "sign_dq" not in r.term.effect.needs or r.term.effect.updates or len(r.sizes) < 2:
         return False
     white = m.whiten(r.columns)
     left = []

@@ -83,7 +83,7 @@ def test_what_only_turning_joints_show_of_a_law_is_not_known(tiny):
     rate, load = np.sin(0.1 * np.arange(M)), 1 + rng.normal(size=M)
     sign = np.tanh(20 * rate)
     both = np.column_stack([np.abs(load) * sign, load * sign**2]) @ np.array([[1, 1], [1, -1]]) / 2
-    effect, place = SimpleNamespace(needs={"sign_dq", "tau_link"}, state=None), SimpleNamespace(joint=0)
+    effect, place = SimpleNamespace(needs={"sign_dq", "tau_link"}, updates={}), SimpleNamespace(joint=0)
     law = SimpleNamespace(
         term=SimpleNamespace(effect=effect, place=place), columns={0: both}, sizes=np.ones(2)
     )
