@@ -21,9 +21,9 @@ from ident.errors import IdentError
 from ident.examination.check import Check, column_line, listed, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.geometry import base_orientation, joint_axes, parts_of, unseen
+from ident.examination.geometry import ambiguous, base_orientation, joint_axes, parts_of, unseen
 from ident.examination.limits import beyond_limits, reads_currents
-from ident.examination.quick import Assignment, Carried, Fit, Quick, quick_of, take
+from ident.examination.quick import CARRIED, Assignment, Carried, Fit, Quick, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.signals import TURNS
 from ident.examination.torques import (
@@ -105,6 +105,14 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     alone = [] if found or doubted else list(recordings_apart(quick, how, currents))
     found += motor_signs(quick, last, maps, "i" if currents else "tau_m")
     beside = alone or list(unexplained(quick, last, currents))
+    if (
+        not found
+        and not beside
+        and last.validate is not None
+        and gain_of(last.validate, last.error) > CARRIED
+    ):
+        scaled = carried_scales(quick, last, how, currents)
+        beside += [ambiguous(last.validate, scaled)] if scaled else []
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
         beside += _unseen(prepared, quick, how)
     return (*_joined(found, maps), *beside)

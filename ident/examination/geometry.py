@@ -195,7 +195,7 @@ def base_orientation(
             return
         alike = [its for its in (*told[1:], *rivals()) if its.gain > told[0].gain - 0.25 * CARRIED]
         if alike:
-            yield Hypothesis(told[0].gain, how, _ambiguous(held, [told[0], *alike]))
+            yield Hypothesis(told[0].gain, how, ambiguous(held, [told[0], *alike]))
             return
         assert told[0].gravity is not None
         best = told[0].gravity
@@ -255,7 +255,8 @@ def _angle(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.degrees(np.arccos(np.clip(a @ b / size if size else 0.0, -1, 1))))
 
 
-def _ambiguous(held: np.ndarray | None, told: Sequence[Carried]) -> Check:
+def ambiguous(held: np.ndarray | None, told: Sequence[Carried]) -> Check:
+    """All that would explain recordings that are foretold badly; none is believed."""
     assert held is not None
     words = "; ".join(its.words for its in sorted(told, key=lambda its: -its.gain))
     return Check(
@@ -263,7 +264,7 @@ def _ambiguous(held: np.ndarray | None, told: Sequence[Carried]) -> Check:
         (),
         f"what is fitted does not predict the recordings that validate (errors of {_span(held)}), and its "
         f"motions do not show why: {words}: "
-        "each of these alone would predict them far better",
+        f"{'each of these' if len(told) > 1 else 'this'} alone would predict them far better",
         "check each of them, and record a motion that moves all joints more",
     )
 

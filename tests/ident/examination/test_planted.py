@@ -156,6 +156,27 @@ def test_what_validate_alone_tells_is_told_with_all_that_would_explain_it(tmp_pa
     assert check.check == "poor_excitation" and words in check.message and "tau_m1 times" in check.message
 
 
+@pytest.mark.parametrize(
+    ("robot", "name", "factor", "words"),
+    [
+        ("staubli_tx40", "tau_m2", 5.0, "tau_m2 times 0.2:"),
+        ("franka_panda", "tau_l2", 1.3, "tau_l2 times 0.79:"),
+    ],
+)
+def test_a_scale_that_validate_alone_tells(tmp_path, robot, name, factor, words):
+    """A few seconds fit with anything; of the others one torque alone would explain the error."""
+    study = planted(tmp_path, changed(name, lambda x: x * factor), measured(robot))
+    (entry,) = {r.file: r for r in study.recordings}.values()
+    ends = {"staubli_tx40": (2.8, 3.9), "franka_panda": (6.5, 9.8)}[robot]
+    runs = [
+        entry.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
+        for use, begin, end in (("identify", None, ends[0]), ("validate", *ends))
+    ]
+    study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    (check,) = examine_fit(prepare_study(study))
+    assert check.check == "poor_excitation" and words in check.message
+
+
 def test_a_recording_that_the_fit_cannot_foretell_is_not_blamed():
     """Without Coulomb friction the KR 300's fit foretells the other run at 220 %, and cannot say more."""
     study = _five_seconds(measured("kuka_kr300")).with_(without=("coulomb_friction",))
@@ -405,6 +426,9 @@ def test_one_torque_of_another_scale(tmp_path, factor):
     ]
     mended = mended_study(study, checks)
     assert mended is not None and abs(mended.columns["i3"].scale * factor - 1) < 0.3
+    (check,) = (c for c in checks if c.check == "torque_scale")
+    if check.spread:  # N mm are taken as such
+        assert abs(mended.columns["i3"].scale * factor - 1) < 3 * check.spread < 0.3
 
 
 def test_a_scale_that_the_fitted_motion_does_not_feel(tmp_path):
