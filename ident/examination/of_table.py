@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 from itertools import chain
 
@@ -21,6 +22,8 @@ from ident.examination.signals import (
     units,
     wraps,
 )
+
+TORQUES = ("tau_m", "tau_l", "i")
 
 
 def of_table(
@@ -46,3 +49,22 @@ def of_table(
         repeats.coarse(columns, excerpt, slow),
     )
     return [replace(check, recording=columns.recording) for check in found]
+
+
+def more_joints(recording: str, columns: Collection[str], joints: Collection[str]) -> list[Check]:
+    """Position and torque of joints that the robot does not have: the recording may be another robot's."""
+    measured = {name[1:] for name in columns if name.startswith("q") and name[1:].isdigit()}
+    measured &= {name[len(t) :] for t in TORQUES for name in columns if name.startswith(t)}
+    others = sorted(measured - set(joints), key=int)
+    if not others or not set(joints) < measured:
+        return []
+    which = f"joint{'s' if len(others) > 1 else ''} {', '.join(others)}"
+    return [
+        Check(
+            "more_joints",
+            (),
+            f"position and torque of {which} are recorded, which the robot does not have",
+            "if another robot was recorded, name that; a tool's joints may be left out",
+            recording=recording,
+        )
+    ]

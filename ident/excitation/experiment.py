@@ -269,7 +269,7 @@ def _remarks(bounds: Bounds, known: Known, holding: Holding, motion: Planned | R
     if isinstance(motion, Recorded):
         resting = ", ".join(bounds.labels[k] for k in motion.resting)
         told = f"{motion.file}: joint {resting} rests; record it in motion"
-        return (*out, told) if resting else tuple(out)
+        return (*out, *motion.warnings, told) if resting else (*out, *motion.warnings)
     out += bounds.beyond
     if bounds.assumed:
         keys = ", ".join(bounds.assumed)

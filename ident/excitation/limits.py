@@ -142,7 +142,8 @@ def _option(text: str, labels: Sequence[str]) -> tuple[str, list[int], object]:
         form = "two numbers, low..high" if key == "q" else "one number"
         raise ExcitationError(f"--limit {text}: give {form}, in {UNITS[key]}.")
     if key == "q" and numbers[0] >= numbers[1]:
-        raise ExcitationError(f"--limit {text}: the lower limit is not below the upper one; swap them.")
+        remedy = "swap them" if numbers[0] > numbers[1] else "a joint that may not move shows nothing"
+        raise ExcitationError(f"--limit {text}: the lower limit is not below the upper one; {remedy}.")
     if key != "q" and numbers[0] <= 0:
         raise ExcitationError(f"--limit {text}: a joint that may not move shows nothing; give more than 0.")
     joints = [labels.index(label)] if colon else list(range(len(labels)))

@@ -20,13 +20,14 @@ LONGEST = 120.0  # s of a recording that are looked at in every detail; the rest
 
 @dataclass(frozen=True)
 class Recorded:
-    """A recording's motion: its first stretch as a plan, how long the robot moved in all [s], and the joints
-    (from 0) that rest in it."""
+    """A recording's motion: its first stretch as a plan, how long the robot moved in all [s], the joints
+    (from 0) that rest in it, and what its examination warns of."""
 
     file: str
     planned: Motion
     duration: float
     resting: tuple[int, ...] = ()
+    warnings: tuple[str, ...] = ()
 
 
 def recorded_motion(
@@ -58,4 +59,5 @@ def recorded_motion(
     every = max(int(stream.rate_hz // 250), 1)
     t, q, dq, ddq, sign = (part[::every] for part in (t, q, dq, ddq, sign))
     motion = Motion("", None, t - t[0], q, dq, ddq, sign, None, stream.rate_hz / every)
-    return Recorded(str(file), motion, total / stream.rate_hz, resting_joints((stream,)))
+    warnings = tuple(check.sentence for check in stream.checks if check.outcome == "warned")
+    return Recorded(str(file), motion, total / stream.rate_hz, resting_joints((stream,)), warnings)

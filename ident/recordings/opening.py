@@ -20,7 +20,7 @@ import numpy as np
 from ident.errors import StudyError
 from ident.examination.check import Check, refuse, worst_first
 from ident.examination.clock import rounded_stamps, time_stamps, uniform_clock
-from ident.examination.of_table import of_table
+from ident.examination.of_table import more_joints, of_table
 from ident.examination.signals import Columns
 from ident.examination.velocity import velocity_agrees
 from ident.recordings import study_checks
@@ -98,6 +98,7 @@ def open_recording(
     survey = seen.survey
     rows = survey.rows + len(survey.mending.dropped)  # all that were read: what was lost is a share of them
     checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, rows)
+    checks += more_joints(stream.label, table.columns, columns.labels)
     if table.cut:
         whole = (rows + 1, rows + 1) if window == (-np.inf, np.inf) else None
         checks.append(Check("truncated", (), table.cut, "", "mended", stream.label, whole))

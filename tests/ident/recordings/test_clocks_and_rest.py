@@ -9,6 +9,7 @@ from small_arm import ARM
 import generated
 from ident.estimation.fit import fit_study
 from ident.examination.clock import Grid, rounded_stamps, uniform_clock
+from ident.examination.of_table import more_joints
 from ident.recordings.study import load_study
 
 K = np.arange(6000)
@@ -99,3 +100,13 @@ def test_a_joint_that_rests_keeps_its_load(tmp_path, braked):
     assert max(told["tau_m1"], told["tau_m2"]) < 1.0
     assert braked or told["tau_m3"] < 1.0
     assert not {"Fvm3", "Fcm3"} & set(np.array(fit.estimate.parameters)[fit.estimate.active])
+
+
+def test_joints_that_the_robot_does_not_have(tmp_path):
+    """A UR10e's log was fitted as that of an arm of three joints without a word; a tool is none."""
+    extra = {"q4": np.sin(K[:10]), "tau_m4": np.cos(K[:10]), "q5": K[:10]}
+    names = ["t", *(f"{s}{j}" for s in ("q", "tau_m") for j in (1, 2, 3))]
+    (check,) = more_joints("run", [*names, *extra], ("1", "2", "3"))
+    assert check.outcome == "warned" and "of joint 4 are recorded" in check.message
+    assert not more_joints("run", [*names, "q4", "q5"], ("1", "2", "3"))
+    assert not more_joints("run", [*names, *extra], ("left1", "left2"))
