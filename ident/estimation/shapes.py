@@ -189,7 +189,7 @@ class _Search:
         return notes
 
     def _searched(self, progress: Progress) -> tuple[_Point, tuple[str, ...]]:
-        point, idle = self._evaluate(self.terms, self.model), 0
+        point, idle = self._awake(self._evaluate(self.terms, self.model)), 0
         for turn in range(TURNS):
             progress(f"fitting the effects of the study, step {turn + 1}")
             reads = self.model.asked.estimate
@@ -207,6 +207,14 @@ class _Search:
                 return point, ()
             point = new
         return point, ("the parameters inside the effects did not come to rest: their values are rough",)
+
+    def _awake(self, point: _Point) -> _Point:
+        """The sizes where they fit best at the shapes that are there: a shape without a size has no column,
+        and the step that gives it one lowers no loss."""
+        if not (self.curved & ~point.estimate.active).any():
+            return point
+        sizes = np.clip(np.where(self.curved, point.x, point.estimate.chi), self.low, self.high)
+        return self._evaluate(_moved(self.columns, self.terms, sizes), self.model)
 
     def _stepped(self, point: _Point, aim: np.ndarray, reads: bool) -> _Point | None:
         """The next point, halved until the loss falls. Where only sizes are left to find in effects that read

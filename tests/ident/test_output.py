@@ -224,6 +224,7 @@ def interrupted_at(line):
 
 for line in range(1, 1000):
     if not (child := os.fork()):
+        signal.signal(signal.SIGINT, signal.SIG_DFL)  # a background job of a shell ignores it
         leave_on_signals("ident")
         sys.settrace(interrupted_at(line))
         with output.staged(Path(sys.argv[1], str(line), "deeper")) as stage:
