@@ -34,7 +34,7 @@ from ident.diagnosis.opening import opened
 from ident.diagnosis.remaining import remaining
 from ident.diagnosis.room import thrifty
 from ident.diagnosis.visible import Visible, smallest_visible
-from ident.errors import FitFailedError
+from ident.errors import FitFailedError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
 from ident.examination.check import Check
 from ident.examination.examine import examine_tables, mended_study, worst_first
@@ -111,7 +111,13 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         known = examined(working)
         base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
     if working.drive_gains == "identify":
-        working = working.with_(drive_gains=tuple(drive_gains(base)))
+        try:
+            working = working.with_(drive_gains=tuple(drive_gains(base)))
+        except StudyError:
+            raise FitFailedError(
+                "drive_gains: the fit does not give every joint a positive gain; check gravity, signs and "
+                "units of currents and torques, or give the gains"
+            ) from None
         known = examined(working)
     begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory)
     if begun.thinned:
