@@ -42,6 +42,7 @@ from ident.diagnosis.weighing import (
     main_channel,
     nearly,
     rivals_of,
+    side_by_side,
     simplest,
 )
 from ident.progress import Progress, silent
@@ -244,12 +245,7 @@ def _pair(
     for other, _ in weighed.all:
         if other.term.key == best.term.key or not set(other.columns) & set(best.columns):
             continue
-        both = {
-            c: np.hstack([r.columns[c] if c in r.columns else np.zeros((len(state.rows.t), len(r.sizes)))
-                          for r in (best, other)])
-            for c in {*best.columns, *other.columns}
-        }  # fmt: skip
-        together = weigh(weighed.metric, both)
+        together = weigh(weighed.metric, side_by_side(best, other))
         asked = flex.evidence.log_e + margin(max(best.term.free, other.term.free), tau)
         if together.log_e > asked and together.supported(alpha):
             return other

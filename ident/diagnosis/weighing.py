@@ -184,9 +184,9 @@ def rivals_of(
 ) -> tuple[Equivalent, ...]:
     """What may be there on its channels and is not beaten by it, without those that only add parameters to it
     and gain nothing by them, unless nothing could be gained: those are shown where a joint turns round alone.
-    The model without any of them is rejected by the best one: what another says
-    against that model, and in how many blocks, is no reason to reject it against the best. What leaves the
-    best one all that it says explains another part of the residual."""
+    The model without any of them is rejected by the best one: what another says against that model, and in
+    how many blocks, is no reason to reject it against the best. What leaves the best one all that it says
+    explains another part of the residual."""
     own = max((e.log_e for r, e in weighed.passed if r.term.key == best.term.key), default=0.0)
     return tuple(
         Equivalent(r.term, e.log_e)
@@ -216,6 +216,15 @@ def nearly(
     return out
 
 
+def side_by_side(one: Refined, other: Refined) -> Columns:
+    """{channel: (M, p)} columns of both in one model."""
+    rows = len(next(iter(one.columns.values())))
+    return {
+        c: np.hstack([r.columns.get(c, np.zeros((rows, len(r.sizes)))) for r in (one, other)])
+        for c in {*one.columns, *other.columns}
+    }
+
+
 def _stays_beside(
     m: Metric, best: tuple[Refined, Evidence], other: tuple[Refined, Evidence], tau: float, alpha: float
 ) -> bool:
@@ -225,12 +234,7 @@ def _stays_beside(
     (r, e), (its, x) = best, other
     if e.blocks.shape != x.blocks.shape:
         return False
-    none = {k: np.zeros((len(m.rows.t), len(h.sizes))) for k, h in enumerate((r, its))}
-    both = {
-        c: np.hstack([r.columns.get(c, none[0]), its.columns.get(c, none[1])])
-        for c in {*r.columns, *its.columns}
-    }
-    together = weigh(m, both)
+    together = weigh(m, side_by_side(r, its))
     more = replace(e, log_e=together.log_e - x.log_e, blocks=together.blocks - x.blocks)
     return more.log_e > tau and more.supported(alpha)
 
