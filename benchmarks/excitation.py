@@ -85,7 +85,8 @@ def drawn_request(name: str, seed: int) -> tuple[Request, np.ndarray | None]:
     limits += [f"q:{k}={a:.3g}..{b:.3g}" for k, a, b in zip(robot.joint_labels, low, high)]
     corner = rng.uniform(-0.6, 0.4, 3) if seed % 2 else None
     box = () if corner is None else ("box=" + ",".join(f"{a:.6g}..{a + 0.3:.6g}" for a in corner),)
-    start = tuple((low + rng.uniform(0.1, 0.9, robot.n) * (high - low)).tolist()) if seed % 3 == 0 else None
+    share = rng.uniform(0.005, 0.995, robot.n) if seed % 3 == 0 else None
+    start = None if share is None else tuple((low + share * (high - low)).tolist())
     long = 27.0 if seed % 10 == 4 else 6.0
     return Request(
         name, duration=round(long * rng.uniform(0.7, 1), 2), limits=tuple(limits),

@@ -37,6 +37,7 @@ PEER_FLAGS = (
     *("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_LIMIT_VECTOR_SIZE=30"),
 )
 JOINTS, ROBOT = 7, "kuka_lwr4p"
+TURNS = 5  # of one thread between two looks at the clock
 
 
 def peer_library() -> ctypes.CDLL:
@@ -130,22 +131,34 @@ def inertial_blocks(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Callable[
     return run
 
 
-def bounds() -> tuple[float, float]:
-    """What this core can do now: operations a second (BLAS on one thread, n^3 additions and multiplications
-    each) and bytes a second written past the caches."""
+def bounds(threads: int = 1) -> tuple[float, float]:
+    """What so many threads can do now, each on arrays of its own: operations a second (BLAS on one thread
+    each, n^3 additions and multiplications) and bytes a second written past the caches."""
     from threadpoolctl import threadpool_limits
 
-    A, out, big = np.ones((512, 512)), np.empty((512, 512)), np.empty(8_000_000)
+    A, out = np.ones((512, 512)), np.empty((threads, 512, 512))
+    big = np.empty((threads, 8_000_000))
     operations, writing = [], []
+
+    def seconds(work: Callable[[int], object]) -> float:
+        start = time.perf_counter()
+        side_by_side([lambda k=k: [work(k) for _ in range(TURNS)] for k in range(threads)])
+        return (time.perf_counter() - start) / (threads * TURNS)
+
     with threadpool_limits(1, "blas"):
         for _ in range(7):
-            start = time.perf_counter()
-            np.matmul(A, A, out=out)
-            operations.append(2 * 512**3 / (time.perf_counter() - start))
-            start = time.perf_counter()
-            big.fill(1.0)
-            writing.append(big.nbytes / (time.perf_counter() - start))
+            operations.append(2 * 512**3 / seconds(lambda k: np.matmul(A, A, out=out[k])))
+            writing.append(big[0].nbytes / seconds(lambda k: big[k].fill(1.0)))
     return max(operations), max(writing)
+
+
+def side_by_side(work: list[Callable[[], object]]) -> None:
+    """Each on a thread of its own."""
+    threads = [threading.Thread(target=its) for its in work]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
 
 
 def consume(blocks) -> None:
@@ -157,13 +170,7 @@ def two_consumers(m, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> None:
     """Half of the samples for each of two threads, as a reduction over blocks would have it."""
     half = len(q) // 2
     parts = [slice(0, half), slice(half, len(q))]
-    threads = [
-        threading.Thread(target=lambda p=p: consume(m.regressor_blocks(q[p], dq[p], ddq[p]))) for p in parts
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
+    side_by_side([lambda p=p: consume(m.regressor_blocks(q[p], dq[p], ddq[p])) for p in parts])
 
 
 def main() -> None:
@@ -264,6 +271,9 @@ def report(options, m, ns: dict[str, dict[str, float]], agreement: float) -> Non
     for name, (count, size) in own.items():
         bound = [count / operations * 1e9, size / moving * 1e9]
         print(f"{name:42}" + "".join(f"{b:10.1f}{ns['cpu'][name] / b:7.1f}x" for b in bound))
+    both = bounds(2)
+    print(f"{'two threads, nothing shared, / one':42}{both[0] / operations:17.2f}x{both[1] / moving:17.2f}x")
+    print("(by wall: where these are below two, another process has a core, or both share one or its memory)")
     print(f"\n{'ratio':42}{'wall':>9}{'CPU':>9}{'target':>9}")
     for label, rival, name, target in rows:
         print(f"{label:42}{ratio('wall', rival, name):8.1f}x{ratio('cpu', rival, name):8.1f}x{target:8}x")

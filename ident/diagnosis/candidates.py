@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Metric, project
+from ident.diagnosis.evidence import Metric
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect
@@ -21,6 +21,7 @@ from modelgen.effects.place import Layout, Place
 PER_METRIC = 6
 PER_EFFECT = 2  # places of one effect among them: those of pairs of joints would be all there is
 UNKEPT = 4e7  # bytes of columns beyond the library that wait to be scored
+TOGETHER = 64  # sets of columns in one product
 SHARE = 0.25  # of the best one's gain in its metric
 
 
@@ -152,38 +153,33 @@ def _weigh(
 def linear_gains(
     m: Metric, columns: Sequence[dict[int, np.ndarray]], trials: Sequence[tuple[Term, object]]
 ) -> np.ndarray:
-    """Gain of every set of columns alone; sets of one channel together, in one product."""
-    products: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = [()] * len(columns)  # type: ignore[list-item]
-    by_channel: dict[int, list[int]] = {}
-    for k, made in enumerate(columns):
-        if len(made) == 1:
-            by_channel.setdefault(next(iter(made)), []).append(k)
-    for c, numbers in by_channel.items():
+    """Gain of every set of columns alone; those of one channel together, in one product."""
+    widths = [next(iter(made.values())).shape[1] for made in columns]
+    cross = [np.zeros((m.fitted.basis.shape[1], p)) for p in widths]
+    own, right = [np.zeros((p, p)) for p in widths], [np.zeros(p) for p in widths]
+    for c in sorted({c for made in columns for c in made}):
         on = np.flatnonzero(m.fitted.mask & m.rows.use[c])
         places, values = m.X[c]
         Xb = values[on] @ m.fitted.basis[places]
-        e = m.fitted.residual[c, on]
-        for begin in range(0, len(numbers), 64):
-            chunk = numbers[begin : begin + 64]
-            Z = (m.whiteners[c] @ np.hstack([columns[k][c] for k in chunk]).astype(float))[on]
-            cross = Xb.T @ Z
-            right = Z.T @ e
+        e, L = m.fitted.residual[c, on], m.whiteners[c].L[on]
+        numbers = [k for k, made in enumerate(columns) if c in made]
+        for begin in range(0, len(numbers), TOGETHER):
+            chunk = numbers[begin : begin + TOGETHER]
+            Z = L @ np.concatenate([columns[k][c] for k in chunk], axis=1, dtype=float)
+            across, along = Xb.T @ Z, Z.T @ e
             at = 0
             for k in chunk:
-                its = slice(at, at + columns[k][c].shape[1])
-                z, a = Z[:, its], cross[:, its]
-                products[k] = (z.T @ z - a.T @ a, right[its], np.einsum("ij,ij->j", z, z))
+                its = slice(at, at + widths[k])
+                cross[k] += across[:, its]
+                own[k] += Z[:, its].T @ Z[:, its]
+                right[k] += along[its]
                 at = its.stop
-    for k, made in enumerate(columns):
-        if len(made) > 1:
-            cross, own, right = project(m, m.fitted, m.whiten(made))
-            products[k] = (own - cross.T @ cross, right, np.diag(own))
+    products = [(o - x.T @ x, r, np.diag(o)) for o, x, r in zip(own, cross, right)]
     out = np.zeros(len(columns))
-    sizes = np.array([len(right) for _, right, _ in products])
-    for p in np.unique(sizes):
-        alike = np.flatnonzero(sizes == p).tolist()
-        G, right, own = (np.stack([products[k][i] for k in alike]) for i in (0, 1, 2))
-        out[alike] = _gains(G, right, own, [trials[k][0] for k in alike])
+    for p in sorted(set(widths)):
+        alike = [k for k, width in enumerate(widths) if width == p]
+        G, g, squares = (np.stack([products[k][i] for k in alike]) for i in (0, 1, 2))
+        out[alike] = _gains(G, g, squares, [trials[k][0] for k in alike])
     return out
 
 

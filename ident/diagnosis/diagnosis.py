@@ -9,6 +9,7 @@ on the extended study repeats; evidence is the loop's."""
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -28,7 +29,7 @@ from ident.diagnosis.findings import (
     unexplained_of,
 )
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.last_fit import compared_exactly, extended, replaced
+from ident.diagnosis.last_fit import compared_exactly, extended, finer, replaced
 from ident.diagnosis.loop import Outcome, trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.remaining import remaining
@@ -91,8 +92,12 @@ def diagnose_study(
     """
     from threadpoolctl import threadpool_limits
 
-    with threadpool_limits(1, "blas"):
-        return _diagnose(study, thrifty(progress), study.alpha if alpha is None else alpha, memory)
+    gc.freeze()  # what is imported is not searched again for garbage whenever memory is given back
+    try:
+        with threadpool_limits(1, "blas"):
+            return _diagnose(study, thrifty(progress), study.alpha if alpha is None else alpha, memory)
+    finally:
+        gc.unfreeze()
 
 
 def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | None) -> Diagnosis:
@@ -124,12 +129,13 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         notes.append("of long recordings stretches spread over them were looked at")
     library = Library(list(catalogue().values()), begun.layout, begun.room.library)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
-    last, refused = extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
-    outcome, last, refused = replaced(known, outcome, base, last, refused, begun, alpha)
+    again = finer(known, outcome, base, begun)
+    last, refused = extended(again, outcome, base, alpha, _part(progress, 0.85, 0.95))
+    outcome, last, refused = replaced(again, outcome, base, last, refused, alpha)
     while (rest := remaining(outcome, last, refused, alpha)) is not outcome:
         outcome = rest
-        last, refused = extended(known, outcome, base, begun, alpha, silent)
-    outcome, last = compared_exactly(known, outcome, base, last, begun, alpha)
+        last, refused = extended(again, outcome, base, alpha, silent)
+    outcome, last = compared_exactly(again, outcome, base, last, alpha)
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))

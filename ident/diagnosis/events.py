@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Evidence, Metric, _side, weigh
+from ident.diagnosis.evidence import Evidence, Metric, side_of, weigh
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import Found, State
@@ -49,13 +49,13 @@ def crossed(m: Metric, usable: np.ndarray, fold_s: float) -> tuple[Metric, Metri
     """The same noise with alternating blocks fitted and judged, and the other way round."""
     rows = m.rows
     even = (np.floor(rows.t / fold_s).astype(int) + rows.recording) % 2 == 0
-    sides = [_side(rows, m.X, m.y, m.B, usable & half) for half in (even, ~even)]
+    sides = [side_of(rows, m.X, m.y, m.B, usable & half) for half in (even, ~even)]
     return replace(m, fitted=sides[0], judged=sides[1]), replace(m, fitted=sides[1], judged=sides[0])
 
 
 def whole(m: Metric, usable: np.ndarray) -> Metric:
     """Everything usable fitted."""
-    side = _side(m.rows, m.X, m.y, m.B, usable)
+    side = side_of(m.rows, m.X, m.y, m.B, usable)
     return replace(m, fitted=side, judged=side)
 
 
@@ -290,13 +290,15 @@ def _moved(
     """The window's edges where the gain is largest, by rows, one edge after the other."""
     mine, t = _since(state, term.place)
     ends = [term.place.start, term.place.stop]
+    here, own = m.only(mine), {c: z[mine] for c, z in columns.items()}  # zero in the other recordings
 
-    def cut(start: float | None, stop: float | None) -> dict[int, np.ndarray]:
-        inside = np.zeros(len(state.rows.t), bool)
-        inside[mine] = (t >= (start if start is not None else -np.inf)) & (
-            t < (stop if stop is not None else np.inf)
-        )
-        return {c: z * inside[:, None] for c, z in columns.items()}
+    def inside(start: float | None, stop: float | None) -> np.ndarray:
+        after = t >= (start if start is not None else -np.inf)
+        return np.asarray(after & (t < (stop if stop is not None else np.inf)))
+
+    def gain(start: float | None, stop: float | None) -> float:
+        kept = inside(start, stop)
+        return fit_sizes(here, {c: z * kept[:, None] for c, z in own.items()})[1]
 
     for _ in range(2):
         for which in (0, 1):
@@ -310,6 +312,8 @@ def _moved(
                 trial = list(ends)
                 trial[which] = float(edge)
                 wide = (trial[1] if trial[1] is not None else np.inf) - (trial[0] or 0.0)
-                gains.append(fit_sizes(m, cut(*trial))[1] if wide > 0.5 * SHORTEST_S else 0.0)
+                gains.append(gain(*trial) if wide > 0.5 * SHORTEST_S else 0.0)
             ends[which] = float(near[int(np.argmax(gains))])
-    return _window(term, ends[0], ends[1]), cut(ends[0], ends[1])
+    rows = np.zeros(len(state.rows.t), bool)
+    rows[mine] = inside(ends[0], ends[1])
+    return _window(term, ends[0], ends[1]), {c: z * rows[:, None] for c, z in columns.items()}

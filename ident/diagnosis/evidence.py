@@ -56,6 +56,23 @@ class Metric:
     fitted: Side
     judged: Side
 
+    def only(self, chosen: np.ndarray) -> Metric:
+        """Some of its rows (k,), whole pieces: products with columns that are zero on the others, and nothing
+        else, are the same."""
+        sides = [
+            replace(side, mask=side.mask[chosen], residual=side.residual[:, chosen])
+            for side in (self.fitted, self.judged)
+        ]
+        return Metric(
+            self.rows.only(chosen),
+            tuple(replace(w, L=w.L[chosen][:, chosen]) for w in self.whiteners),
+            tuple((places, values[chosen]) for places, values in self.X),
+            self.y[:, chosen],
+            self.B,
+            sides[0],
+            sides[1],
+        )
+
     def whiten(self, columns: Columns) -> dict[int, np.ndarray]:
         return {c: self.whiteners[c] @ z for c, z in columns.items()}
 
@@ -152,11 +169,12 @@ def metric(
     """Whiten a model's columns and project its torque on both kinds of rows."""
     X = tuple((places, w @ values) for (places, values), w in zip(design, whiteners))
     y = np.stack([w @ rows.Y[c] for c, w in enumerate(whiteners)])
-    sides = [_side(rows, X, y, B, mask) for mask in (rows.fitted, rows.judged)]
+    sides = [side_of(rows, X, y, B, mask) for mask in (rows.fitted, rows.judged)]
     return Metric(rows, tuple(whiteners), X, y, B, sides[0], sides[1])
 
 
-def _side(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray) -> Side:
+def side_of(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray) -> Side:
+    """The whitened model X, y on the rows of a mask (M,)."""
     gram, right = np.zeros((B, B)), np.zeros(B)
     for c, (places, values) in enumerate(X):
         here = values[mask & rows.use[c]]
@@ -212,7 +230,7 @@ def weigh(
         sizes = np.linalg.lstsq(left + 1e-12 * np.eye(len(left)), right / scale, rcond=1e-9)[0] / scale
     fitted_rss = _rss(m, m.fitted, white, sizes, cross)
     judged_cross, _, _ = project(m, m.judged, white)
-    residual = _changed(m, m.judged, white, sizes, judged_cross)
+    residual = changed(m, m.judged, white, sizes, judged_cross)
     rss = np.einsum("cm,cm->c", residual, residual)
     per_channel = m.judged.free / 2 * np.log(np.maximum(m.judged.rss, 1e-300) / np.maximum(rss, 1e-300))
     ratio = np.maximum(m.fitted.rss, 1e-300) / np.maximum(fitted_rss, 1e-300)  # one, of a channel at rest
@@ -261,7 +279,7 @@ def over(null: Metric, m: Metric, told: Evidence) -> Evidence:
     )
 
 
-def _changed(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.ndarray) -> np.ndarray:
+def changed(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.ndarray) -> np.ndarray:
     """(C, M) residual of a side with the columns' torque taken off, the model free to answer."""
     beta = side.basis @ (cross @ sizes)
     out = side.residual.copy()
@@ -274,7 +292,7 @@ def _changed(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np
 
 
 def _rss(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.ndarray) -> np.ndarray:
-    residual = _changed(m, side, white, sizes, cross)
+    residual = changed(m, side, white, sizes, cross)
     return np.einsum("cm,cm->c", residual, residual)
 
 

@@ -23,6 +23,7 @@ from ident.diagnosis.weighing import Equivalent
 from ident.estimation.fit import FitResult
 from ident.estimation.found_effects import FoundEffect, found_effects
 from ident.examination.check import Check
+from ident.examination.examine import undoing
 from ident.recordings.study import Study
 from modelgen.effects import catalogue
 
@@ -300,7 +301,7 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
     out = []
     for check in checks:
         effect = by_check.get(check.check)
-        if effect is None or check.hint:
+        if effect is None or check.hint or undoing(check) is None:
             continue
         values: dict[str, dict[str, Any]] = {}
         if mended.gravity is not None and mended.gravity != study.gravity and not check.signals:

@@ -18,7 +18,7 @@ from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.rows import Rows, halved
 from ident.diagnosis.state import State
 from ident.diagnosis.sufficiency import signals_read, sufficiency, sufficient
-from ident.diagnosis.weighing import Weighed, holds, main_channel, simplicity
+from ident.diagnosis.weighing import Weighed, best_held, holds, main_channel
 
 
 def by_halves(
@@ -29,10 +29,10 @@ def by_halves(
     hidden = [
         r
         for r, e in weighed.all
-        if not _is_left_of_a_law(state, r)
+        if not is_left_of_a_law(state, r)
         and unseen(weighed.metric, r.columns, e.sizes, tau)
         and e.log_e > -tau
-        and _foretells(state, r, e)
+        and foretells(state, r, e)
     ]
     if not hidden:
         return None
@@ -43,16 +43,10 @@ def by_halves(
         told = [_judged(side, m, r, tau, alpha) for side, m in zip(sides, metrics)]
         if all(t is not None for t in told):
             held.append((r, min((t for t in told if t is not None), key=lambda t: t.log_e)))
-    if not held:
-        return None
-    most = max(e.log_e for _, e in held)
-    equal = [(r, e) for r, e in held if e.log_e > most - tau]
-    best = min(equal, key=lambda its: (*simplicity(its[0].term), -its[1].log_e))
-    others = tuple(its for its in equal if its is not best and set(its[0].columns) & set(best[0].columns))
-    return *best, others
+    return best_held(held, tau)
 
 
-def _is_left_of_a_law(state: State, r: Refined) -> bool:
+def is_left_of_a_law(state: State, r: Refined) -> bool:
     """Whether an effect found on its joint reads the same signals: what is left there is first of all what
     that law is wrong by, and a second one needs rows that judge."""
     read = signals_read(r.term)
@@ -91,7 +85,7 @@ def _judged(side: State, m: Metric, r: Refined, tau: float, alpha: float) -> Evi
     return e if sufficient(own.term, e, flex, tau) else None
 
 
-def _foretells(state: State, r: Refined, e: Evidence) -> bool:
+def foretells(state: State, r: Refined, e: Evidence) -> bool:
     """Whether the judged rows are foretold better with it, by the parameters of the fitted rows: where it
     says most, and on the whole."""
     trial, c = with_hypothesis(state, r), main_channel(e, r.term, state)

@@ -23,11 +23,21 @@ from ident.signals.filtering import STEEPNESS, prepare
 SPOILT = 0.02  # of the error of the runs that chose nothing: more is no rounding
 
 
+def finer(known: Examined, outcome: Outcome, base: FitResult, begun: Opened) -> Examined:
+    """The study at the cut-off of its last fit; where something was found, with the equations that all of its
+    last fits begin from."""
+    study = known.prepared.study
+    cutoff = max(base.cutoff_hz, min(0.5 * study.filter.position_cutoff_hz, begun.cutoff_hz))
+    settings = study.filter.model_copy(update={"decimation_cutoff_hz": cutoff})
+    again = known.again(study.with_(filter=settings))
+    return again.built() if len(outcome.last.terms) > len(study.effects) else again
+
+
 def extended(
-    known: Examined, outcome: Outcome, base: FitResult, begun: Opened, alpha: float, progress: Progress
+    known: Examined, outcome: Outcome, base: FitResult, alpha: float, progress: Progress
 ) -> tuple[FitResult, set[tuple]]:
     """The study with the findings as its effects, fitted whole; without those that it does not need, and
-    those that cannot be fitted there, whose keys are told."""
+    those that cannot be fitted there, whose keys are told. `known` is `finer`."""
     refused: set[tuple] = set()
     study = known.prepared.study
     declared = len(study.effects)
@@ -35,18 +45,11 @@ def extended(
     if not terms:
         return base, refused
     joints = base.columns.need.joints
-    settings = study.filter.model_copy(
-        update={
-            "decimation_cutoff_hz": max(
-                base.cutoff_hz, min(0.5 * study.filter.position_cutoff_hz, begun.cutoff_hz)
-            )
-        }
-    )
     limit = alpha / BUDGET
     entries = [*study.effects, *(entry_of(_study_term(t, outcome.last), joints) for t in terms)]
     keys = [*(() for _ in study.effects), *(t.key for t in terms)]
     while len(entries) > declared:
-        extended = study.with_(effects=tuple(entries), filter=settings)
+        extended = study.with_(effects=tuple(entries))
         try:
             last = fit_study(extended, progress=progress, known=known.again(extended))
         except (FitFailedError, NotEnoughDataError, StudyError):
@@ -87,7 +90,6 @@ def replaced(
     base: FitResult,
     last: FitResult,
     refused: set[tuple],
-    begun: Opened,
     alpha: float,
 ) -> tuple[Outcome, FitResult, set[tuple]]:
     """In the place of what the last fit could not be made of, what was as likely in the loop."""
@@ -96,7 +98,7 @@ def replaced(
             other = swapped(outcome, at, rival.term)
             if other is outcome:
                 continue
-            fit, still = extended(known, other, base, begun, alpha, silent)
+            fit, still = extended(known, other, base, alpha, silent)
             if is_told(fit, rival.term):
                 left = tuple(e for e in step.equivalent if e is not rival)
                 outcome = other.with_step(at, replace(other.steps[at], equivalent=left))
@@ -106,7 +108,7 @@ def replaced(
 
 
 def compared_exactly(
-    known: Examined, outcome: Outcome, base: FitResult, last: FitResult, begun: Opened, alpha: float
+    known: Examined, outcome: Outcome, base: FitResult, last: FitResult, alpha: float
 ) -> tuple[Outcome, FitResult]:
     """Explanations that act on the model's own torque (a delay, a lag, a soft gear) compared by their last
     fits: in the loop their columns are made with the model that stood beside them, which favours the one
@@ -121,7 +123,7 @@ def compared_exactly(
             other = swapped(outcome, at, rival)
             if other is outcome:
                 continue
-            fit, _ = extended(known, other, base, begun, alpha, silent)
+            fit, _ = extended(known, other, base, alpha, silent)
             if is_told(fit, rival):
                 tried.append((other, fit))
         nats = [_nats(outcome.last, fit) for _, fit in tried]

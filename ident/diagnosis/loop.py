@@ -16,11 +16,12 @@ import numpy as np
 from ident.diagnosis.candidates import Library, Ranked, screen
 from ident.diagnosis.events import Event, best_event, still_holds
 from ident.diagnosis.evidence import Evidence, weigh
-from ident.diagnosis.halves import by_halves, holds_by_halves
+from ident.diagnosis.halves import by_halves
+from ident.diagnosis.in_common import by_common, shown_by_fitted
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
-from ident.diagnosis.settling import in_time, place_of, refined_together, settled_in
+from ident.diagnosis.settling import in_time, place_of, refined_together, settled_anew, settled_in
 from ident.diagnosis.state import Found, State, solved, with_found, without
 from ident.diagnosis.sufficiency import (
     ask,
@@ -129,7 +130,7 @@ def trace(
             state = with_found(state, Found(r.term, r.columns, r.sizes))
             continue
         if not weighed.passed:
-            hidden = by_halves(state, weighed, tau, alpha)
+            hidden = by_halves(state, weighed, tau, alpha) or by_common(state, weighed, tau, alpha)
             if hidden is not None:
                 r, e, others = hidden
                 steps.append(Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others)))
@@ -219,10 +220,11 @@ def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: fl
 def _doubtful(
     state: State, weighed: Weighed, tau: float, alpha: float
 ) -> tuple[Refined, Evidence, State] | None:
-    """Where nothing holds but something says much: whether it holds once it was settled in."""
+    """Where nothing holds but something says much, or upsets the judged rows: whether it holds once it was
+    settled in."""
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and e.gain > tau and not r.at_bound]
     if not likely:
-        return None
+        return settled_anew(state, weighed, tau, alpha)
     best, evidence = max(likely, key=lambda its: its[1].log_e)
     return settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
 
@@ -305,17 +307,24 @@ def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[S
                 if not still_holds(others, f, tau, alpha):
                     weak = (-np.inf, number)
                 continue
-            e = weigh(others.metric, f.columns)
-            if e.log_e >= tau or holds_by_halves(others, f.columns, f.sizes, tau):
+            log_e = asked_for(others, f, tau)
+            if log_e >= tau:
                 continue
-            if weak is None or e.log_e < weak[0]:
-                weak = (e.log_e, number)
+            if weak is None or log_e < weak[0]:
+                weak = (log_e, number)
         if weak is None:
             return state, steps
         gone = state.found[weak[1]].term
         assert gone is not None
         steps = [s for s in steps if s.term.key != gone.key]
         state = without(state, weak[1])
+
+
+def asked_for(others: State, f: Found, tau: float) -> float:
+    """log E of what was found on the judged rows of a state without it; infinite where these cannot show it
+    and the fitted ones beside them ask for it."""
+    log_e = weigh(others.metric, f.columns).log_e
+    return np.inf if log_e < tau and shown_by_fitted(others, f.columns, f.sizes, tau) else log_e
 
 
 def leftovers(
@@ -346,7 +355,7 @@ def leftovers(
             if learned is None:
                 continue
             beside = solved(others.plus(replace(column, columns={c: learned.column[:, None]})))
-            if weigh(beside.metric, f.columns).log_e < tau:
+            if asked_for(beside, f, tau) < tau:
                 steps = [s for s in steps if s.term.key != f.term.key]
                 state = without(state, number)
         out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share))

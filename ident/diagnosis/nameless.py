@@ -14,14 +14,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 
 import numpy as np
 
+from ident.cores import in_order
 from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.fine import FineSegment
 
 LAMBDAS = np.geomspace(1e-4, 1e6, 41)
 HATS = 13
+SHORT = 60_000  # fine samples, five minutes: up to there what is made is kept, and two cores share the work
 WAVES = 3  # peaks of the residual's spectrum over the position
 
 
@@ -135,25 +138,42 @@ def _local(x: np.ndarray) -> np.ndarray:
     return np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.linspace(-1.0, 1.0, HATS)) / width)
 
 
-def _groups(signals: Signals, joint: int) -> Iterator[tuple[tuple[str, ...], Callable[[int], np.ndarray]]]:
-    """(signals, columns of a segment) of every group."""
+Made = Callable[[int], np.ndarray]  # number of a segment -> (N, k) on its fine samples
+Column = Callable[[Made], np.ndarray]  # the same on the rows: (M, k)
+
+
+def _groups(
+    signals: Signals, joint: int, segments: int, on_rows: Column, short: bool
+) -> Iterator[tuple[tuple[str, ...], Callable[[], np.ndarray]]]:
+    """(signals, columns (M, k)) of every group. What several of them share is made once: functions of one
+    signal on the rows, and those of the latest signals on the fine samples; of long recordings nothing is
+    kept, which would be a tenth of a gigabyte of ten minutes."""
     number = joint + 1
     every = {**signals.own, **signals.others}
-    widths = signals.rate_widths
 
-    def one(name: str) -> Callable[[int], np.ndarray]:
-        return lambda k: np.hstack([_basis(name, every[name][k], widths), _local(every[name][k])])
+    @lru_cache(maxsize=3 * segments if short else 0)
+    def fine(name: str, k: int) -> np.ndarray:
+        return _basis(name, every[name][k], signals.rate_widths)
 
-    def two(a: str, b: str) -> Callable[[int], np.ndarray]:
-        def columns(k: int) -> np.ndarray:
-            first, second = _basis(a, every[a][k], widths), _basis(b, every[b][k], widths)
-            product = (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
-            return np.hstack([product, first, second])
+    @lru_cache(maxsize=None if short else 0)
+    def basis(name: str) -> np.ndarray:
+        return on_rows(lambda k: fine(name, k))
 
-        return columns
+    def one(name: str) -> Callable[[], np.ndarray]:
+        return lambda: np.hstack([basis(name), on_rows(lambda k: _local(every[name][k]))])
+
+    def two(a: str, b: str) -> Callable[[], np.ndarray]:
+        def product(k: int) -> np.ndarray:
+            first, second = fine(a, k), fine(b, k)
+            return (first[:, :, None] * second[:, None, :]).reshape(len(first), -1)
+
+        return lambda: np.hstack([on_rows(product), basis(a), basis(b)])
 
     memory = [name for name in signals.own if name.startswith("memory")]
-    yield (f"dq{number}", "memory"), lambda k: np.stack([every[name][k] for name in memory], axis=1)
+    yield (
+        (f"dq{number}", "memory"),
+        lambda: on_rows(lambda k: np.stack([every[name][k] for name in memory], axis=1)),
+    )
     main = [f"q{number}", f"dq{number}", "tau", f"ddq{number}", "t"]
     for name in main:
         yield (name,), one(name)
@@ -206,19 +226,24 @@ def flexible(
     """The function of the channel with the largest evidence on the fitted rows, of the signals in `only`
     where they are given; None below `wanted` nats."""
     signals = _within(signals_of(segments, joint, load), m, segments)
-    groups = list(_groups(signals, joint))
+
+    def on_rows(made: Made) -> np.ndarray:
+        Z = np.concatenate([s.decimate(made(k), joint) for k, s in enumerate(segments)])
+        Z *= m.rows.scale[channel][:, None]
+        return Z
+
+    short = sum(len(s.t) for s in segments) <= SHORT
+    groups = list(_groups(signals, joint, len(segments), on_rows, short))
     back = _spread(m, channel, joint, segments)
     name = f"q{joint + 1}"
     for k in wave_peaks(segments, joint, back, top_wave):
-        groups.append(((name,), _wave(segments, joint, k, None)))
-        groups.append(((name, f"dq{joint + 1}"), _wave(segments, joint, k, signals.own[f"dq{joint + 1}"])))
+        groups.append(((name,), partial(on_rows, _wave(segments, joint, k, None))))
+        with_rate = _wave(segments, joint, k, signals.own[f"dq{joint + 1}"])
+        groups.append(((name, f"dq{joint + 1}"), partial(on_rows, with_rate)))
+    asked = [group for group in groups if only is None or set(group[0]) <= only]
+    told = (in_order if short else map)(lambda group: _ridge(m, channel, group[1]()), asked)
     best: tuple[float, tuple[str, ...], np.ndarray] | None = None
-    for variables, made in groups:
-        if only is not None and not set(variables) <= only:
-            continue
-        Z = np.concatenate([s.decimate(made(k), joint) for k, s in enumerate(segments)])
-        Z *= m.rows.scale[channel][:, None]
-        value, column = _ridge(m, channel, Z)
+    for (variables, _), (value, column) in zip(asked, told):
         if best is None or value > best[0]:
             best = (value, variables, column)
     if best is None or best[0] < wanted:
@@ -227,9 +252,7 @@ def flexible(
     return Flexible(variables, column, value, weigh(m, {channel: column[:, None]}, np.ones(1)))
 
 
-def _wave(
-    segments: Sequence[FineSegment], joint: int, k: float, rate: list[np.ndarray] | None
-) -> Callable[[int], np.ndarray]:
+def _wave(segments: Sequence[FineSegment], joint: int, k: float, rate: list[np.ndarray] | None) -> Made:
     def columns(number: int) -> np.ndarray:
         q = segments[number].q[:, joint]
         waves = np.stack([np.sin(k * q), np.cos(k * q)], axis=1)

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from dataclasses import replace
 
 from ident.diagnosis.evidence import Evidence, Metric, weigh
-from ident.diagnosis.halves import holds_by_halves
+from ident.diagnosis.in_common import shown_by_fitted
 from ident.diagnosis.last_fit import is_told
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.loop import Outcome, Step, leftovers, pruned
@@ -46,7 +46,7 @@ def _weakest(state: State, tau: float, alpha: float) -> int | None:
             continue  # a load on one recording has been asked for by `pruned`
         others = state.but(number)
         r, e, m = _beside(others, f)
-        if holds(others, m, r, e, tau, alpha) or holds_by_halves(others, f.columns, f.sizes, tau):
+        if holds(others, m, r, e, tau, alpha) or shown_by_fitted(others, f.columns, f.sizes, tau):
             continue
         out = min(out or (e.log_e, number), (e.log_e, number))
     return None if out is None else out[1]

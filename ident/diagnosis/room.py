@@ -24,6 +24,7 @@ COPIES = 6.0  # of the model's columns, whitened and not
 FINE = 10.0  # of the fine signals: what functions of them take while they are scored
 LIBRARY, LIBRARY_LEAST = 1.5e8, 3e7  # bytes of candidates' columns
 PROGRAM = 1.5e8  # bytes that opening and reporting add, whatever the study
+VARIES = 1e7  # bytes by which the same program grows differently, started again
 SHARE = 0.35  # of what is free beside the program
 GROWN = 4e7  # bytes, from which on it is worth asking what can be given back
 FREE = 0.5  # of the machine's free memory, where no limit is given
@@ -53,7 +54,7 @@ def room_for(prepared: Prepared, cutoff_hz: float, memory: float | None) -> Room
     if limit < needed:
         raise MemoryLimitError(
             f"--memory {limit / 1e9:.2g}GB is too little for this study: it needs "
-            f"{np.ceil(needed / 1e7) / 100:.4g}GB; give that much, or leave recordings or channels out"
+            f"{np.ceil((needed + VARIES) / 1e7) / 100:.4g}GB; give that much, or leave recordings or channels out"
         )
     library = min(LIBRARY, max(LIBRARY_LEAST, SHARE * (limit - taken - PROGRAM)))
     return Room(int(min(MOST, max(LEAST, (limit - taken - PROGRAM - library) / row / 2))), library)

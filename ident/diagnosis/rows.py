@@ -8,7 +8,7 @@ keeps the columns of W that are not zero in it."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,15 @@ class Rows:
     @property
     def channels(self) -> int:
         return len(self.base)
+
+    def only(self, chosen: np.ndarray) -> Rows:
+        """Some of them (k,), by number."""
+        return replace(
+            self,
+            **{name: getattr(self, name)[chosen] for name in ("t", "recording", "piece", "fitted", "judged")},
+            **{name: getattr(self, name)[:, chosen] for name in ("Y", "use", "scale")},
+            base=tuple((columns, values[chosen]) for columns, values in self.base),
+        )
 
     @property
     def usable(self) -> np.ndarray:

@@ -6,7 +6,7 @@ is left; the turn-over that fits best in that noise."""
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 
 import numpy as np
@@ -17,7 +17,15 @@ from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record, comes_late, recorder
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.terms import Scene, Term, columns_of, motion_of
-from ident.diagnosis.turn_over import Dry, TurnOver, settle, sign_column, with_column, with_turn_overs
+from ident.diagnosis.turn_over import (
+    Dry,
+    SignColumns,
+    TurnOver,
+    settle,
+    sign_column,
+    with_column,
+    with_turn_overs,
+)
 from ident.diagnosis.whitened import Whitener, whiteners
 from ident.equations.columns import Columns
 from ident.equations.fitted import FittedModel
@@ -35,6 +43,7 @@ class Problem:
     robot: Robot
     columns: Columns
     dry: tuple[Dry, ...]
+    signs: SignColumns = field(default_factory=SignColumns, compare=False)
 
 
 @dataclass(frozen=True)
@@ -215,14 +224,16 @@ def turned(state: State, afresh: Collection[int] = ()) -> State:
     if not dry:
         return state
     design, B, record = _as_recorded(state, dry)
-    turns = settle(state.rows, design, B, state.whiteners, state.segments, dry, state.turns, afresh, record)
+    turns = settle(
+        state.rows, design, B, state.whiteners, state.segments, dry, state.turns, afresh, record, kept=p.signs
+    )
     if turns == state.turns:
         return state
     rows = state.rows
     for d in p.dry:
         turn = turns.get(d.joint)  # None: a joint that rests, or goes one way, turns over nowhere
         if turn is not None and turn != state.turns.get(d.joint):
-            made = {c: sign_column(state.segments, rows, d.joint, c, turn) for c, _ in d.places}
+            made = {c: sign_column(state.segments, rows, d.joint, c, turn, kept=p.signs) for c, _ in d.places}
             rows = with_column(rows, d, made)
     segments = with_turn_overs(state.segments, turns)
     motions = tuple(motion_of(s) for s in segments)

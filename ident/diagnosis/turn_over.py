@@ -83,6 +83,30 @@ def signs_of(segments: Sequence[FineSegment], joint: int) -> Signs:
     return made
 
 
+class SignColumns:
+    """Decimated smoothed signs (M,) of one motion, kept: a later search tries the widths of an earlier one
+    again, three times out of four."""
+
+    def __init__(self, limit_bytes: float = 1e7) -> None:
+        self.limit = self.room = limit_bytes
+        self.motion: tuple[np.ndarray, ...] = ()
+        self.kept: dict[tuple[int, TurnOver], np.ndarray] = {}
+
+    def column(
+        self, segments: Sequence[FineSegment], joint: int, turn: TurnOver, signs: Signs | None
+    ) -> np.ndarray:
+        motion = tuple(s.q for s in segments)
+        if len(motion) != len(self.motion) or any(q is not its for q, its in zip(motion, self.motion)):
+            self.motion, self.kept, self.room = motion, {}, self.limit
+        found = self.kept.get((joint, turn))
+        if found is None:
+            found = _decimated(segments, joint, (signs or signs_of(segments, joint))(turn))
+            if found.nbytes <= self.room:
+                self.room -= found.nbytes
+                self.kept[joint, turn] = found
+        return found
+
+
 def sign_column(
     segments: Sequence[FineSegment],
     rows: Rows,
@@ -91,12 +115,18 @@ def sign_column(
     turn: TurnOver,
     record: Record | None = None,
     signs: Signs | None = None,
+    kept: SignColumns | None = None,
 ) -> np.ndarray:
     """(M,) decimated smoothed sign; record: what is recorded of it, where the torque comes late."""
+    if record is None and kept is not None:
+        return kept.column(segments, joint, turn, signs) * rows.scale[channel]
     made = (signs or signs_of(segments, joint))(turn)
     made = made if record is None else record(channel, made)
-    kept = [s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, made)]
-    return np.concatenate(kept) * rows.scale[channel]
+    return _decimated(segments, joint, made) * rows.scale[channel]
+
+
+def _decimated(segments: Sequence[FineSegment], joint: int, signs: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, signs)])
 
 
 def with_turn_overs(
@@ -134,10 +164,11 @@ def settle(
     afresh: Collection[int] = (),
     record: Record | None = None,
     sweeps: int = 3,
+    kept: SignColumns | None = None,
 ) -> dict[int, TurnOver]:
     """The widths that fit best beside everything in `design` (whose first columns are the rows' base), near
     `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: what is
-    recorded of a sign."""
+    recorded of a sign; kept: columns of an earlier search."""
     dry = [d for d in dry if reverses(segments, d.joint)]
     normal = _Normal.of(rows, design, B, whiteners)
     out = dict(turns)
@@ -147,7 +178,8 @@ def settle(
         for d in dry:
             if not moved[d.joint]:
                 continue
-            columns = partial(_columns, segments, rows, whiteners, d, record, signs_of(segments, d.joint))
+            signs = signs_of(segments, d.joint)
+            columns = partial(_columns, segments, rows, whiteners, d, record, signs, kept)
             explained = normal.explaining(d, columns)
             before = out.get(d.joint)
             ladders = grids(segments, d.joint)
@@ -177,11 +209,12 @@ def _columns(
     dry: Dry,
     record: Record | None,
     signs: Signs,
+    kept: SignColumns | None,
     turn: TurnOver,
 ) -> dict[int, np.ndarray]:
     """{channel: (M,)} a joint's dry friction as it turns over, whitened."""
     return {
-        c: whiteners[c] @ sign_column(segments, rows, dry.joint, c, turn, record, signs)
+        c: whiteners[c] @ sign_column(segments, rows, dry.joint, c, turn, record, signs, kept)
         for c in {c for c, _ in dry.places}
     }
 

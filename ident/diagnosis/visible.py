@@ -182,13 +182,12 @@ def seen_from(
 
 
 def _root(A: np.ndarray) -> np.ndarray:
-    """(p, r) whose square is the inverse of A, without directions that A does not see."""
+    """(p, p) whose square is the inverse of A, without directions that A does not see: the symmetric root of
+    A scaled to ones. (Eigenvectors alone have signs, and turn where values are equal, as rounding will.)"""
     d = np.sqrt(np.maximum(np.diag(A), 1e-300))
     values, V = np.linalg.eigh(A / np.outer(d, d))
     good = values > 1e-6
-    root = np.zeros_like(A)
-    root[:, good] = V[:, good] / np.sqrt(values[good]) / d[:, None]
-    return root
+    return (V[:, good] / np.sqrt(values[good])) @ V[:, good].T / d[:, None]
 
 
 def _apart(theta: Mapping[str, float], usual: Mapping[str, float]) -> float:

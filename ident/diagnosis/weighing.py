@@ -83,6 +83,20 @@ def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     return min(equal, key=lambda item: (*simplicity(item[0].term), -item[1].log_e))
 
 
+def best_held(
+    held: Sequence[tuple[Refined, Evidence]], tau: float
+) -> tuple[Refined, Evidence, tuple[tuple[Refined, Evidence], ...]] | None:
+    """Of hypotheses that hold, each by rows of its own, the simplest of the best, and what else held on its
+    channels; None of none."""
+    if not held:
+        return None
+    most = max(e.log_e for _, e in held)
+    equal = [(r, e) for r, e in held if e.log_e > most - tau]
+    best = min(equal, key=lambda its: (*simplicity(its[0].term), -its[1].log_e))
+    others = tuple(its for its in equal if its is not best and set(its[0].columns) & set(best[0].columns))
+    return *best, others
+
+
 def _apart(one: tuple[Refined, Evidence], other: tuple[Refined, Evidence]) -> Columns:
     """{channel: (M, 1)} what is between the torques of two explanations."""
     out: dict[int, np.ndarray] = {}
@@ -110,7 +124,7 @@ def may_be(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: 
         and is_itself(m, r, e, tau, alpha)
         and is_one_quantity(m, r, e, tau)
         and shifts_all(state, m, r, tau)
-        and lowers(state.plain_metric, r, main_channel(e, r.term, state))
+        and lowers(state.plain_metric, r, e)
     )
 
 
@@ -168,9 +182,10 @@ def shifts_all(state: State, m: Metric, r: Refined, tau: float) -> bool:
     return weigh(without_turning(state, m), r.columns).log_e > tau
 
 
-def lowers(plain: Metric, r: Refined, c: int) -> bool:
-    """The error itself falls on the judged rows, on the channel that says most: what a user sees."""
-    return bool(weigh(plain, r.columns).per_channel[c] > 0)
+def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:
+    """The error itself falls on the judged rows, over the channels that say something: what a user sees. (By
+    the one that says most alone a tilt of two degrees, which four of an LWR4+'s joints feel, was none.)"""
+    return bool(weigh(plain, r.columns).per_channel[e.per_channel > 0].sum() > 0)
 
 
 def main_channel(evidence: Evidence, term: Term, state: State) -> int:

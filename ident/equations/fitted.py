@@ -18,7 +18,7 @@ import numpy as np
 from ident.equations.columns import Columns
 from ident.signals.filtering import FilteredBlock
 from modelgen.geometry.names import Channel, ParameterName
-from modelgen.geometry.place import Motion
+from modelgen.geometry.place import Motion, torque_slopes
 
 if TYPE_CHECKING:
     from modelgen.geometry.robot import Robot
@@ -77,6 +77,15 @@ class FittedModel:
             if extra.column not in gains:
                 torque[:, extra.channel] += self.chi[extra.column] * extra.values(block)
         return torque
+
+    def slopes(self, motion: Motion, joint: int) -> np.ndarray:
+        """(3, N, C) derivatives of that torque by the joint's q, dq and ddq; kept of one joint at a time."""
+        self.asked.estimate = True
+        kind = f"slopes {joint}"
+        kept = self.kept or {}
+        for key in [key for key in kept if key[0].startswith("slopes") and key[0] != kind]:
+            del kept[key]
+        return self._once(kind, motion, lambda: torque_slopes(self.torque, motion, joint))
 
     def total(self, motion: Motion) -> np.ndarray:
         """(N, C) torque with the effects that act before the one that asks."""

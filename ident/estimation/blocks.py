@@ -18,7 +18,6 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import scipy.special
 
 from ident.equations.observation import RecordingSystem
 from ident.estimation.least_squares import Estimate
@@ -54,6 +53,8 @@ def widened(systems: Sequence[RecordingSystem], estimate: Estimate, covariance: 
 
 def _longer(free: np.ndarray) -> np.ndarray:
     """Student's half width over the normal one."""
+    import scipy.special  # where effects are fitted: it takes a twelfth of a fit without
+
     q = 0.5 + LEVEL / 2
     return np.asarray(scipy.special.stdtrit(np.maximum(free, 1.0), q) / scipy.special.ndtri(q))
 

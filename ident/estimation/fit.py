@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import scipy.special
 
+from ident import distributions
 from ident.equations.build import build
 from ident.equations.columns import Columns
 from ident.equations.comparison import Fitted, FullRate, compare_torques
@@ -109,14 +109,26 @@ class FitResult:
 
 @dataclass(frozen=True)
 class Examined:
-    """A study opened, and what a quick fit of it showed (examine_fit): what several fits of it share."""
+    """A study opened, and what a quick fit of it showed (examine_fit): what several fits of it share.
+
+    systems: its equations without effects at the study's own cut-off, where they were built ahead."""
 
     prepared: Prepared
     checks: tuple[Check, ...]
+    systems: tuple[RecordingSystem, ...] | None = None
 
     def again(self, study: Study) -> Examined:
-        """For a study with other effects, turn-over or decimation, see `Prepared.again`."""
-        return replace(self, prepared=self.prepared.again(study))
+        """For a study with other effects, turn-over or decimation, see `Prepared.again`; what was built ahead
+        serves other effects alone."""
+        own = self.prepared.study
+        same = study.filter == own.filter and study.turn_overs == own.turn_overs
+        return replace(self, prepared=self.prepared.again(study), systems=self.systems if same else None)
+
+    def built(self) -> Examined:
+        """With its equations, for several fits that differ in their effects; the cut-off is a number."""
+        return replace(
+            self, systems=build(self.prepared, float(self.prepared.study.filter.decimation_cutoff_hz))
+        )
 
 
 def examined(study: Study, progress: Progress = silent) -> Examined:
@@ -197,7 +209,7 @@ def _fitted(known: Examined, progress: Progress) -> FitResult:
         )
     else:
         begin, cutoff = None, study.filter.decimation_cutoff_hz
-    systems = build(prepared, cutoff, progress=progress)
+    systems = known.systems or build(prepared, cutoff, progress=progress)
     return fit_systems(prepared, systems, cutoff, trials, progress, begin, checks)
 
 
@@ -302,7 +314,7 @@ def _normalised(systems: Sequence[RecordingSystem], estimate: Estimate) -> list[
 
 def interval_factor(free: float, level: float = 0.95) -> float:
     """Half width of the two-sided interval in standard deviations (Student's t)."""
-    return float(scipy.special.stdtrit(max(free, 1.0), 0.5 + level / 2))
+    return distributions.f_quantile(1 - level, 1, max(free, 1.0)) ** 0.5
 
 
 def fit_models(study: Study, models: Sequence[str], *, progress: Progress = silent) -> dict[str, FitResult]:

@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import scipy.special
 
 from ident.equations.placing import study_with
 from ident.equations.terms import Term
@@ -124,6 +123,8 @@ def _given(covariance: np.ndarray, of: list[int], known: list[int]) -> np.ndarra
 
 def _wald(sizes: np.ndarray, covariance: np.ndarray) -> float:
     """P(chi-squared) of sizes this far from zero; 0 without any that were fitted."""
+    import scipy.special
+
     if not len(sizes) or not np.all(np.isfinite(covariance)):
         return 0.0
     scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))

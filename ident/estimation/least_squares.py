@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.linalg
 
 from ident.equations.observation import ChannelFactor, RecordingSystem, triangular
 from ident.errors import NotEnoughDataError
@@ -160,7 +159,7 @@ def solve(
     right = R[:, -1] - R[:, :-1] @ chi
     part = triangular(np.column_stack([R[:, columns] / scale, right]))
     k = len(columns)
-    inverse = scipy.linalg.solve_triangular(part[:k, :k], np.eye(k)) / scale[:, None]
+    inverse = np.linalg.inv(part[:k, :k]) / scale[:, None]
     chi[columns] = inverse @ part[:k, -1]
     covariance = np.zeros((len(active), len(active)))
     covariance[np.ix_(columns, columns)] = inverse @ inverse.T
@@ -199,7 +198,10 @@ def restrict(estimate: Estimate, active: np.ndarray) -> Estimate:
 def _independent(
     W: np.ndarray, names: tuple[str, ...], allowed: np.ndarray
 ) -> tuple[np.ndarray, tuple[Dependence, ...]]:
-    """Which columns are independent, by QR with column pivoting of the columns scaled to length one."""
+    """Which columns are independent, by QR with column pivoting of the columns scaled to length one.
+
+    No pivot is smaller than the smallest singular value: where that is large enough, all are.
+    """
     columns = np.flatnonzero(allowed)
     norm = np.linalg.norm(W[:, columns], axis=0)
     longest = norm.max(initial=0.0)
@@ -209,7 +211,13 @@ def _independent(
     active = np.zeros(len(names), bool)
     if not len(columns):
         return active, tuple(dependent)
-    R, order = scipy.linalg.qr(W[:, columns] / norm, mode="r", pivoting=True)
+    scaled = W[:, columns] / norm
+    if len(columns) <= len(W) and np.linalg.svd(scaled, compute_uv=False)[-1] > DEPENDENT:
+        active[columns] = True
+        return active, tuple(dependent)
+    import scipy.linalg
+
+    R, order = scipy.linalg.qr(scaled, mode="r", pivoting=True)
     diagonal = np.abs(np.diag(R))
     rank = int((diagonal > DEPENDENT * diagonal[0]).sum())
     active[columns[order[:rank]]] = True

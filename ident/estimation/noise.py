@@ -7,7 +7,8 @@ its true off-diagonal entries, and
     cov(chi) = Sigma (W' Omega_w^-1 Omega Omega_w^-1 W) Sigma,   Omega_w = diag(sigma_j^2)
 
 is the covariance of the weighted estimate that the paper uses (a "sandwich", Davidson and MacKinnon 1993,
-ch. 16). With Omega = L L', L^-1 is the banded matrix of prediction errors, so L' W costs one banded solve.
+ch. 16). With Omega = L L', L^-1 is the banded matrix of prediction errors, so L' W costs one banded
+solve.
 
 Autocovariances are corrected for the parameters that were fitted: E rho rho' = (I - H) Omega (I - H)', to
 first order Omega - H sigma^2, H the hat matrix; without it long memory is underestimated on short logs.
@@ -19,12 +20,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 
 from ident.equations.observation import DecimatedSegment, RecordingSystem
 from ident.estimation.least_squares import Estimate
 
 MAX_ORDER = 12
+BLOCK = 32  # rows that are solved for at once, at least as many as MAX_ORDER
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,23 +135,20 @@ def colour(W: np.ndarray, noise: ChannelNoise) -> np.ndarray:
     if p == 0:
         return W
     predictors = _orders(noise.coefficients, noise.autocorrelation)
-    band = np.zeros((p + 1, m))  # A' is upper triangular: row k of `band` is its k-th diagonal from the top
-    for t in range(m):
+    errors = np.zeros((min(m, 2 * BLOCK), min(m, 2 * BLOCK)))  # A: prediction errors are A rho
+    for t, row in enumerate(errors):
         a, error = predictors[min(t, p)]
-        scale = 1 / np.sqrt(error)
-        band[p, t] = scale
-        if t >= p:
-            break
-        for k in range(len(a)):
-            band[p - 1 - k, t] = -a[k] * scale
-    a, error = predictors[p]
-    scale = 1 / np.sqrt(error)
-    band[p, p:] = scale
-    for k in range(p):
-        band[p - 1 - k, p:] = -a[k] * scale
-    # Prediction errors are A rho with A[t, t-1-k] = -a[k]; A' X = W gives X = L' W.
-    # Column t of A' holds row t of A.
-    return scipy.linalg.solve_banded((0, p), band, W)
+        row[t - len(a) : t + 1] = np.append(-a[::-1], 1.0) / np.sqrt(error)
+    # A' X = W gives X = L' W. A' is an upper band: the last block first, then what it leaves of those before,
+    # which have the same rows, all but the first.
+    first, other = (np.linalg.inv(errors[its, its].T) for its in (slice(0, BLOCK), slice(BLOCK, None)))
+    reach = errors[BLOCK : BLOCK + p, :BLOCK].T
+    out = np.empty(W.shape)
+    for start in reversed(range(0, m, BLOCK)):
+        its, after = slice(start, min(start + BLOCK, m)), out[start + BLOCK : start + BLOCK + p]
+        left = W[its] - reach[:, : len(after)] @ after if len(after) else W[its]
+        out[its] = (other if start else first)[: len(left), : len(left)] @ left
+    return out
 
 
 def honest_covariance(

@@ -12,12 +12,13 @@ Decimated rows can stay correlated: F is scaled by r_eff / r and F_d read at r_e
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special
 
+from ident import distributions
 from ident.estimation.least_squares import Estimate, restrict
 
 
@@ -33,7 +34,7 @@ class FTest:
 
     @property
     def p_value(self) -> float:
-        return float(scipy.special.fdtrc(self.df_num, self.df_den, self.statistic))
+        return distributions.f_beyond(self.statistic, self.df_num, self.df_den)
 
     @property
     def accepted(self) -> bool:
@@ -107,7 +108,7 @@ def reduce(
             float(grown / count / spread * effective_share),
             count,
             free,
-            float(scipy.special.fdtri(count, free, 1 - alpha)),
+            distributions.f_quantile(alpha, count, free),
         )
         steps.append(step)
         if not step.accepted:
@@ -140,7 +141,7 @@ def kolmogorov_smirnov(normalised: np.ndarray, effective_share: float = 1.0) -> 
     spread = float(np.std(x, ddof=1)) if n > 1 else 0.0
     if n < 5 or spread == 0:
         return NormalityTest(0.0, 1.0, n * effective_share)
-    cdf = scipy.special.ndtr((x - x.mean()) / spread)
+    cdf = np.array([math.erfc(z) for z in ((x.mean() - x) / (spread * math.sqrt(2))).tolist()]) / 2
     distance = float(max(np.max(np.arange(1, n + 1) / n - cdf), np.max(cdf - np.arange(n) / n)))
     rows = n * effective_share
     return NormalityTest(distance, lilliefors(distance, max(rows, 5.0)), rows)

@@ -158,16 +158,26 @@ def gain(before: np.ndarray | None, after: np.ndarray | None) -> float:
     return gain_of(before, after)
 
 
+@dataclass(frozen=True, slots=True)
+class Tilt:
+    """A gravity (3,) close to the file's, and what it gains: the diagnosis's to measure and to tell."""
+
+    gain: float
+    gravity: np.ndarray
+
+
 def base_orientation(
     identify: Parts,
     validate: Parts | None,
     assumed: np.ndarray,
     how: Assignment,
     rivals: Callable[[], Sequence[Carried]] | None = None,
-) -> Iterator[Hypothesis]:
+) -> Iterator[Hypothesis | Tilt]:
     """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
     rivals: the other faults with which the model would predict validate; None where a fault is known already.
-    What the fitted recordings do not show, validate tells only if none of them predicts it about as well."""
+    What the fitted recordings do not show, validate tells only if none of them predicts it about as well. A
+    small tilt has no check (of an AIRBOT tilted by 6 degrees it was told
+    that it hangs the other way round)."""
     size = float(np.linalg.norm(assumed)) or 9.81
     plain, held = errors(identify, validate, assumed)
 
@@ -189,11 +199,16 @@ def base_orientation(
     now, after = errors(identify, validate, best)
     norm = float(np.linalg.norm(best))
     small = norm > 0 and _angle(assumed, best) < LEAST_ANGLE and abs(norm / size - 1) < 0.2
+    if small:
+        yield Tilt(value, best)
     if value < CLEARLY or gain(held, after) < 0.5 * CLEARLY or small:
         told = [] if rivals is None else _by_validate(identify, validate, assumed, size)
         if rivals is None or not told:
             return
-        alike = [its for its in (*told[1:], *rivals()) if its.gain > told[0].gain - 0.25 * CARRIED]
+        close_to = told[0].gain - 0.25 * CARRIED
+        if small and carried(plain, now, held, after) > close_to:
+            return
+        alike = [its for its in (*told[1:], *rivals()) if its.gain > close_to]
         if alike:
             yield Hypothesis(told[0].gain, how, ambiguous(held, [told[0], *alike]))
             return

@@ -81,10 +81,11 @@ class Assignment:
             values[c] *= factor
         return Assignment(self.order, tuple(values))
 
-    def swapped(self, a: int, b: int) -> Assignment:
-        order = list(self.order)
-        order[a], order[b] = order[b], order[a]
-        return Assignment(tuple(order), self.factor)
+    def placed(self, source: Sequence[int], gains: np.ndarray) -> Assignment:
+        """Channel c with the torque of channel source[c]: a current is then times the gain (C,) of its own
+        drive."""
+        factors = (self.factor[k] * float(gains[c] / gains[k]) for c, k in enumerate(source))
+        return Assignment(tuple(self.order[k] for k in source), tuple(factors))
 
 
 @dataclass(frozen=True, slots=True)

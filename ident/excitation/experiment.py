@@ -132,7 +132,7 @@ def excite(
         sigma, optimum, separation = known.sigma(motion.planned, noise), None, None
     else:
         basis = basis_for(request.duration, request.harmonics)
-        bounds.check_room(basis.period)
+        bounds.check_room(basis.period, start)
         rng = np.random.default_rng([request.seed, 13])
         rest = holding.rest(start, rng)
         trial = random_motion(holding, basis, rest, request.duration, rng, start is not None)

@@ -26,7 +26,7 @@ from ident.twin.parameters import random_parameters, read_parameters, standard_n
 from ident.twin.requests import parse_effect
 from ident.twin.twin import placed
 from modelgen.effects.effect import Effect
-from modelgen.effects.place import Layout, Motion, Place
+from modelgen.effects.place import Layout, Motion, Place, torque_slopes
 from modelgen.effects.scaling import metres_per_radian, radian_power
 from modelgen.geometry.names import Channel
 from modelgen.geometry.robot import Robot
@@ -69,6 +69,9 @@ class Known:
         states = [a if b is None else b for a, b in zip((motion.q, motion.dq, motion.ddq), (q, dq, ddq))]
         q, dq, ddq = states
         return self.model.torque(q, dq, ddq, self.chi, sign=motion.sign_dq)
+
+    def slopes(self, motion: Motion, joint: int) -> Array:
+        return torque_slopes(self.torque, motion, joint)
 
     def total(self, motion: Motion) -> Array:
         return self.torque(motion)

@@ -69,8 +69,9 @@ class Bounds:
         joint = int(np.argmax(used[key].max(axis=0)))
         return worst[key], self.told(key, joint)
 
-    def check_room(self, period: float) -> None:
-        """Raises ExcitationError where a limit leaves a joint less than LEAST of a sine of that period, s."""
+    def check_room(self, period: float, start: Array | None = None) -> None:
+        """Raises ExcitationError where a limit leaves a joint less than LEAST of a sine of that period, s, or
+        of the way to either side of its start."""
         w = 2 * math.pi / period
         room = {key: getattr(self, key) / w**k for k, key in enumerate(("half", "dq", "ddq", "jerk"))}
         key = min(room, key=lambda key: float(room[key].min()))
@@ -79,6 +80,14 @@ class Bounds:
             told, unit = self.told("q" if key == "half" else key, joint), "m" if self.slides[joint] else "rad"
             raise ExcitationError(
                 f"{told}, leaves it {2 * room[key][joint]:.1g} {unit} to move in; that shows nothing."
+            )
+        inside = np.inf if start is None else np.minimum(self.high - start, start - self.low)
+        ends = np.flatnonzero((inside >= 0) & (inside < LEAST))  # outside is no start at all
+        if len(ends):
+            told, unit = self.told("q", ends[0]), "m" if self.slides[ends[0]] else "rad"
+            raise ExcitationError(
+                f"the start is at the end of {told}, and leaves no way to either side; start it at least "
+                f"{LEAST:g} {unit} inside."
             )
 
     def told(self, key: str, joint: int) -> str:

@@ -64,13 +64,16 @@ class Basis:
     @property
     def grid(self) -> Array:
         """Instants at which limits are held."""
-        M = GRID * self.harmonics
+        return self.finer(1)
+
+    def finer(self, times: int) -> Array:
+        """Instants of a grid so many times as fine."""
+        M = times * GRID * self.harmonics
         return np.arange(M) * self.period / M
 
-    @property
-    def tighter(self) -> float:
-        """Factor of limits on the grid that makes them hold at every instant."""
-        return float(np.cos(np.pi / GRID))
+    def tighter(self, times: int = 1) -> float:
+        """Factor of limits on such a grid that makes them hold at every instant."""
+        return float(np.cos(np.pi / (times * GRID)))
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ def keep_out(
     made = [_point(text, robot, links) for text in points]
     raw: list[Box] = []
     for text in boxes:
-        if "=" in text:
+        if "=" in text or not text.strip():
             raw.append(_box(text))
         else:
             its_points, its_boxes = _from_file(Path(text), robot, links)
@@ -129,6 +129,8 @@ def keep_out(
     if not raw:
         if made:
             raise ExcitationError(f"--point {made[0].name}: there is no box to keep out of; give --keep-out.")
+        if boxes:
+            raise ExcitationError(f"--keep-out {boxes[0]}: holds no box; give one under keep_out.")
         return None
     made = made or [Point("end", len(robot.links) - 1, np.zeros(3))]
     names = [point.name for point in made]
@@ -186,13 +188,16 @@ def _box(text: str) -> Box:
 def _checked(where: str, name: str, low: Any, high: Any, points: Sequence[str]) -> Box:
     a, b = (np.array(_numbers(where, side, 3, bounded=False)) for side in (low, high))
     if not np.all(a < b):
-        raise ExcitationError(f"{where}: a lower side is not below its upper one; swap them.")
+        remedy = "swap them" if np.any(a > b) else "a box is as wide as what is in the way"
+        raise ExcitationError(f"{where}: a lower side is not below its upper one; {remedy}.")
+    if np.isinf([a, b]).all():
+        raise ExcitationError(f"{where}: leaves no room outside of it; give one side that ends.")
     return Box(name, a, b, tuple(str(p).strip() for p in points))
 
 
 def _numbers(where: str, values: Any, count: int, bounded: bool = True) -> list[float]:
     try:
-        out = [float(value) for value in values]
+        out = [] if isinstance(values, str) else [float(v) for v in values if not isinstance(v, bool)]
     except (TypeError, ValueError):
         out = []
     if len(out) != count or any(math.isnan(x) or (bounded and math.isinf(x)) for x in out):
@@ -223,5 +228,8 @@ def _from_file(
         where, known = f"{file}: box {name}", {"low", "high", "points"}
         if not isinstance(row, dict) or set(row) - known or not {"low", "high"} <= set(row):
             raise ExcitationError(f"{where}: write {{low: [x, y, z], high: [x, y, z]}}.")
-        boxes.append(_checked(where, str(name), row["low"], row["high"], row.get("points") or ()))
+        its = row.get("points") or []
+        if not isinstance(its, list):
+            raise ExcitationError(f"{where}: points are a list, as points: [{its}].")
+        boxes.append(_checked(where, str(name), row["low"], row["high"], its))
     return points, boxes

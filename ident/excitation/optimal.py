@@ -23,6 +23,7 @@ from modelgen.effects.frames import frames
 Array = np.ndarray
 Objective = Callable[[Array], tuple[float, Array]]  # x (n, K) -> value, slope (n, K)
 FINER = 3  # times the instants of the grid at which bodies and boxes are looked at
+FINEST = 20  # times the instants at which positions are, where the start is next to a limit
 MARGIN = 0.98  # of the torque limits on the grid
 ROUNDS, AGAIN, SLACK = 3, 15, 1.002  # of iterations where limits do not hold between the instants of the grid
 
@@ -49,7 +50,10 @@ def random_motion(
     if not fixed:  # place it in the middle of the range
         swing = basis.at(basis.grid)[0] @ x.T
         x[:, 0] = np.clip(bounds.middle - (swing.max(0) + swing.min(0)) / 2, bounds.low, bounds.high)
-    else:
+    else:  # as large as there is room on either side
+        swing = basis.at(basis.finer(FINER))[0] @ x.T
+        room = np.minimum((bounds.high - rest) / swing.max(0), (rest - bounds.low) / -swing.min(0))
+        x *= np.clip(room, 0.0, 1.0)[:, None]
         x[:, 0] = rest
     return holding.drawn(basis, x, rest, duration, final=False)
 
@@ -122,11 +126,13 @@ def _solver(
     B = basis.at(basis.grid)
     limits = (bounds.half, bounds.dq, bounds.ddq, bounds.jerk)
     scale = np.min([half / np.abs(b[:, 1:]).max() for half, b in zip(limits[1:], B[1:])], axis=0)  # (n,)
-    rows, size = [], basis.tighter
+    times = _times(holding, basis, start)
+    Q, rows = basis.at(basis.finer(times))[0], []
+    sizes = (basis.tighter(times), *[basis.tighter()] * 3)
     for joint in range(n):
-        unit = np.column_stack((np.full(len(B[0]), bounds.half[joint]), B[0][:, 1:] * scale[joint]))
+        unit = np.column_stack((np.full(len(Q), bounds.half[joint]), Q[:, 1:] * scale[joint]))
         kinds = [unit, *(np.column_stack((np.zeros(len(b)), b[:, 1:] * scale[joint])) for b in B[1:])]
-        rows.append(np.vstack([kind / (limit[joint] * size) for kind, limit in zip(kinds, limits)]))
+        rows.append(np.vstack([kind / (limit[joint] * s) for kind, limit, s in zip(kinds, limits, sizes)]))
     linear = ca.diagcat(*(ca.sparsify(ca.DM(part)) for part in rows))
 
     def plain(z: Any) -> Array:
@@ -199,6 +205,16 @@ def _solver(
         return plain(found["x"] if steps.best is None else steps.best)
 
     return solve
+
+
+def _times(holding: Holding, basis: Basis, start: Array | None) -> int:
+    """How much finer a grid holds positions: so that a fixed start is inside its tighter limits."""
+    if start is None:
+        return 1
+    share, times = float(np.max(np.abs(start - holding.bounds.middle) / holding.bounds.half)), 1
+    while not share < basis.tighter(times) and times < FINEST:
+        times += 1
+    return times
 
 
 def _torque(holding: Holding, basis: Basis, plain: Callable[[Any], Array], factor: Array) -> Any:

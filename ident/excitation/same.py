@@ -13,8 +13,9 @@ from collections.abc import Mapping
 import numpy as np
 import sympy as sp
 
-from ident.equations.terms import Term, plain
+from ident.equations.terms import Term
 from modelgen.effects.effect import SIGNALS as S
+from modelgen.effects.effect import Effect
 
 POINTS = 80  # at which coefficients are read, before the identity is shown
 Numbers = Mapping[sp.Symbol, sp.Rational]
@@ -25,8 +26,7 @@ def proof(a: Term, b: Term) -> str | None:
 
     Looked for with rational coefficients and whatever the values of shape parameters that both have, else at
     the values that they have here."""
-    where = [(t.place.joint, t.place.source, t.place.side) for t in (a, b)]
-    if not (plain(a) and plain(b)) or where[0] != where[1]:
+    if not _comparable(a, b):
         return None
     if a.effect.state and dict(a.effect.updates) != dict(b.effect.updates):
         return None  # their states are not one
@@ -41,8 +41,7 @@ def proof(a: Term, b: Term) -> str | None:
 def proof_in_limit(a: Term, b: Term) -> str | None:
     """The identity by which b does what a does once a shape parameter that a lacks is large; None where none
     was found. How near its bounds let b come to it is not said here."""
-    where = [(t.place.joint, t.place.source, t.place.side) for t in (a, b)]
-    if not (plain(a) and plain(b)) or where[0] != where[1] or a.effect.state or b.effect.state:
+    if not _comparable(a, b) or a.effect.state or b.effect.state:
         return None
     own = [name for name in b.free if name not in a.theta and np.isfinite(b.bounds[name][1])]
     rest = _numbers({n: v for n, v in b.theta.items() if n not in a.theta})
@@ -56,6 +55,12 @@ def proof_in_limit(a: Term, b: Term) -> str | None:
         if found is not None:
             return f"{found} where {name} is large"
     return None
+
+
+def _comparable(a: Term, b: Term) -> bool:
+    """Whether the torques of both are their terms, in the same signals, of which the load may be one."""
+    where = [(t.place.joint, t.place.source, t.place.side) for t in (a, b)]
+    return all(type(t.effect).columns is Effect.columns for t in (a, b)) and where[0] == where[1]
 
 
 def _limit(term: sp.Expr, x: sp.Symbol, bound: float) -> sp.Expr | None:
@@ -102,8 +107,17 @@ def _identity(
         both = (mine - same).subs(sp.Abs(S.dq), S.dq * S.sign_dq)
         if sp.simplify(sp.expand(both).subs(S.sign_dq**2, 1)) != 0:
             return None
-        told.append(f"{mine} = {same}")
+        told.append(_written(mine, same))
     return "; ".join(told)
+
+
+def _written(mine: sp.Expr, same: sp.Expr) -> str:
+    """An identity in words' length: a sum that stands inside |.| is called x."""
+    inside = next((e.args[0] for e in mine.atoms(sp.Abs) if e.args[0].is_Add), None)
+    if inside is None:
+        return f"{mine} = {same}"
+    x = sp.Symbol("x", real=True)
+    return f"{mine.subs(inside, x)} = {same.subs(inside, x)} with x = {inside}"
 
 
 SIGNALS = {value for value in vars(S).values() if isinstance(value, sp.Symbol)}

@@ -34,6 +34,8 @@ RATE_HZ = 50.0  # at which a motion is designed
 SAME = 1e-4  # share of what is visible of an effect below which it is imitated
 NEAR = 1e-2  # the same where one contains the other in a limit, which bounds keep it from reaching
 SHAPES = 60  # starting shapes that are tried
+OTHER = 0.3  # share of a torque: a first step of a shape that changes more is halved
+HALVINGS = 30
 
 
 @dataclass(frozen=True)
@@ -153,16 +155,17 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
 
     shapes = [dict(b.theta)]
     if b.free and not warm:
+        shapes.append(_as_of(a, b))
         channel = min(b.place.rows(project.known.channels), default=0)
         like = torque_of(a, project.motion, project.known, {})[:, channel]  # type: ignore[arg-type]
         shapes += list(b.effect.starts(b.place, [project.motion], [like], project.known))[:SHAPES]
     found = sorted((tried(shape) for shape in shapes), key=lambda entry: entry[0])
     best = found[0]
     if b.free and warm:
-        best = tried(_polished(lambda shape: left_by(shape)[0], best[1]))
+        best = tried(_polished(lambda shape: left_by(shape)[0], _Shape(best[1], project.torque)))
     elif b.free:
         for _, near in found[:2]:
-            refined = _refined(lambda shape: tried(shape)[0], near, 60)
+            refined = _refined(lambda shape: tried(shape)[0], _Shape(near, project.torque), 60)
             best = min(best, tried(refined), key=lambda entry: entry[0])
     residual, other = solved(best[1])
     d = project.back @ (project.Q.T @ (Y - project.torque(other)))
@@ -176,16 +179,32 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
     )
 
 
-class _Shape:
-    """Shape parameters inside their bounds as free numbers (k,), on a log scale where they are positive."""
+def _as_of(a: Term, b: Term) -> dict[str, float]:
+    """b's shape with what it shares of a's: what contains the other may be there already."""
+    shared = {name: a.theta[name] for name in b.free if name in a.theta}
+    return {**b.theta, **{n: float(np.clip(v, *b.bounds[n])) for n, v in shared.items()}}
 
-    def __init__(self, near: Term) -> None:
+
+class _Shape:
+    """Shape parameters inside their bounds as free numbers (k,), on a log scale where they are positive.
+
+    step (k,): a first one, a small part of the range, and none that makes another torque (rows,) of it: a
+    range may be wide because nothing is known of the parameter."""
+
+    def __init__(self, near: Term, torque: Callable[[Term], Array]) -> None:
         self.near, box = near, near.bounds
         self.logs = np.array([box[name][0] > 0 for name in near.free])
         self.low, self.high = (np.array([box[name][k] for name in near.free]) for k in (0, 1))
         at = np.clip([near.theta[name] for name in near.free], self.low, self.high)
         self.at = np.where(self.logs, np.log(np.maximum(at, 1e-300)), at)
         self.step = np.where(self.logs, 0.1, 0.02 * (self.high - self.low))
+        here = torque(near)
+        for k, way in enumerate(np.eye(len(self.step))):
+            for _ in range(HALVINGS):
+                moved = torque(replace(near, theta=self(self.at + self.step * way))) - here
+                if not moved @ moved > OTHER**2 * (here @ here):
+                    break
+                self.step[k] /= 2
 
     def __call__(self, x: Array) -> dict[str, float]:
         y = np.where(self.logs, np.exp(np.where(self.logs, x, 0.0)), x)
@@ -193,20 +212,18 @@ class _Shape:
         return {**self.near.theta, **dict(zip(self.near.free, map(float, y)))}
 
 
-def _refined(value: Callable[[Mapping[str, float]], float], near: Term, tries: int) -> dict[str, float]:
+def _refined(value: Callable[[Mapping[str, float]], float], shape: _Shape, tries: int) -> dict[str, float]:
     """From near a minimum to it, by a simplex."""
-    shape = _Shape(near)
     simplex = np.vstack([shape.at, shape.at + np.diag(shape.step)])
-    options = {"maxfev": tries * len(near.free), "xatol": 1e-6, "fatol": 0.0, "initial_simplex": simplex}
+    options = {"maxfev": tries * len(shape.at), "xatol": 1e-6, "fatol": 0.0, "initial_simplex": simplex}
     found = scipy.optimize.minimize(
         lambda x: value(shape(x)), shape.at, method="Nelder-Mead", options=options
     )
     return shape(found.x)
 
 
-def _polished(residual: Callable[[Mapping[str, float]], Array], near: Term) -> dict[str, float]:
+def _polished(residual: Callable[[Mapping[str, float]], Array], shape: _Shape) -> dict[str, float]:
     """From next to a minimum to it: a few Gauss-Newton steps, by differences, none that raises it."""
-    shape = _Shape(near)
     x, r = shape.at, residual(shape(shape.at))
     for _ in range(3):
         J = np.stack([(residual(shape(x + h)) - r) / h.sum() for h in np.diag(1e-3 * shape.step)], axis=1)

@@ -22,6 +22,7 @@ from ident.report.render import render
 Array = np.ndarray
 SERVO_HZ = 125.0  # of URScript's servoj
 ROS_HZ = 100.0  # points of a JointTrajectory
+POSITIVE = ("Ia", "Fv", "Fc")  # what names begin with of parameters that no joint is without
 NAMED = 6  # parameters in a sentence
 MORE = "give it more time, wider limits, or more joints that move"
 Row = tuple[str, ...]
@@ -170,10 +171,13 @@ def sentences(done: Experiment) -> list[str]:
     out = [f"{b} base parameters, scaled condition number {done.condition:.3g}, {done.seconds:g} s."]
     unseen = [name for name, std in zip(done.names, done.std) if not np.isfinite(std)]
     if unseen:
-        more = f" and {len(unseen) - NAMED} others" if len(unseen) > NAMED else ""
-        out.append(f"It does not show {', '.join(unseen[:NAMED])}{more}: {MORE}.")
+        out.append(f"It does not show {_listed(unseen)}: {MORE}.")
     elif done.condition > HARD and done.separated is None:
         out.append(f"That is beyond {HARD:g}: some of them hardly differ in this motion; {MORE}.")
+    worst = sorted(zip(done.percent, done.names), reverse=True)
+    vague = [name for percent, name in worst if 100 < percent < np.inf and name.startswith(POSITIVE)]
+    if vague:
+        out.append(f"It hardly tells {_listed(vague)} from nothing: {MORE}.")
     if done.largest_use[1]:
         out.append(f"Largest use of a limit: {100 * done.largest_use[0]:.1f} % of {done.largest_use[1]}.")
     if done.separated is not None:
@@ -181,3 +185,8 @@ def sentences(done: Experiment) -> list[str]:
     if done.stopped:
         out.append("Stopped early: this is the best so far.")
     return out
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - NAMED} others" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more

@@ -18,7 +18,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.special
 
 SLACK = 0.5  # half the shift, in standard deviations, that is found soonest
 MOST = 4.0  # of one score
@@ -49,6 +48,14 @@ class Charts:
     score: np.ndarray
 
 
+def _scores(t: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(B,) normal scores of Student's t with `free` degrees of freedom."""
+    import scipy.special  # from the first day that is judged on
+
+    tail = scipy.special.stdtr(np.maximum(free, 1), -np.abs(t))
+    return np.clip(-np.sign(t) * scipy.special.ndtri(np.maximum(tail, 1e-300)), -MOST, MOST)
+
+
 def charts(y: np.ndarray, x: np.ndarray, v: np.ndarray) -> Charts:
     """y (K, B), NaN where there is no observation; x (K, B, q) regressors, v (K, B) relative variances."""
     K, B, q = x.shape
@@ -67,10 +74,7 @@ def charts(y: np.ndarray, x: np.ndarray, v: np.ndarray) -> Charts:
         w = error / np.sqrt(spread)
         s = np.sqrt(np.maximum(squares, 1e-300) / np.maximum(learned, 1))
         scored = there & (learned >= LEAST)
-        t = np.abs(w) / s
-        tail = scipy.special.stdtr(np.maximum(learned, 1), -t)
-        z = -np.sign(w) * scipy.special.ndtri(np.maximum(tail, 1e-300))
-        z = np.where(scored, np.clip(z, -MOST, MOST), 0.0)
+        z = np.where(scored, _scores(w / s, learned), 0.0) if scored.any() else np.zeros(B)
         up, down = np.maximum(up + z - SLACK * scored, 0), np.maximum(down - z - SLACK * scored, 0)
         up_from, down_from = np.where(up == 0, k, up_from), np.where(down == 0, k, down_from)
         out.level[k], out.sign[k] = np.maximum(up, down), np.where(up >= down, 1, -1)

@@ -135,9 +135,6 @@ def _summaries(
                 continue  # half a file of another program; it is made again
     left = [job for job in jobs if job not in done]
     coming = run(left, work.summarised, (dict(keys), str(Path.cwd())), client)
-    from ident.fleet.rows import ready
-
-    ready()
     for number, (job, came) in enumerate(coming, 1):
         if came.data:
             path = _place(folder, job)

@@ -11,6 +11,7 @@ import numpy as np
 from ident.errors import IdentError
 from ident.fleet.jobs import Job
 from ident.fleet.trends import Point
+from ident.summaries.arrow import array
 from ident.summaries.file import Summary
 from ident.summaries.solve import SummaryFit, fit_window
 from ident.summaries.window import Window, merged
@@ -18,14 +19,6 @@ from ident.summaries.window import Window, merged
 FIRST = ("robot", "day", "recording", "start", "stop", "seconds", "rows", "error_percent")
 LAST = ("checks", "findings", "reason")
 Fitted = SummaryFit | IdentError
-
-
-def ready() -> None:
-    """Import what the table needs, better while workers work: pyarrow looks for pandas at its first array."""
-    import pyarrow as pa
-    import pyarrow.parquet
-
-    pa.array([0.0])
 
 
 def table(
@@ -54,9 +47,7 @@ def table(
     texts = {"robot": pa.string(), "day": pa.string(), "recording": pa.string(), "reason": pa.string()}
     lists = {"checks": pa.list_(pa.string()), "findings": pa.list_(pa.string())}
     kinds = texts | lists | {"rows": pa.int64()}
-    columns = {
-        name: pa.array([row.get(name) for row in rows], kinds.get(name, pa.float64())) for name in order
-    }
+    columns = {name: array([row.get(name) for row in rows], kinds.get(name, pa.float64())) for name in order}
     out = io.BytesIO()
     pq.write_table(pa.table(columns), out, compression="zstd")
     return out.getvalue()

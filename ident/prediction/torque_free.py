@@ -51,7 +51,9 @@ def open_log(
     if any(_has(study, entry, one, table) for one in torques):
         return open_recording(study, entry, need, prismatic)
     stream = open_recording(study, entry, bare, prismatic)
-    return TorqueFree(**{its.name: getattr(stream, its.name) for its in fields(stream)}, wanted=need)
+    return TorqueFree(
+        **{its.name: getattr(stream, its.name) for its in fields(stream) if its.init}, wanted=need
+    )
 
 
 def _has(study: Study, entry: RecordingEntry, need: Need, table: Table) -> bool:

@@ -8,13 +8,14 @@ surveying are `opening.py`'s.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.samples import NOTHING, Mending
 from ident.examination.signals import MOVED
+from ident.recordings.held import Held
 from ident.recordings.need import Need
 from ident.recordings.resampling import resample
 from ident.recordings.study import Role
@@ -77,7 +78,7 @@ class Recording:
 
 @dataclass(frozen=True, slots=True)
 class RecordingStream:
-    """A surveyed recording; nothing of its samples is held."""
+    """A surveyed recording; of its samples only what `held` takes for small is held."""
 
     label: str
     role: Role
@@ -95,6 +96,7 @@ class RecordingStream:
     notes: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     counted_from_s: float = 0.0
+    held: Held = field(default_factory=Held, init=False, repr=False, compare=False)  # by filters
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -140,8 +142,8 @@ class RecordingStream:
         return values[:, :n], motor, sensor
 
     def weight(self, values: np.ndarray) -> np.ndarray:
-        """(N, n) of a block: 1 where the joint's torque and all positions are measurements, else 0."""
-        return (np.abs(values[:, -len(self.need.joints) :] - 1.0) < 1e-6).astype(float)
+        """(N, n) of a block, bool: where the joint's torque and all positions are measurements."""
+        return np.abs(values[:, -len(self.need.joints) :] - 1.0) < 1e-6
 
     def load(self) -> list[Recording]:
         """The whole recording in memory, one value per segment."""
@@ -172,9 +174,10 @@ def raw_blocks(stream: RecordingStream) -> Iterator[tuple[np.ndarray, np.ndarray
     """Blocks (rows of the table, t, values (N, m) in SI) inside the window; rows without a time are left
     out."""
     row = 0
+    plain = (stream.factors == 1).all() and (stream.offsets == 0).all()
     for block in stream.table.blocks(stream.names):
         with np.errstate(all="ignore"):
-            values = block * stream.factors + stream.offsets
+            values = block if plain else block * stream.factors + stream.offsets
         rows = np.arange(row, row + len(values))
         row += len(block)
         if stream.counted_rate_hz is not None:

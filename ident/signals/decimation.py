@@ -48,12 +48,14 @@ def response_terms(filter: LowPass) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 @lru_cache(maxsize=32)
-def _weights(filter: LowPass, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def _weights(filter: LowPass, every: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
+    """(D, 9) weights, (D + 1, 9) sums of the first of them, p, c, d."""
     p, c, d = response_terms(filter)
     i = np.arange(every)
     left, right = p[None, :] ** (every - 1 - i)[:, None], p[None, :] ** (i + 1)[:, None]
     at_instant = (i == every - 1).astype(float)[:, None]
-    return np.hstack([left.real, left.imag, right.real, right.imag, at_instant]), p, c, d
+    weights = np.hstack([left.real, left.imag, right.real, right.imag, at_instant])
+    return weights, np.cumsum(np.vstack([np.zeros_like(weights[:1]), weights]), axis=0), p, c, d
 
 
 class Decimator:
@@ -66,7 +68,7 @@ class Decimator:
 
     def __init__(self, filter: LowPass, every: int, rows: int) -> None:
         self.every = every
-        self.weights, self.p, self.c, self.d = _weights(filter, every)
+        self.weights, self.first, self.p, self.c, self.d = _weights(filter, every)
         slowest = float(np.abs(self.p).max())
         self.behind = int(np.ceil(np.log(TAIL) / np.log(slowest) / every)) + 1
         self.rows = rows
@@ -85,7 +87,7 @@ class Decimator:
             blocks = values[:, head : head + whole * D].reshape(self.rows, whole, D).swapaxes(0, 1)
             sums = np.empty((whole, *self.current.shape))
             np.matmul(blocks, self.weights, out=sums[:, :-1])
-            sums[:, -1] = self.weights.sum(axis=0)
+            sums[:, -1] = self.first[D]
             self.sums.extend(sums)
         self._add(values[:, head + whole * D :])
         if len(self.sums) >= 2 * self.behind + 8:
@@ -97,9 +99,9 @@ class Decimator:
         count = values.shape[1]
         if not count:
             return
-        weights = self.weights[self.filled : self.filled + count]
-        self.current[:-1] += values @ weights
-        self.current[-1] += weights.sum(axis=0)
+        its = slice(self.filled, self.filled + count)
+        self.current[:-1] += values @ self.weights[its]
+        self.current[-1] += self.first[its.stop] - self.first[its.start]
         self.filled += count
         if self.filled == self.every:
             self.sums.append(self.current)

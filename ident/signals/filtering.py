@@ -31,7 +31,7 @@ Rest at the ends is not used, nor the first and last moments of a segment, which
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
@@ -232,65 +232,104 @@ def certainty(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
     return np.clip(np.abs(dq) / np.maximum(vs, 1e-9) - 1.0, 0.0, 1.0)
 
 
-def filter_blocks(
-    stream: RecordingStream,
-    segment: Segment,
-    blocks: Iterable[np.ndarray],
-    bank: FilterBank,
-    *,
-    torque_too: bool = False,
-) -> Iterator[FilteredBlock]:
-    """Filter one segment's blocks of uniform samples; rows at rest and in filter transients are left out.
+@dataclass(frozen=True, slots=True)
+class Smoothed:
+    """One window of a segment (its number) after the transforms.
 
-    `torque_too` passes the torques through the position filter as well (for the error at the full rate).
+    first: number of its first row in the segment; q, light, bent (N + 4, n): positions through the position
+    filter, through the sign's, and the gears' bending (`positions: joint`), with two rows more at either end;
+    motor, sensor (N, .): torques as recorded; weight (N, n) bool: what is a measurement.
     """
-    rate, n, halo = bank.position.rate_hz, len(stream.need.joints), bank.halo
-    period = 1.0 / rate
-    first = max(segment.move_start, segment.start + bank.transient * period)
-    last = min(segment.move_end, segment.end - bank.transient * period)
-    states: list[float | None] = [None] * n
-    for start, window, inner in windows(blocks, halo):
-        count = inner.stop - inner.start
-        t = segment.start + (start + np.arange(count)) * period
-        use = (t >= first - 1e-9) & (t <= last + 1e-9)
-        if not use.any():
+
+    segment: int
+    first: int
+    q: np.ndarray
+    light: np.ndarray
+    bent: np.ndarray | None
+    motor: np.ndarray | None
+    sensor: np.ndarray | None
+    weight: np.ndarray
+
+    @property
+    def size(self) -> int:
+        """Numbers held."""
+        signals = (self.q, self.light, self.bent, self.motor, self.sensor)
+        return sum(x.size for x in signals if x is not None) + self.weight.size // 8
+
+
+def _span(segment: Segment, bank: FilterBank, first: int, count: int) -> tuple[np.ndarray, slice]:
+    """Times of `count` rows of a segment, and which of them are in motion and out of the transients."""
+    period = 1.0 / bank.position.rate_hz
+    begin = max(segment.move_start, segment.start + bank.transient * period)
+    end = min(segment.move_end, segment.end - bank.transient * period)
+    t = segment.start + (first + np.arange(count)) * period
+    use = (t >= begin - 1e-9) & (t <= end + 1e-9)
+    return t, slice(int(np.argmax(use)), count - int(np.argmax(use[::-1]))) if use.any() else slice(0, 0)
+
+
+def _smoothed(stream: RecordingStream, bank: FilterBank) -> Iterator[tuple[Smoothed, np.ndarray, slice]]:
+    """Windows of a recording that have rows to use, filtered; each beside the rows it was made of (R, m + n)
+    and which of them it is about."""
+    n, period = len(stream.need.joints), 1.0 / bank.position.rate_hz
+    cut = (
+        (number, segment, *its)
+        for number, (segment, blocks) in enumerate(stream.segments())
+        for its in windows(blocks, bank.halo)
+    )
+    for number, segment, first, window, inner in cut:
+        _, span = _span(segment, bank, first, inner.stop - inner.start)
+        if span.stop == span.start:
             continue
         size = fast_length(len(window))
-        frequency = np.fft.rfftfreq(size, period)
-        smoothed = window[:, :-n] if torque_too else window[:, :n]
-        spectrum = np.fft.rfft(smoothed, size, axis=0)
         wide = slice(inner.start - 2, inner.stop + 2)
-        low = np.fft.irfft(spectrum * bank.position.response(frequency)[:, None], size, axis=0)
-        q = low[wide, :n]
-        light = np.fft.irfft(spectrum[:, :n] * bank.sign.response(frequency)[:, None], size, axis=0)[wide]
-        vs = bank.vs if bank.vs is not None else np.zeros(n)
-        _, motor, sensor = stream.split((low if torque_too else window)[inner])
-        speed = first_difference(light, rate)
-        span = slice(int(np.argmax(use)), count - int(np.argmax(use[::-1])))
-        dq, ddq = first_difference(q, rate), second_difference(q, rate)
-        sign = told_sign(light[2:-2][span], speed[span], vs, bank.turn_over, states)
-        certain = certainty(speed[span], vs)
-        for j in bank.resting:  # rounding is no motion; its load is seen all the same, beside static friction
-            dq[:, j] = ddq[:, j] = speed[:, j] = sign[:, j] = 0.0
-            certain[:, j] = 1.0
-        motor_ddq: np.ndarray | None = None
+        frequency = np.fft.rfftfreq(size, period)
+        low = bank.position.response(frequency)[:, None]
+        spectrum = np.fft.rfft(window[:, :n], size, axis=0)
+        q = np.fft.irfft(spectrum * low, size, axis=0)[wide].copy()
+        light = np.fft.irfft(spectrum * bank.sign.response(frequency)[:, None], size, axis=0)[wide].copy()
+        bent: np.ndarray | None = None
         if stream.stiffness is not None:  # q = q_m - tau_l / k, of the position filter's band alike
             bending = np.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
-            bent = np.fft.irfft(bending * bank.position.response(frequency)[:, None], size, axis=0)[wide]
-            motor_ddq = (ddq + second_difference(bent, rate))[span]
-        yield FilteredBlock(
-            t[span],
-            q[2:-2][span],
-            dq[span],
-            ddq[span],
-            sign,
-            None if motor is None else motor[span],
-            None if sensor is None else sensor[span],
-            vs,
-            certain * stream.weight(window[inner])[span],
-            speed[span],
-            motor_ddq,
-        )
+            bent = np.fft.irfft(bending * low, size, axis=0)[wide].copy()
+        _, motor, sensor = (x if x is None else x.copy() for x in stream.split(window[inner]))
+        weight = stream.weight(window[inner])
+        yield Smoothed(number, first, q, light, bent, motor, sensor, weight), window, inner
+
+
+def _through(filter: LowPass, window: np.ndarray, inner: slice) -> np.ndarray:
+    """The inner rows of a window (R, m) through a filter."""
+    size = fast_length(len(window))
+    response = filter.response(np.fft.rfftfreq(size, 1.0 / filter.rate_hz))
+    return np.fft.irfft(np.fft.rfft(window, size, axis=0) * response[:, None], size, axis=0)[inner]
+
+
+def _block(
+    stream: RecordingStream, bank: FilterBank, its: Smoothed, states: list[float | None]
+) -> FilteredBlock:
+    """What follows from a window's filtered positions; rows at rest and in filter transients are left out."""
+    rate, n = bank.position.rate_hz, len(stream.need.joints)
+    t, span = _span(stream.survey.segments[its.segment], bank, its.first, len(its.weight))
+    vs = bank.vs if bank.vs is not None else np.zeros(n)
+    speed = first_difference(its.light, rate)
+    dq, ddq = first_difference(its.q, rate), second_difference(its.q, rate)
+    sign = told_sign(its.light[2:-2][span], speed[span], vs, bank.turn_over, states)
+    certain = certainty(speed[span], vs)
+    for j in bank.resting:  # rounding is no motion; its load is seen all the same, beside static friction
+        dq[:, j] = ddq[:, j] = speed[:, j] = sign[:, j] = 0.0
+        certain[:, j] = 1.0
+    return FilteredBlock(
+        t[span],
+        its.q[2:-2][span],
+        dq[span],
+        ddq[span],
+        sign,
+        None if its.motor is None else its.motor[span],
+        None if its.sensor is None else its.sensor[span],
+        vs,
+        certain * its.weight[span],
+        speed[span],
+        None if its.bent is None else (ddq + second_difference(its.bent, rate))[span],
+    )
 
 
 def windows(blocks: Iterable[np.ndarray], halo: int) -> Iterator[tuple[int, np.ndarray, slice]]:
@@ -362,10 +401,31 @@ def prepare(
 def filter_stream(
     stream: RecordingStream, bank: FilterBank, *, torque_too: bool = False
 ) -> Iterator[tuple[int, FilteredBlock]]:
-    """All filtered blocks of a recording with the number of their segment."""
-    for index, (segment, blocks) in enumerate(stream.segments()):
-        for block in filter_blocks(stream, segment, blocks, bank, torque_too=torque_too):
-            yield index, block
+    """All filtered blocks of a recording with the number of their segment. The transforms of a short one are
+    kept for the next time.
+
+    `torque_too` passes the torques through the position filter as well (for the error at the full rate).
+    """
+    n, key = len(stream.need.joints), (bank.position, bank.sign)
+    low = np.zeros((0, 0))
+
+    def made() -> Iterator[Smoothed]:
+        nonlocal low
+        for its, window, inner in _smoothed(stream, bank):
+            if torque_too:
+                low = window[inner].copy()
+                low[:, n:-n] = _through(bank.position, window[:, n:-n], inner)
+            yield its
+
+    states: list[float | None] = [None] * n
+    last = 0
+    for its in made() if torque_too and key in stream.held else stream.held.blocks(key, made()):
+        if its.segment != last:
+            last, states[:] = its.segment, [None] * n
+        if torque_too:
+            _, motor, sensor = stream.split(low)
+            its = replace(its, motor=motor, sensor=sensor)
+        yield its.segment, _block(stream, bank, its, states)
 
 
 __all__ = [

@@ -16,10 +16,12 @@ from typing import Any
 import numpy as np
 
 from ident.equations.observation import ChannelFactor
+from ident.summaries.arrow import array
 from ident.summaries.window import SummaryError, Window
 
 ENDING = ".ident.parquet"
 VERSION = 1
+TIMES, MOTION = ("start", "stop", "seconds"), ("heat", "speed", "load")
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,16 +64,15 @@ def written(summary: Summary) -> bytes:
     import pyarrow.parquet as pq
 
     header, windows = summary.header, summary.windows
-    columns: dict[str, Any] = {
-        name: [getattr(window, name) for window in windows]
-        for name in ("recording", "start", "stop", "seconds")
-    }
-    columns |= {name: [getattr(w, name).tolist() for w in windows] for name in ("heat", "speed", "load")}
+    number, numbers = pa.float64(), pa.list_(pa.float64())
+    columns: dict[str, Any] = {"recording": array([w.recording for w in windows], pa.string())}
+    columns |= {name: array([getattr(w, name) for w in windows], number) for name in TIMES}
+    columns |= {name: array([getattr(w, name) for w in windows], numbers) for name in MOTION}
     for j, channel in enumerate(header.channels):
-        columns[f"R.{channel}"] = [w.factors[j].R.ravel().tolist() for w in windows]
-        columns[f"rows.{channel}"] = [w.factors[j].rows for w in windows]
-        columns[f"products.{channel}"] = [w.products[j].tolist() for w in windows]
-        columns[f"counts.{channel}"] = [w.counts[j].astype(float).tolist() for w in windows]
+        columns[f"R.{channel}"] = array([w.factors[j].R.ravel() for w in windows], numbers)
+        columns[f"rows.{channel}"] = array([w.factors[j].rows for w in windows], pa.int64())
+        columns[f"products.{channel}"] = array([w.products[j] for w in windows], numbers)
+        columns[f"counts.{channel}"] = array([w.counts[j] for w in windows], numbers)
     table = pa.table(columns)
     note = json.dumps({"version": VERSION} | asdict(header), sort_keys=True)
     out = io.BytesIO()
@@ -107,8 +108,8 @@ def _window(header: Header, columns: dict[str, list[Any]], k: int) -> Window:
         np.array([columns[f"{name}.{channel}"][k] for channel in header.channels])
         for name in ("products", "counts")
     )
-    plain: dict[str, Any] = {name: columns[name][k] for name in ("recording", "start", "stop", "seconds")}
-    motion: dict[str, Any] = {name: np.array(columns[name][k], float) for name in ("heat", "speed", "load")}
+    plain: dict[str, Any] = {name: columns[name][k] for name in ("recording", *TIMES)}
+    motion: dict[str, Any] = {name: np.array(columns[name][k], float) for name in MOTION}
     return Window(factors=tuple(factors), products=products, counts=counts, **plain, **motion)
 
 

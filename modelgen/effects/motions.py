@@ -44,20 +44,27 @@ def displaced_torque(
     rigid = model.torque(motion) if rigid is None else rigid
     change = model.torque(motion, q, dq, ddq) - rigid
     if not drive_follows:
-        friction = model.number("Fvm", j) or 0.0
-        for c, channel in enumerate(model.channels):
-            if channel.joint == j and channel.side != "sensor":
-                change[:, c] -= friction * shift[1] + (model.drive_inertia(j) + rotor) * shift[2]
+        _let_stay(change, model, j, shift, rotor)
     return change
 
 
-def position_slope(model: Model, motion: Motion, j: int) -> Array:
-    """(N, C) d torque / d q_j, by a central difference of 1e-5 rad: 1e-10 of the torque."""
-    h = 1e-5 * np.ones(len(motion.t))
-    nothing = np.zeros(len(motion.t))
-    up = displaced_torque(model, motion, j, (h, nothing, nothing))
-    down = displaced_torque(model, motion, j, (-h, nothing, nothing))
-    return (up - down) / 2e-5
+def little_displaced(
+    model: Model, motion: Motion, j: int, shift: tuple[Array, Array, Array], drive_follows: bool = False
+) -> Array:
+    """(N, C) `displaced_torque` of a shift (x, dx, ddx) so small that the tangent is all of it, per unit of
+    it."""
+    change = sum(slope * part[:, None] for slope, part in zip(model.slopes(motion, j), shift))
+    if not drive_follows:
+        _let_stay(np.asarray(change), model, j, shift, 0.0)
+    return np.asarray(change)
+
+
+def _let_stay(change: Array, model: Model, j: int, shift: tuple[Array, Array, Array], rotor: float) -> None:
+    """Take off what of a change (N, C) the rotor and its friction would have had."""
+    friction = model.number("Fvm", j) or 0.0
+    for c, channel in enumerate(model.channels):
+        if channel.joint == j and channel.side != "sensor":
+            change[:, c] -= friction * shift[1] + (model.drive_inertia(j) + rotor) * shift[2]
 
 
 @lru_cache(64)

@@ -3,7 +3,7 @@ fitted."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -23,6 +23,7 @@ SEEN: Mapping[str, Mapping[str, int]] = {
     "link": {"motor": 1, "sensor": 1},
     "sensor": {"sensor": 1, "drive": -1},
 }
+STEPS = (1e-5, 1.0, 1.0)  # of q, dq and ddq, in which derivatives are taken
 REVOLUTE_TRAVEL = 4.8  # rad; a slide's travel counts as this much of a revolute joint's
 
 
@@ -128,6 +129,21 @@ class Motion:
     rate_hz: float
 
 
+def torque_slopes(torque: Callable[[Motion, Array, Array, Array], Array], motion: Motion, j: int) -> Array:
+    """(3, N, C) derivatives of `torque(motion, q, dq, ddq)` by a joint's q, dq and ddq, by central
+    differences: exact for a rigid arm in dq (quadratic) and ddq (linear), to 1e-10 of the torque in q."""
+    out = []
+    for k, h in enumerate(STEPS):
+        ends = []
+        for step in (h, -h):
+            state = [motion.q, motion.dq, motion.ddq]
+            state[k] = state[k].copy()
+            state[k][:, j] += step
+            ends.append(torque(motion, *state))
+        out.append((ends[0] - ends[1]) / (2 * h))
+    return np.stack(out)
+
+
 class Model(Protocol):
     """What an effect may ask of the model that is being fitted, at its current estimate."""
 
@@ -151,6 +167,10 @@ class Model(Protocol):
 
         `sign_dq` stays that of `motion` then.
         """
+        ...
+
+    def slopes(self, motion: Motion, joint: int) -> Array:
+        """(3, N, C) derivatives of that torque by the joint's q, dq and ddq."""
         ...
 
     def total(self, motion: Motion) -> Array:

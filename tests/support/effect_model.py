@@ -11,7 +11,7 @@ import numpy as np
 from modelgen.effects import effect
 from modelgen.effects.effect import Effect
 from modelgen.effects.gravity_search import standard_columns
-from modelgen.effects.place import Layout, Motion, Place
+from modelgen.effects.place import Layout, Motion, Place, torque_slopes
 from modelgen.effects.truth import STAGES, Truth, played
 from modelgen.geometry.names import INERTIAL, Channel
 from modelgen.geometry.robot import Robot
@@ -82,6 +82,9 @@ class ArmModel:
 
     def torque(self, motion: Motion, q=None, dq=None, ddq=None) -> np.ndarray:
         return self.regressor(motion, q, dq, ddq) @ np.array(list(self.standard.values()))
+
+    def slopes(self, motion: Motion, joint: int) -> np.ndarray:
+        return torque_slopes(self.torque, motion, joint)
 
     def total(self, motion: Motion) -> np.ndarray:
         return self.torque(motion) + (0 if self.found is None else self.found)

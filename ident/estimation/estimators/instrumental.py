@@ -15,8 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-import scipy.special
 
+from ident import distributions
 from ident.equations.observation import RecordingSystem, triangular
 from ident.errors import NotEnoughDataError
 from ident.estimation.estimators.simulated import Loop
@@ -46,7 +46,7 @@ class Instrumental:
 
     @property
     def p_value(self) -> float:
-        return float(scipy.special.fdtrc(self.df_num, self.df_den, self.statistic))
+        return distributions.f_beyond(self.statistic, self.df_num, self.df_den)
 
 
 def most_shifted(found: Instrumental, first: Estimate, std: np.ndarray) -> tuple[str, float]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ident.errors import RecordingError
+from ident.recordings import held
 from ident.recordings.tables import table as of
 from ident.recordings.tables.table import Blocks, Table, not_numeric
 
@@ -33,7 +34,7 @@ def parquet(path: Path) -> Table:
     def batches(columns: list[str]) -> Iterable[Any]:
         with pq.ParquetFile(path, pre_buffer=False, buffer_size=1 << 17) as opened:
             groups = [opened.metadata.row_group(k).num_rows for k in range(opened.num_row_groups)]
-            if max(groups, default=0) * len(columns) <= of.HELD:
+            if max(groups, default=0) * len(columns) <= held.NUMBERS:
                 yield from (_Group(opened, k, rows) for k, rows in enumerate(groups))
             else:
                 yield from opened.iter_batches(batch_size=of.ROWS, columns=columns, use_threads=False)

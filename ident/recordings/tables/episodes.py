@@ -12,7 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from ident.errors import RecordingError
-from ident.recordings.tables.table import Blocks, Held, Table
+from ident.recordings.held import Held
+from ident.recordings.tables.table import Blocks, Table
 
 NAMES = ("episode_index", "episode_id", "episode")
 MOST = 10_000

@@ -8,7 +8,6 @@ are refused here. Times given as dates become seconds since the table's first ro
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,30 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from ident.errors import IdentError, RecordingError
+from ident.recordings.held import Held
 from modelgen.errors import shortened
 
 ROWS = 16384  # of one block: a few MB with 30 columns
-HELD = 3_000_000  # numbers of a table kept after the first reading; longer tables are read again each time
-HELD_TOGETHER = 12_000_000  # of all tables: a hundred runs of a minute are read again as one of an hour is
 MENDED_BY = {"MCAP": "mcap recover", "BAG": "rosbag reindex", "DB3": "ros2 bag reindex"}  # not closed by ROS
 Blocks = Iterator[np.ndarray]
-
-
-class Held(dict[tuple[str, ...], list[np.ndarray]]):
-    """Blocks of a table by the columns read; all that live are counted together."""
-
-    __slots__ = ("__weakref__",)
-    __hash__ = object.__hash__  # type: ignore[assignment]
-
-    def __eq__(self, other: object) -> bool:
-        return self is other
-
-
-_LIVE: weakref.WeakSet[Held] = weakref.WeakSet()
-
-
-def _numbers_held() -> int:
-    return sum(block.size for held in list(_LIVE) for blocks in list(held.values()) for block in blocks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,27 +44,15 @@ class Table:
 
     def blocks(self, names: Sequence[str]) -> Blocks:
         """Blocks in order. A consumer must not write into them."""
-        key = tuple(names)
-        if key in self.held:
-            yield from self.held[key]
-            return
-        kept: list[np.ndarray] = []
-        size = 0
+        return self._read(names) if self.in_memory else self.held.blocks(tuple(names), self._read(names))
+
+    def _read(self, names: Sequence[str]) -> Blocks:
         try:
-            for block in self.read(names):
-                size += block.size
-                if size <= HELD and not self.in_memory:
-                    kept.append(block)
-                else:
-                    kept.clear()
-                yield block
+            yield from self.read(names)
         except IdentError:
             raise
         except Exception as error:  # the libraries raise many kinds; all mean that the file is damaged
             raise damaged(self.file, error) from None
-        if not self.in_memory and size <= HELD and size + _numbers_held() <= HELD_TOGETHER:
-            self.held[key] = kept
-            _LIVE.add(self.held)
 
 
 def damaged(file: str, error: Exception) -> RecordingError:

@@ -16,7 +16,6 @@ from modelgen.effects.effect import (
 )
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
-from modelgen.effects.motions import position_slope
 from modelgen.effects.place import Model, Motion, Place
 from modelgen.effects.states import integrate_play
 from modelgen.effects.truth import Stage, Truth
@@ -80,7 +79,7 @@ class Backlash(MotionEffect):
         z = self.states(signals, self.complete(theta), motion.recording, memory, place)["z"]
         parts = {}
         if "gap" in self.parameters_of(place):
-            parts["gap"] = position_slope(model, motion, j) * (-0.5 * z)[:, None]
+            parts["gap"] = model.slopes(motion, j)[0] * (-0.5 * z)[:, None]
         if "drop" in self.parameters_of(place):
             open_gap = 1.0 - np.clip(5.0 * np.abs(z) - 4.0, 0.0, 1.0)
             own = np.array([c.joint == j and c.side != "drive" for c in model.channels], dtype=float)

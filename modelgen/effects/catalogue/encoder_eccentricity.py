@@ -8,7 +8,7 @@ import sympy as sp
 from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, Quantity
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
-from modelgen.effects.motions import displaced_torque
+from modelgen.effects.motions import little_displaced
 from modelgen.effects.periodic import beyond_an_error
 from modelgen.effects.place import Layout, Model, Motion, Place
 from modelgen.effects.truth import Stage, Truth
@@ -61,11 +61,10 @@ class EncoderEccentricity(MotionEffect):
         j = place.joint
         assert j is not None
         q, dq, ddq = motion.q[:, j], motion.dq[:, j], motion.ddq[:, j]
-        rigid, little, parts = model.torque(motion), -1e-5, []
-        for x, slope in ((np.sin(q), np.cos(q)), (np.cos(q), -np.sin(q))):
-            shift = (little * x, little * slope * dq, little * (slope * ddq - x * dq**2))
-            change = displaced_torque(model, motion, j, shift, drive_follows=True, rigid=rigid)
-            parts.append(change / abs(little))
+        sin, cos, parts = np.sin(q), np.cos(q), []
+        for x, slope in ((sin, cos), (cos, -sin)):
+            shift = (-x, -slope * dq, x * dq**2 - slope * ddq)
+            parts.append(little_displaced(model, motion, j, shift, drive_follows=True))
         return {c: np.stack([part[:, c] for part in parts], axis=1) for c in range(len(model.channels))}
 
     def physical(self, values: Mapping[str, float], model: Model | None = None) -> str | None:

@@ -9,7 +9,7 @@ import sympy as sp
 from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, NonlinearParameter, Quantity
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
-from modelgen.effects.motions import displaced_torque
+from modelgen.effects.motions import little_displaced
 from modelgen.effects.periodic import beyond_an_error, peaks, travel_of, wavenumber_bounds, wavenumber_range
 from modelgen.effects.place import Layout, Model, Motion, Place
 from modelgen.effects.truth import Stage, Truth
@@ -80,13 +80,10 @@ class KinematicError(MotionEffect):
         j, w = place.joint, self.complete(theta)["wavenumber"]
         assert j is not None
         q, dq, ddq = motion.q[:, j], motion.dq[:, j], motion.ddq[:, j]
-        rigid, little, parts = model.torque(motion), 1e-5, []
-        for x, slope, bend in (
-            (np.sin(w * q), w * np.cos(w * q), -w * w * np.sin(w * q)),
-            (np.cos(w * q), -w * np.sin(w * q), -w * w * np.cos(w * q)),
-        ):
-            shift = (little * x, little * slope * dq, little * (bend * dq**2 + slope * ddq))
-            parts.append(displaced_torque(model, motion, j, shift, rigid=rigid) / little)
+        sin, cos, parts = np.sin(w * q), np.cos(w * q), []
+        for x, slope in ((sin, w * cos), (cos, -w * sin)):
+            shift = (x, slope * dq, slope * ddq - w * w * x * dq**2)
+            parts.append(little_displaced(model, motion, j, shift))
         return {c: np.stack([part[:, c] for part in parts], axis=1) for c in range(len(model.channels))}
 
     def physical(self, values: Mapping[str, float], model: Model | None = None) -> str | None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ident.diagnosis.fine import FINE_HZ, FineSegment, stride_of
+from ident.diagnosis.fine import FINE_HZ, SIGNALS, FineSegment, _strided, _taps, stride_of
 from ident.diagnosis.terms import Scene, motion_of
 from ident.signals.decimation import decimate, kept_every
 from ident.signals.filtering import LowPass
@@ -49,6 +49,20 @@ def test_uncertain_samples_do_not_count():
     s = segment(4000, 5, certain)
     out = s.decimate(np.ones((800, 1)), 0)[:, 0]
     assert out.min() < 1e-2 and np.allclose(out[[0, -1]], 1.0, atol=1e-3)
+
+
+@pytest.mark.parametrize(("N", "every", "filter"), [
+    (2003, 8, LowPass(10.0, 200.0, 4)), (60, 8, LowPass(10.0, 200.0, 4)), (13, 8, LowPass(10.0, 200.0, 4)),
+    (5, 8, LowPass(10.0, 200.0, 4)), (700, 1, LowPass(20.0, 60.0, 4)), (3001, 250, LowPass(1.0, 100.0, 2)),
+])  # fmt: skip
+def test_frames_of_rows_are_the_convolution(N, every, filter):
+    """Short and long stretches, more columns than are taken at a time, rows farther apart than the taps."""
+    rng = np.random.default_rng(0)
+    x, weight = rng.normal(size=(N, SIGNALS + 3)), rng.random(N)
+    taps = _taps(filter)
+    begin = len(taps) // 2 + every - 1
+    whole = [np.convolve(column * weight, taps)[begin::every][: N // every] for column in x.T]
+    assert np.allclose(_strided(filter, x, every, weight), np.stack(whole, axis=1), atol=1e-13)
 
 
 @pytest.mark.parametrize("every", [1, 4, 40, 41, 80])

@@ -47,6 +47,19 @@ def test_a_body_from_a_moment_on(arm):
     assert place.start == pytest.approx(6.0, abs=0.2)
 
 
+def test_a_recording_alone_says_what_all_rows_say_of_columns_that_act_in_it(clean_arm):
+    state = clean_arm.state
+    m, rng = whole(state.metric, state.rows.usable), np.random.default_rng(5)
+    for number in range(len(state.rows.names)):
+        mine = np.flatnonzero(state.rows.recording == number)
+        columns = {c: np.zeros((len(state.rows.t), 2)) for c in range(state.rows.channels)}
+        for z in columns.values():
+            z[mine] = rng.normal(size=(len(mine), 2))
+        sizes, gain = fit_sizes(m, columns)
+        alone, its = fit_sizes(m.only(mine), {c: z[mine] for c, z in columns.items()})
+        assert np.allclose(alone, sizes, rtol=1e-9) and its == pytest.approx(gain, rel=1e-9)
+
+
 def test_gains_of_windows_are_those_of_their_columns(tiny):
     """Sums over blocks against the dense fit of each window."""
     rng = np.random.default_rng(0)

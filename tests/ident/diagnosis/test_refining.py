@@ -67,3 +67,18 @@ def test_a_shape_outside_stays_at_its_bound(lacking):
 
 def test_no_columns_no_gain(lacking):
     assert fit_sizes(lacking.metric, {})[1] == 0.0
+
+
+def test_a_tilt_is_found_from_an_angle_that_is_far_too_small(arm):
+    """Angle and size say the same; six degrees had been left as half a degree, thirteen times."""
+    begun = opened(prepare_study(arm("base_tilt")))
+    state = begun.state
+    effect = catalogue()["base_tilt"]
+    (place,) = effect.places(begun.layout)
+    ends = []
+    for part in (1.0, 1 / 30):
+        start = {name: part * value for name, value in effect.typical.items()}
+        its = refine(state.metric, state.scene, Term(effect, place, start), turns=0)
+        assert its.sizes[-1] == pytest.approx(1.0, abs=0.05)
+        ends.append(its.term.theta)
+    assert ends[1] == pytest.approx(ends[0], rel=0.05)

@@ -11,7 +11,7 @@ from ident.diagnosis.evidence import weigh
 from ident.diagnosis.loop import threshold
 from ident.diagnosis.state import solved, turned
 from ident.diagnosis.terms import Term
-from ident.diagnosis.visible import POWER, seen_from, smallest_visible
+from ident.diagnosis.visible import POWER, _root, seen_from, smallest_visible
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place
 
@@ -42,6 +42,20 @@ def test_95_of_100_are_seen(case, shape):
         e = weigh(m, {0: extra})
         seen += e.log_e > tau and e.gain > tau and e.supported(ALPHA)
     assert seen / 300 == pytest.approx(POWER, abs=0.04)  # three sigma of 300 draws
+
+
+def test_rounding_does_not_draw_anew():
+    """Of equal and of nearly equal eigenvalues, whose vectors rounding turns as it likes."""
+    rng = np.random.default_rng(3)
+    Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    for A in (np.eye(3), 4.0 * np.eye(3) + 1e-15, Q @ np.diag([1.0, 1.0, 3.0]) @ Q.T):
+        R = _root(A)
+        assert np.allclose(R @ R.T, np.linalg.inv(A), atol=1e-12)
+        for _ in range(20):
+            E = rng.normal(size=(3, 3)) * 1e-15
+            assert _root(A + E + E.T) == pytest.approx(R, abs=1e-12)
+    blind = np.array([[1.0, 1.0], [1.0, 1.0]])
+    assert np.allclose(_root(blind) @ _root(blind).T, 0.25, atol=1e-12)
 
 
 def test_what_the_model_holds_is_never_seen(case, tiny):

@@ -8,7 +8,7 @@ import yaml
 from recordings import recording, write_parquet, write_study
 
 from ident.errors import StudyError
-from ident.estimation.fit import fit_study
+from ident.estimation.fit import examined, fit_study
 from ident.estimation.found_effects import extended_study, found_effects
 from ident.recordings.study import load_study, study_from
 from ident.report.files import fit_document
@@ -77,6 +77,24 @@ def test_the_extended_study_gives_the_same_numbers(folder, result):
     assert again.columns.parameters == result.columns.parameters
     assert np.all(np.abs(again.estimate.chi - result.estimate.chi) <= 2e-2 * result.std + 1e-12)
     assert np.allclose(again.std, result.std, rtol=1e-2)
+
+
+def test_equations_built_ahead_serve_every_fit_with_other_effects(folder):
+    settings = {"decimation_cutoff_hz": 10.0}
+    plain = study(folder, [], filter=settings)
+    built = examined(plain).built()
+    for effects in ([], ["stribeck_friction:2"], ["spring:6", "stribeck_friction:2"]):
+        its = study(folder, effects, filter=settings)
+        again = built.again(its)
+        assert again.systems is built.systems
+        fit, fresh = fit_study(its, known=again), fit_study(its)
+        assert fit.columns.parameters == fresh.columns.parameters
+        assert np.array_equal(fit.estimate.chi, fresh.estimate.chi) and np.array_equal(fit.std, fresh.std)
+    for other in (
+        plain.with_(turn_over=(0.01,) * 7),
+        study(folder, [], filter={"decimation_cutoff_hz": 9.0}),
+    ):
+        assert built.again(other).systems is None
 
 
 def test_what_is_fixed_stays(folder):

@@ -423,9 +423,9 @@ def test_memory_does_not_grow_with_the_log(tmp_path, monkeypatch):
     """Peak of traced allocations, ten times the samples: only decimated rows may add to it."""
     import tracemalloc
 
-    import ident.recordings.tables.table
+    import ident.recordings.held
 
-    monkeypatch.setattr(ident.recordings.tables.table, "HELD", 0)
+    monkeypatch.setattr(ident.recordings.held, "NUMBERS", 0)
     columns, _ = recording("B", seconds=100, rate=500)
     write_parquet(tmp_path / "short.parquet", columns)
     long = {name: np.concatenate([values] * 8) for name, values in columns.items()}

@@ -153,6 +153,14 @@ def test_what_is_not_as_asked_for_is_said(tmp_path, monkeypatch, capsys):
     assert "--limit dq=1.5" not in said
 
 
+def test_what_a_motion_hardly_shows_is_said(arm, capsys):
+    """The condition number, of columns of one length, said nothing of a joint that was all but locked."""
+    options = ["--duration", "4", "--limit", "dq:2=0.002", "--limit", "dq:1=1.5", "--starts", "1"]
+    assert run(["excite", str(arm), "-o", str(arm.parent / "locked"), *options]) == 0
+    (told,) = (line for line in capsys.readouterr().out.splitlines() if "from nothing" in line)
+    assert "Fvm2R" in told and "Fvm1R" not in told
+
+
 def test_ctrl_c_asks_for_the_best_so_far(capfd):
     before = signal.getsignal(signal.SIGINT)
     with stopping() as stopped:

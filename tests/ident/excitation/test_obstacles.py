@@ -102,6 +102,9 @@ def test_a_file_says_the_same_as_options(planar, tmp_path):
         (TIP, [], "no box"),
         (TIP, ["a=0..1,0..1"], "x..x,y..y,z..z"),
         (TIP, ["a=1..0,0..1,0..1"], "swap"),
+        (TIP, ["a=1..1,0..1,0..1"], "not below its upper one; a box is as wide"),
+        (TIP, ["a=-inf..inf,-inf..inf,-inf..inf"], "no room outside of it"),
+        (TIP, [""], "x..x,y..y,z..z"),
         (TIP, ["a=0..1,0..1,0..1:hand"], "no point hand"),
         (TIP, ["nowhere.yaml"], "cannot be read|no file that can be read"),
         (TIP, ["a=0..1,0..1,0..1", "a=0..1,0..1,0..1"], "twice"),
@@ -110,6 +113,21 @@ def test_a_file_says_the_same_as_options(planar, tmp_path):
 def test_refusals(planar, points, boxes, told):
     with pytest.raises(ExcitationError, match=told):
         keep_out(planar, points, boxes, {})
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("keep_out:", "holds no box"),
+        ("keep_out: {a: {low: [0, 0, 0], high: [1, 1, 1], points: 3}}", "points are a list"),
+        ("keep_out: {a: {low: '123', high: '456'}}", "3 numbers"),
+        ("keep_out: {a: {low: [0, 0, true], high: [1, 1, 2]}}", "3 numbers"),
+    ],
+)
+def test_refusals_of_files(planar, tmp_path, text, told):
+    (tmp_path / "cell.yaml").write_text(text)
+    with pytest.raises(ExcitationError, match=told):
+        keep_out(planar, [], [str(tmp_path / "cell.yaml")], {})
 
 
 def test_the_box_that_forbids_is_named(planar):

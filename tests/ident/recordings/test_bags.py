@@ -9,6 +9,7 @@ pytest.importorskip("rosbags")
 from bags import START, BagWriter, write_bag
 
 from ident.errors import RecordingError
+from ident.recordings import held
 from ident.recordings.tables import open_table
 from ident.recordings.tables import table as of
 
@@ -40,7 +41,7 @@ def refusal(path, **keys):
 def test_every_bag_gives_the_same_table(tmp_path, kind, monkeypatch):
     """To the bit: stamps in ns are the doubles nearest to k / 250 s."""
     monkeypatch.setattr(of, "ROWS", 150)
-    monkeypatch.setattr(of, "HELD", 0)
+    monkeypatch.setattr(held, "NUMBERS", 0)
     table = open_table(write_bag(path_of(tmp_path, kind), kind, COLUMNS, NAMES))
     names = ["t", *(f"{k}.{name}" for k in ("position", "velocity", "effort") for name in NAMES)]
     assert set(table.columns) == set(names)
@@ -166,7 +167,7 @@ def test_a_bag_without_joint_states_is_refused_in_little_memory(tmp_path, kind):
 
 def test_long_bags_take_no_memory(tmp_path, monkeypatch):
     """Peak of traced allocations while an MCAP of 8 times the messages is read."""
-    monkeypatch.setattr(of, "HELD", 0)
+    monkeypatch.setattr(held, "NUMBERS", 0)
     monkeypatch.setattr(of, "ROWS", 256)
     peaks = []
     for times in (1, 8):

@@ -255,9 +255,10 @@ def test_a_damaged_mat_file_is_one_sentence(tmp_path, version, first, arrays):
 
 
 def test_blocks_of_many_tables_are_not_all_kept(monkeypatch):
+    from ident.recordings import held
     from ident.recordings.tables import table as of
 
-    monkeypatch.setattr(of, "HELD_TOGETHER", of._numbers_held() + 250)
+    monkeypatch.setattr(held, "TOGETHER", held._numbers_held() + 250)
     read = []
 
     def rows(names):

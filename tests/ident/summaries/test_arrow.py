@@ -1,0 +1,37 @@
+"""Arrow arrays made of buffers are pyarrow's own, and importing them asks for no pandas."""
+
+import subprocess
+import sys
+
+import pyarrow as pa
+import pytest
+
+from ident.summaries.arrow import array
+
+KINDS = {
+    "numbers": ([1.5, None, -2.0, float("nan")], pa.float64()),
+    "counts": ([3, 0, 2**40], pa.int64()),
+    "texts": (["a", None, "", "µ ü"], pa.string()),
+    "lists of numbers": ([[1.0, 2.0], [], None, [3.0]], pa.list_(pa.float64())),
+    "lists of texts": ([["a", "bc"], [], ["ü"]], pa.list_(pa.string())),
+    "many": ([None, 1.0] * 9, pa.float64()),
+    "nothing": ([], pa.list_(pa.string())),
+    "absent": ([None, None], pa.string()),
+}
+
+
+@pytest.mark.parametrize(("values", "kind"), KINDS.values(), ids=KINDS)
+def test_an_array_is_what_pyarrow_makes_of_the_values(values, kind):
+    made, expected = array(values, kind), pa.array(values, kind)
+    made.validate(full=True)
+    assert made.type == expected.type and made.null_count == expected.null_count
+    assert str(made.to_pylist()) == str(expected.to_pylist())
+
+
+def test_writing_and_reading_a_table_imports_no_pandas():
+    said = (
+        "import io, sys, pyarrow as pa, pyarrow.parquet as pq; from ident.summaries.arrow import array;"
+        "out = io.BytesIO(); pq.write_table(pa.table({'x': array([1.0], pa.float64())}), out);"
+        "pq.ParquetFile(out).read().to_pydict(); sys.exit('pandas' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", said], check=False).returncode == 0
