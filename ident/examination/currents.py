@@ -16,7 +16,7 @@ import numpy as np
 
 from ident.examination.check import Check, turned_sign
 from ident.examination.quick import CLUSTERS, Fit, Quick, Sample
-from ident.examination.torques import SURE
+from ident.examination.signs import SURE
 
 
 def motor_signs(quick: Quick, fit: Fit, maps: Mapping[str, Any], kind: str) -> Iterator[Check]:

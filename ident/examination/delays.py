@@ -15,8 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from ident.examination.check import Check, listed
+from ident.examination.hypothesis import Hypothesis, signal_of
 from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, alone, gain_of, solve
-from ident.examination.torques import Hypothesis, confirmed, signal_of
+from ident.examination.stretches import confirmed
 
 SPOILED = 0.03  # error of a channel from which it is asked
 OWN, HELD, TOGETHER = 0.5, 0.25, 0.35  # gain of one channel's own error, on validate, of each of all

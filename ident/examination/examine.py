@@ -10,7 +10,7 @@ a torque with the other sign is not a tilted base as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,41 +18,22 @@ import yaml
 
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
-from ident.examination.check import Check, column_line, listed, refuse, turned_sign, worst_first
+from ident.examination.axes import joint_axes
+from ident.examination.base import Tilt, base_orientation, unseen
+from ident.examination.bodies import errors, parts_of
+from ident.examination.carried import CARRIED, Carried, ambiguous
+from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.geometry import (
-    Tilt,
-    ambiguous,
-    base_orientation,
-    errors,
-    joint_axes,
-    parts_of,
-    unseen,
-)
+from ident.examination.hypothesis import EXPLAINED, NOTHING, Hypothesis
 from ident.examination.limits import beyond_limits, reads_currents
-from ident.examination.quick import CARRIED, Assignment, Carried, Fit, Quick, gain_of, quick_of, take
+from ident.examination.places import other_orders, swapped, swapped_positions
+from ident.examination.quick import Assignment, Fit, Quick, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
-from ident.examination.signals import TURNS
-from ident.examination.torques import (
-    CLEARLY,
-    EXPLAINED,
-    NOTHING,
-    SURE,
-    Hypothesis,
-    all_signs,
-    carried_scales,
-    evidence,
-    one_sign,
-    other_orders,
-    scaled_positions,
-    scales,
-    several_signs,
-    swapped,
-    swapped_positions,
-    too_large,
-    unexplained,
-)
+from ident.examination.scales import carried_scales, scales, too_large
+from ident.examination.signs import SURE, all_signs, evidence, one_sign, several_signs
+from ident.examination.unexplained import unexplained
+from ident.examination.units import degrees, scaled_positions
 from ident.examination.within import changed_within
 from ident.recordings.study import Study
 
@@ -62,7 +43,6 @@ TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside do
 FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is blamed, and anything else
 FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
 BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
-DEGREES, HALF = np.pi / 180, 0.5
 
 
 def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
@@ -150,7 +130,7 @@ def _best(
     if error.max() > DOUBTFUL:
         found += several_signs(quick, fit, how, names, currents)
         found += swapped(quick, fit, how, names, currents, gains)
-        found += _degrees(quick, fit, how, names)
+        found += degrees(quick, fit, how, names)
     bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
     if bad:
         found += swapped_positions(quick, fit, how, names)
@@ -210,38 +190,6 @@ def _gains(prepared: Prepared, currents: bool) -> np.ndarray:
 
 def _rms(fit: Fit) -> float:
     return float(np.sqrt(np.nanmean(fit.error**2)))
-
-
-def _degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> Iterator[Hypothesis]:
-    """All positions in degrees, or those of the joints that go beyond two turns."""
-    columns = quick.columns
-    turning = np.array([str(j) not in columns.model.prismatic for j in columns.need.joints])
-    reach = np.max([np.abs(s.q).max(axis=0) for s in quick.samples], axis=0)
-    if reach[turning].max(initial=0.0) < 2 * np.pi:
-        return
-    far = turning & (reach > TURNS)
-    for which in (turning, far) if far.any() and (far != turning).any() else (turning,):
-        factor = np.where(which, DEGREES, 1.0)
-        moved = quick.of(
-            [s.moved(columns, s.q * factor, s.dq * factor, s.ddq * factor, s.sign) for s in quick.samples]
-        )
-        other = moved.fit(how)
-        enough = other.gain_over(fit) > CLEARLY and other.holds_over(fit) > 0.5 * CLEARLY
-        fallen = (np.nanmedian(other.error) / np.nanmedian(fit.error) < HALF) and (
-            np.nanmax(other.error) / np.nanmax(fit.error) < HALF
-        )
-        if enough and fallen:
-            names = [f"q{j}" for j, turns in zip(columns.need.joints, which) if turns]
-            check = Check(
-                "angle_unit",
-                tuple(names),
-                f"{'the positions' if which is turning else listed(names)} "
-                f"{'are' if len(names) > 1 else 'is'} in degrees: taken so, the errors of the torques fall "
-                f"from {100 * np.nanmax(fit.error):.0f} to {100 * np.nanmax(other.error):.0f} % at most",
-                "write " + column_line(maps, {name: {"scale": 0.0174533} for name in names}),
-                outcome="refused",
-            )
-            yield Hypothesis(other.gain_over(fit), how, check, moved)
 
 
 def _geometry(

@@ -11,7 +11,7 @@ import numpy as np
 from ident.examination import repeats
 from ident.examination.check import Check
 from ident.examination.excerpt import Excerpt
-from ident.examination.samples import Mender
+from ident.examination.mending import Mender
 from ident.examination.signals import (
     Columns,
     dead_and_resting,

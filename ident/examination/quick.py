@@ -27,7 +27,6 @@ FIRST = 98_304  # rows of a recording that they are taken from
 FLOOR = 3e-3  # errors below it are not told apart
 CLUSTERS = 20  # stretches of one recording whose scores are taken as independent
 RIDGE = 1e-10
-CARRIED, KEPT = 2.2, 0.3  # gain on identify and validate together, and what identify may lose by it
 LAG_S = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 
@@ -54,6 +53,10 @@ class Sample:
     def motion(self) -> tuple[np.ndarray, ...]:
         """q, dq, ddq, sign (N, n) each."""
         return self.q, self.dq, self.ddq, self.sign
+
+    def predicted(self, chi: np.ndarray) -> np.ndarray:
+        """(N, C) N m of parameters chi (b,)."""
+        return np.stack([W @ chi for W in self.W], axis=1)
 
     def moved(
         self, columns: Columns, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: np.ndarray
@@ -117,24 +120,6 @@ def gain_of(before: np.ndarray, after: np.ndarray) -> float:
     """Sum of ln(before / after) of errors (C,) over the channels that both have."""
     seen = np.isfinite(before) & np.isfinite(after)
     return float(np.sum(np.log(np.maximum(before[seen], FLOOR) / np.maximum(after[seen], FLOOR))))
-
-
-@dataclass(frozen=True, slots=True)
-class Carried:
-    """A fault without which the model would predict validate, though the fitted recordings do not show it:
-    gain on both together, what it is, and the gravity (3,) that it stands for, if it is one."""
-
-    gain: float
-    words: str
-    gravity: np.ndarray | None = None
-
-
-def carried(before: np.ndarray, after: np.ndarray, held: np.ndarray | None, now: np.ndarray | None) -> float:
-    """Gain on identify (before, after) and validate (held, now) together, by errors (C,): minus infinity
-    where a torque of validate is predicted worse than by nothing, or identify loses too much."""
-    if held is None or now is None or not np.nanmax(now) < 1.0 or gain_of(before, after) < -KEPT:
-        return -np.inf
-    return gain_of(before, after) + gain_of(held, now)
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,35 +233,6 @@ def functionals(quick: Quick, fit: Fit, how: Assignment, H: np.ndarray) -> tuple
         pieces = np.array_split(scores, max(2, CLUSTERS // len(quick.fitted)))
         meat += sum(piece.sum(axis=0) ** 2 for piece in pieces)
     return H.T @ fit.chi, np.sqrt(meat)
-
-
-@dataclass(frozen=True, slots=True)
-class Explained:
-    """Recordings, a fit of them, and what it took of their torques."""
-
-    quick: Quick
-    fit: Fit
-    how: Assignment
-
-    def squares(self, s: Sample, c: int) -> np.ndarray:
-        """(N,) squared errors of a channel of one of the recordings, as shares of its mean square."""
-        k, f = self.how.order[c], self.how.factor[c]
-        size = f * f * self.quick.identify.yy[c, k] / max(self.quick.identify.rows[c], 1.0)
-        return s.weight[:, c] * (f * s.Y[:, k] - s.W[c] @ self.fit.chi) ** 2 / max(size, 1e-300)
-
-
-def stretch_gains(one: Explained, other: Explained) -> np.ndarray:
-    """(stretches,) by how much more the other explains of each stretch: falls of the squared errors, in units
-    of what the two leave."""
-    out: list[float] = []
-    for s, its in zip(one.quick.fitted, other.quick.fitted):
-        gain = np.zeros(len(s.q))
-        for c, left in enumerate(one.fit.error * other.fit.error):
-            if np.isfinite(left) and left > 0:
-                gain += 0.5 * (one.squares(s, c) - other.squares(its, c)) / left
-        pieces = np.array_split(gain, max(2, CLUSTERS // len(one.quick.fitted)))
-        out += [float(piece.sum()) for piece in pieces]
-    return np.array(out)
 
 
 def take(

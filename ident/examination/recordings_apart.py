@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from ident.distributions import t_beyond
+from ident.examination.bodies import standard
 from ident.examination.check import Check, listed
-from ident.examination.geometry import standard
+from ident.examination.hypothesis import signal_of
 from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, solve
-from ident.examination.torques import signal_of
+from ident.examination.stretches import beyond_chance
 from modelgen.geometry.kinematics import Geometry
 
 ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
@@ -34,6 +34,12 @@ LEAST_LAG, LARGE = 0.05, 2.5
 OFFSETS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2, np.pi)  # rad
 RARE = 1e-3  # rate at which chance may confirm one of some fifty causes
 CLEAR = 0.3  # gain of the others' prediction by which one recording that is fitted is told from them
+
+
+def shares_left(sample: Sample, chi: np.ndarray) -> np.ndarray:
+    """(N, C) squares of what a fit leaves of the torques, in shares of their sums of squares."""
+    size = (sample.weight * sample.Y**2).sum(axis=0)
+    return sample.weight * (sample.Y - sample.predicted(chi)) ** 2 / np.maximum(size, 1e-300)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,10 +58,7 @@ class Apart:
 
     def left(self, sample: Sample) -> np.ndarray:
         """(C,) errors of its torques as they would be."""
-        predicted = np.stack([W @ self.chi for W in sample.W], axis=1)
-        top = (sample.weight * (sample.Y - predicted) ** 2).sum(axis=0)
-        size = (sample.weight * sample.Y**2).sum(axis=0)
-        return np.sqrt(top / np.maximum(size, 1e-300))
+        return np.sqrt(shares_left(sample, self.chi).sum(axis=0))
 
     def explains(self, sample: Sample, every: bool = True) -> bool:
         """Whether all odd channels (or all there are) are then as elsewhere."""
@@ -70,17 +73,9 @@ class Apart:
         """Whether the odd channels are explained better in one stretch as in another, but for chance at RARE:
         a sensor of a rokae whose third joint has another zero was 0.2 s early, by one stretch of twelve."""
         parts = np.array_split(np.arange(len(sample.t)), PARTS)
-        gains = 0.5 * np.log(self._squares(self.sample, parts) / self._squares(sample, parts))
-        t = gains.mean() / (gains.std(ddof=1) / np.sqrt(len(gains)))
-        return t_beyond(float(t), len(gains) - 1) < RARE
-
-    def _squares(self, sample: Sample, parts: Sequence[np.ndarray]) -> np.ndarray:
-        """(parts,) what the prediction leaves of the odd channels in each, in shares of their torque."""
-        odd = list(self.odd)
-        predicted = np.stack([sample.W[c] @ self.chi for c in odd], axis=1)
-        weight, Y = sample.weight[:, odd], sample.Y[:, odd]
-        left = weight * (Y - predicted) ** 2 / np.maximum((weight * Y**2).sum(axis=0), 1e-300)
-        return np.array([max(left[k].sum(), 1e-300) for k in parts])
+        left = [shares_left(its, self.chi)[:, list(self.odd)] for its in (self.sample, sample)]
+        before, after = (np.array([max(its[k].sum(), 1e-300) for k in parts]) for its in left)
+        return beyond_chance(0.5 * np.log(before / after), RARE)
 
     def beyond(self, sample: Sample) -> bool:
         """Whether the odd channels keep, in the mean, more than what is expected."""
@@ -201,7 +196,7 @@ def _unsure(sample: Sample, fitted: Sequence[Sample], how: Assignment) -> np.nda
     sums = [normal for normal in (Normal.of([p]) for p in parts) if normal is not None]
     chis = [solve(_added([*sums[:k], *sums[k + 1 :]]), None, how).chi for k in range(len(sums))]
     thin = _thinned(sample)
-    made = np.stack([np.stack([W @ chi for W in thin.W], axis=1) for chi in chis])
+    made = np.stack([thin.predicted(chi) for chi in chis])
     spread = (len(chis) - 1) * made.var(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.sqrt((thin.weight * spread).sum(axis=0) / (thin.weight * thin.Y**2).sum(axis=0))
@@ -267,7 +262,7 @@ def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
     Y[:, odd] *= -1
     lines = ", ".join(f"{name}: {{sign: -1}}" for name in names)
     yield Cause(replace(s, Y=Y), "torque_sign", names, f"{are} the other sign", f"{own} {{{lines}}}")
-    predicted = np.stack([W @ apart.chi for W in s.W], axis=1)
+    predicted = s.predicted(apart.chi)
     w = s.weight
 
     def scale(y: np.ndarray, c: int | list[int]) -> np.ndarray:
@@ -347,7 +342,7 @@ def _body(quick: Quick, apart: Apart) -> Sample | None:
         return None
     table = Geometry.of(columns.model.geometry)
     bodies = standard(table, s.q, s.dq, s.ddq, free=False)[0]
-    predicted = np.stack([W @ apart.chi for W in s.W], axis=1)
+    predicted = s.predicted(apart.chi)
     weight = np.sqrt(s.weight / np.maximum((s.weight * s.Y**2).sum(axis=0), 1e-300))
     tried = []
     for j in range(len(table.rows)):

@@ -13,7 +13,7 @@ import numpy as np
 
 from ident.examination.check import Check, column_line, listed
 from ident.examination.excerpt import Excerpt
-from ident.examination.samples import Mender
+from ident.examination.mending import Mender
 
 MOST_MISSING = 0.05
 MOST_SPIKES = 0.01

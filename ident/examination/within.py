@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.examination.check import Check
+from ident.examination.hypothesis import CLEARLY, EXPLAINED, signal_of
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample, gain_of, solve
-from ident.examination.torques import CLEARLY, EXPLAINED, signal_of
 
 DOUBTED = 0.15  # error of a torque that is looked into
 PARTS, FINE = 16, 6  # instants of a recording that are tried, and about the best of them

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ident.examination.check import Check
-from ident.examination.samples import NOTHING, Mending
+from ident.examination.mending import NOTHING, Mending
 from ident.examination.signals import MOVED
 from ident.recordings.held import Held
 from ident.recordings.need import Need

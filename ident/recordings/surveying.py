@@ -11,7 +11,7 @@ from ident.errors import RecordingError
 from ident.examination.check import Check, refuse
 from ident.examination.clock import BURSTS, SIDE, Grid, clock_leap, goes_on, time_unit
 from ident.examination.excerpt import Excerpt
-from ident.examination.samples import Mender
+from ident.examination.mending import Mender
 from ident.examination.signals import MOVED
 from ident.recordings.recording import (
     MIN_SAMPLES,

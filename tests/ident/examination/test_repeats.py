@@ -6,7 +6,7 @@ from planted import ON_RECORDINGS, changed, planted, refused, rows, tables
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.samples import dropouts
+from ident.examination.spikes import dropouts
 
 pytestmark = ON_RECORDINGS
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from ident.examination.clock import time_unit
-from ident.examination.samples import Mender, is_spike
+from ident.examination.mending import Mender
+from ident.examination.spikes import is_spike
 
 N, BLOCK = 20000, 3000
 

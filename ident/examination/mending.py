@@ -1,19 +1,7 @@
-"""Which samples of a table are no measurement: empty, sentinels, spikes, frozen; and which jumps are wraps.
+"""Samples of a table that are no measurement: found in one pass, replaced, and kept sparsely.
 
-One pass, block by block. What is found is kept sparsely (row, column, value instead), so that later passes
-over the table only look it up; every replaced sample has weight zero from then on.
-
-A spike of one or two samples stands off the median of its five neighbours while the local prediction
-
-    x_i ~ (-x_(i-2) + 4 x_(i-1) + 4 x_(i+1) - x_(i+2)) / 6
-
-fails elsewhere by far less. The median follows every monotone stretch exactly (fast motion, a reversal's
-step of friction), the prediction's own scatter is noise, quantisation and curvature at once (Hampel 1974,
-with the scale taken from the prediction because a median's deviation is zero on a ramp). Its scale is the
-90 % quantile over 200 samples, at most three times the 75 and five times the 60 %, so that spikes do not hide
-each other.
-Torques jump honestly (dry friction in one sample at 100 Hz reaches 0.6 of their range on the measured
-robots): there a spike must also be as large as the signal's range.
+What is found is kept sparsely (row, column, value instead), so that later passes over the table only look it
+up; every replaced sample has weight zero from then on.
 """
 
 from __future__ import annotations
@@ -23,22 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ident.examination.spikes import dropouts, is_spike, median_of_four, no_measurement
 from ident.recordings.resampling import cubic_at
 
-SPIKE = 15.0  # in the local scale; 9 is the most on eleven measured robots' positions
-TORQUE_SPIKE = 12.0
-TORQUE_RANGE = 0.9  # of the signal's range; 0.67 is the most on the measured robots
-LONE = 0.5
-LEAST_SPIKE = 1e-4  # rad or m: below it nothing is harmed
-GROSS = 30.0  # ranges from the median at which short runs are no measurement
-GROSS_RUN = 20  # samples
-MARK = 1.0  # ranges from the median at which a logger's mark is one, if it leaps
-SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 2147483647.0, 2147483648.0)
-ABSURD = 1e9
-DROPOUTS, DROPOUT_RUN, DROPOUT = 10, 3, 8.0  # rows, of them at most in a row, times the usual change
-STRETCH = 100  # samples of a local scale
-FEWEST = 20  # samples that show a scatter
-RAILS = 0.02  # share of a signal at an end of its range, from which on it is clipped
 CONTEXT = 64  # rows carried over from block to block
 FROZEN_S = 0.1
 STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots
@@ -222,7 +197,7 @@ class Mender:
         for k in range(self.n):
             d = np.diff(x[:, k])
             around = np.pad(d, 2, mode="edge")
-            off = np.abs(d - _median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:])) * usual
+            off = np.abs(d - median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:])) * usual
             if not off.max() > LEAST_STEP:
                 continue
             scale = max(np.quantile(off, 0.99), 0.5 * np.quantile(np.abs(d), 0.95), LEAST_STEP / STEP)
@@ -257,158 +232,6 @@ class Mender:
         self._still = (int(rows[last]), float(t[last]), x[last])
         out[:begun] = False
         return out
-
-
-def no_measurement(
-    x: np.ndarray, factor: np.ndarray, offset: np.ndarray, known: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """(N, m) each: absurd numbers and sentinels far outside the rest; short runs far outside it.
-
-    known (m,): the range of the signals in what came before.
-    """
-    with np.errstate(all="ignore"):
-        whole = bool((np.abs(x) <= ABSURD).all())  # and every number finite
-        out = np.zeros(x.shape, bool) if whole else np.isfinite(x) & (np.abs(x) > ABSURD)
-        clean = x if whole else np.where(out, np.nan, x)
-        if whole:
-            low, middle, high = np.percentile(clean[:: max(1, len(x) // 4000)], [5, 50, 95], axis=0)
-        else:
-            live = np.isfinite(clean).any(axis=0)
-            low, middle, high = np.zeros((3, x.shape[1]))
-            if live.any():
-                low[live], middle[live], high[live] = np.nanpercentile(clean[:, live], [5, 50, 95], axis=0)
-        away = np.abs(clean - middle)
-        reach = np.maximum(high - low, 1e-12)
-        marks = _marks(clean, factor, offset, away > MARK * reach)
-        far = away > 5 * reach
-        if not far.any():
-            return out | marks, far
-        raw = np.abs((clean - offset) / factor)
-        sentinel = np.zeros_like(out)
-        for value in SENTINELS:
-            sentinel |= np.abs(raw - value) < 1e-6 * value
-        changes = np.abs(np.diff(clean, axis=0))
-        smallest = np.where(changes > 0, changes, np.inf).min(axis=0, initial=np.inf)
-        changes = np.nan_to_num(smallest, posinf=0.0)
-        gross = away > np.maximum(GROSS * np.maximum(reach, np.maximum(known, 1e-3)), 12 * changes)
-    out = out | (far & sentinel) | marks
-    return out, np.column_stack([_short(g, c) for g, c in zip((gross & ~out).T, clean.T)])
-
-
-def dropouts(x: np.ndarray) -> np.ndarray:
-    """(N,) bool: single rows of a torque (N,) that read one and the same number far from their neighbours,
-    as where a message was lost and the field stayed empty."""
-    none = np.zeros(len(x), bool)
-    finite = x[np.isfinite(x)] + 0.0  # no negative zeros
-    many = int(np.ceil(max(DROPOUTS, 0.003 * len(x))))
-    drawers = (finite.view(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) >> np.uint64(52)  # equal: the same
-    if np.bincount(drawers.astype(np.intp), minlength=1).max() < many:
-        return none
-    finite.sort()
-    if not (finite[many - 1 :] == finite[: len(finite) - many + 1]).any():  # no number so often
-        return none
-    values, counts = np.unique(finite, return_counts=True)
-    if len(values) < 20:
-        return none
-    mine = x == values[int(np.argmax(counts))]
-    good = np.flatnonzero(~mine & np.isfinite(x))
-    steps = np.abs(np.diff(x[good]))
-    usual = max(float(np.quantile(steps, 0.75)), float(steps[steps > 0].min(initial=np.inf)))
-    at = np.flatnonzero(mine)
-    after = np.clip(np.searchsorted(good, at), 1, len(good) - 1)
-    before = good[after - 1]
-    single = (before < at) & (at < good[after]) & (good[after] - before <= DROPOUT_RUN + 1)
-    away = np.minimum(np.abs(x[at] - x[before]), np.abs(x[at] - x[good[after]])) > DROPOUT * usual
-    lost = at[single & away]
-    if len(lost) >= DROPOUTS and len(lost) > 0.5 * len(at):
-        none[lost] = True
-    return none
-
-
-def _marks(x: np.ndarray, factor: np.ndarray, offset: np.ndarray, away: np.ndarray) -> np.ndarray:
-    """A logger's mark inside a large signal's reach: exactly its number, begun and ended by a leap."""
-    out = np.zeros(x.shape, bool)
-    for k in np.flatnonzero(away.any(axis=0)):
-        mine = away[:, k].copy()
-        mine[mine] = np.isin(np.abs((x[mine, k] - offset[k]) / factor[k]), SENTINELS)
-        if mine.any():
-            out[:, k] = _short(mine, x[:, k])
-    return out
-
-
-def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Of the runs of a signal (N,) far outside the rest, those that are short and begin and end in a leap."""
-    out = np.zeros(len(x), bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], far.view(np.int8), [0]])))
-    finite = x[np.isfinite(x)]
-    middle = float(np.median(finite)) if far.any() and len(finite) else 0.0
-    for start, stop in edges.reshape(-1, 2):
-        before, after = max(start - 1, 0), min(stop, len(x) - 1)
-        with np.errstate(all="ignore"):
-            leaps = np.abs([x[start] - x[before], x[stop - 1] - x[after]])
-        if stop - start <= GROSS_RUN and (leaps > 0.5 * np.abs(x[[start, stop - 1]] - middle)).all():
-            out[start:stop] = True
-    return out
-
-
-def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
-    """(N,) bool for one signal (N,); known: its range in what came before."""
-    none = np.zeros(len(x), bool)
-    if len(x) < 20:
-        return none
-    wide = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
-    a, b, c, d, e = (wide[k : k + len(x)] for k in range(5))
-    off = np.abs(c - _median_of_five(a, b, c, d, e))
-    reach = 0.0
-    if not off.max() > (LEAST_SPIKE if position else TORQUE_RANGE * known):
-        return none
-    if not position:
-        low, high = np.percentile(x, [5, 95])  # then the whole range, of all but what may be spikes
-        low, high = np.percentile(x[off <= TORQUE_RANGE * max(high - low, known)], [0.5, 99.5])
-        reach = TORQUE_RANGE * max(high - low, known)
-    candidates = off > max(reach, LEAST_SPIKE if position else 0.0)
-    if not candidates.any():
-        return none
-    miss = np.abs(c - (-a + 4 * b + 4 * d - e) / 6)
-    candidates &= off > LONE * miss  # beside a leap the prediction fails by half of it, the median hardly
-    changes = np.abs(np.diff(x))
-    changes = changes[changes > 0]
-    smallest = np.quantile(changes, 0.1) if len(changes) else np.inf
-    told = _off_rails(x)
-    least = max(0.3 * _scale(miss[told]), smallest)
-    factor = SPIKE if position else TORQUE_SPIKE
-    for at in np.flatnonzero(candidates & (off > factor * least)):
-        near = slice(max(0, at - STRETCH), at + STRETCH)
-        its = miss[near][told[near]]
-        none[at] = off[at] > factor * (_scale(its) if len(its) >= FEWEST else _scale(miss[told]))
-    return none
-
-
-def _off_rails(x: np.ndarray) -> np.ndarray:
-    """(N,) the rows that show a signal's scatter: not those where it rests on an end of its range, clipped.
-    (A Kinova's current, clipped: what came through was a spike beside a scatter of nothing.)"""
-    low, high = np.percentile(x, [0.5, 99.5], method="nearest")
-    rest = (x == low) | (x == high)
-    off = ~np.convolve(rest, np.ones(5), "same").astype(bool)
-    return off if np.mean(rest) > RAILS and off.sum() >= FEWEST else np.ones(len(x), bool)
-
-
-def _scale(miss: np.ndarray) -> float:
-    """Of what a prediction misses, also where spikes stand in a twentieth of the rows: each spoils five."""
-    some, more, most = np.quantile(miss, [0.6, 0.75, 0.9])
-    return float(min(most, 3 * more, 5 * some))
-
-
-def _median_of_four(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.ndarray:
-    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-    return np.asarray(0.5 * (low + high))
-
-
-def _median_of_five(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray, e: np.ndarray) -> np.ndarray:
-    low = np.maximum(np.minimum(a, b), np.minimum(c, d))
-    high = np.minimum(np.maximum(a, b), np.maximum(c, d))
-    return np.maximum(np.minimum(low, high), np.minimum(np.maximum(low, high), e))
 
 
 def _filled(t: np.ndarray, values: np.ndarray, bad: np.ndarray) -> np.ndarray:

@@ -1,0 +1,81 @@
+"""Whether an axis of the robot file's table is turned."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from ident.equations.columns import Columns
+from ident.examination.bodies import errors, gain, parts_of
+from ident.examination.carried import span
+from ident.examination.check import Check
+from ident.examination.hypothesis import EXPLAINED, Hypothesis
+from ident.examination.quick import Assignment, Sample
+
+CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
+AXES_SAMPLES = 160
+
+
+def joint_axes(
+    table: Any,
+    columns: Columns,
+    samples: Sequence[Sample],
+    gravity: np.ndarray,
+    how: Assignment,
+    prior: float = 0.0,
+) -> Iterator[Hypothesis]:
+    """One entry of the table wrong by a quarter or half turn, or one axis reversed."""
+    fitted = [s for s in samples if s.role == "identify"]
+    held_out = [s for s in samples if s.role == "validate"]
+
+    def judged(other: Any) -> tuple[np.ndarray, np.ndarray | None]:
+        identify = parts_of(other, columns, fitted, how, AXES_SAMPLES, False)
+        assert identify is not None
+        return errors(identify, parts_of(other, columns, held_out, how, AXES_SAMPLES // 2, False), gravity)
+
+    table = replace(table, gravity=tuple(float(g) for g in gravity))
+    plain, held = judged(table)
+    found: list[tuple[float, int, str, np.ndarray]] = []
+    labels = iter(str(j) for j in columns.need.joints)
+    for j, row in enumerate(table.rows):
+        label = next(labels) if row.sigma != 2 else ""
+        for key, turn in product(("alpha", "theta"), (1, -1, 2)):
+            if key == "theta" and row.sigma == 0 and turn == 2 and j == 0:
+                continue
+            now, after = judged(replace(table, rows=_turned(table.rows, j, key, turn)))
+            predicts = after is None or np.nanmax(after) < 1.0
+            if gain(plain, now) > CLEARLY and gain(held, after) > 0.5 * CLEARLY and predicts:
+                words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
+                text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
+                found.append((gain(plain, now), j, f"{text}", now))
+    if not found:
+        return
+    best = max(found, key=lambda item: item[0])
+    if best[0] < prior or np.nanmax(best[3]) > EXPLAINED:
+        return
+    equal = [text for value, _, text, _ in found if value > 0.97 * best[0] and text != best[2]]
+    also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""
+    yield Hypothesis(
+        best[0],
+        how,
+        Check(
+            "joint_axis",
+            (),
+            f"the robot file seems wrong: {best[2]}{also}; so turned, the errors of the torques fall "
+            f"from {span(plain)} "
+            f"to {span(best[3])}",
+            "correct the row in the robot file",
+        ),
+    )
+
+
+def _turned(rows: tuple[Any, ...], j: int, key: str, quarters: int) -> tuple[Any, ...]:
+    c, s = {1: (0, 1), -1: (0, -1), 2: (-1, 0)}[quarters]
+    row = rows[j]
+    a, b = getattr(row, f"c_{key}"), getattr(row, f"s_{key}")
+    new = replace(row, **{f"c_{key}": a * c - b * s, f"s_{key}": b * c + a * s})
+    return (*rows[:j], new, *rows[j + 1 :])

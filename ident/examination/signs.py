@@ -1,0 +1,165 @@
+"""Torques with the other sign: what a quick fit shows.
+
+Where joints share links, a wrong torque contradicts the others and the fit says which. A joint that shares
+nothing fits as well either way; there friction decides: it takes energy out of the motion, and a moment of
+inertia is positive. Both are linear in the parameters, so they have a standard deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from ident.examination.check import listed, turned_sign
+from ident.examination.hypothesis import CLEARLY, Hypothesis, falls, signal_of
+from ident.examination.quick import Assignment, Fit, Quick, functionals, model_columns, regressor
+from modelgen.geometry.names import ParameterName
+
+SURE = 5.0  # standard deviations
+FRICTION = ("Fvm", "Fcm", "Fvl", "Fcl", "Fvc", "Fcc")
+CONFIGURATIONS = 40
+MOST_SIGNS = 8  # torques whose signs are all tried together
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """z values (C,) of the friction's power and of the moment of inertia, NaN where they are not seen."""
+
+    friction: np.ndarray
+    inertia: np.ndarray
+
+    def against(self, c: int) -> bool:
+        """This channel's torque puts energy in where friction takes it out, or its inertia is negative."""
+        f, i = self.friction[c], self.inertia[c]
+        if np.isfinite(f) and abs(f) > SURE:
+            return bool(f < -SURE and not i > SURE)
+        return bool(i < -SURE)
+
+    def speaks_for(self, c: int) -> bool:
+        f, i = self.friction[c], self.inertia[c]
+        if np.isfinite(f) and abs(f) > SURE:
+            return bool(f > SURE and not i < -SURE)
+        return bool(i > SURE)
+
+
+def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
+    """Power of friction and moment of inertia about each joint, in their standard deviations."""
+    columns = quick.columns
+    C, b = len(columns.channels), len(columns.parameters)
+    kinds = [ParameterName.of(name) for name in columns.parameters]
+    rubbing = np.array([kind is not None and kind.kind in FRICTION for kind in kinds])
+    friction, inertia = np.full(C, np.nan), np.full(C, np.nan)
+    s = max(quick.fitted, key=lambda s: len(s.q))
+    some = slice(None, None, max(1, len(s.q) // CONFIGURATIONS))
+    q = s.q[some]
+    none = np.zeros_like(q)
+    at_rest = regressor(columns, s.payload, q, none, none, none)
+    places = model_columns(columns, s.payload)
+    moved: dict[int, np.ndarray] = {}
+    asked: list[tuple[np.ndarray, int, np.ndarray]] = []  # where the answer goes to, and to which vector
+    for c in range(C):
+        if not quick.identify.rows[c] > 10:
+            continue
+        j = int(columns.joint_of[c])
+        power = np.zeros(b)
+        for sample in quick.fitted:
+            weight = sample.weight[:, c] * sample.dq[:, j]
+            power += np.where(rubbing, weight @ sample.W[c], 0.0)
+        if j not in moved:
+            ddq = none.copy()
+            ddq[:, j] = 1.0
+            moved[j] = (regressor(columns, s.payload, q, none, ddq, none) - at_rest).mean(axis=1)
+        h = np.zeros(b)
+        h[places] = moved[j][c]
+        asked += [(its, c, vector) for its, vector in ((friction, power), (inertia, h)) if np.any(vector)]
+    if asked:
+        values, stds = functionals(quick, fit, how, np.column_stack([vector for _, _, vector in asked]))
+        for (its, c, _), z in zip(asked, values / np.maximum(stds, 1e-300)):
+            its[c] = z
+    return Evidence(friction, inertia)
+
+
+def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Hypothesis | None:
+    """Every torque of one side with the other sign: the fit is as good, and everything comes out negative."""
+    seen = evidence(quick, fit, how)
+    rows = np.flatnonzero(quick.identify.rows > 10).tolist()
+    against = [c for c in rows if seen.against(c)]
+    speaking = [c for c in rows if seen.speaks_for(c)]
+    if len(rows) < 2 or speaking or len(against) < max(min(3, len(rows)), 0.55 * len(rows)):
+        return None
+    which = [c for c in range(len(how.order)) if c not in quick.columns.gain_columns]
+    flipped = how.times(which, -1.0)
+    names = tuple(signal_of(quick.columns, c, currents) for c in which)
+    check = turned_sign(
+        names,
+        f"all torques have the other sign: friction or inertia of joints "
+        f"{listed(quick.columns.channels[c][5:] for c in against)} come out negative",
+        maps,
+    )
+    return Hypothesis(np.inf, flipped, check)
+
+
+def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
+    """One torque with the other sign."""
+    seen = None
+    for c in np.flatnonzero(quick.identify.rows > 10).tolist():
+        flipped = how.times([c], -1.0)
+        other = quick.fit(flipped)
+        gain, holds = other.gain_over(fit), other.holds_over(fit)
+        if gain < -0.05:
+            continue
+        seen = seen or evidence(quick, fit, how)
+        after = evidence(quick, other, flipped)
+        contradicts = gain > CLEARLY and holds > 0.5 * CLEARLY and not after.against(c)
+        alone = seen.against(c) and after.speaks_for(c)
+        if not contradicts and not alone:
+            continue
+        name, joint = signal_of(quick.columns, c, currents), quick.columns.channels[c][5:]
+        why = (
+            f"friction or inertia of joint {joint} comes out negative"
+            if seen.against(c)
+            else f"turned, the error of joint {joint}'s torque falls from "
+            f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %"
+        )
+        yield Hypothesis(
+            gain + (1.0 if alone else 0.0),
+            flipped,
+            turned_sign((name,), f"{name} has the other sign: {why}", maps),
+        )
+
+
+def several_signs(
+    quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
+) -> Iterator[Hypothesis]:
+    """Two torques or more with the other sign: turning one alone may only move the contradiction.
+
+    A pattern of signs fits as well as its opposite; which of the two is meant inertia and friction say, and
+    without them the fewer torques."""
+    seen = np.flatnonzero(quick.identify.rows > 10).tolist()
+    if not 3 <= len(seen) <= MOST_SIGNS:
+        return
+    patterns = [
+        [c for c, turned in zip(seen[1:], bits) if turned] for bits in product((0, 1), repeat=len(seen) - 1)
+    ]
+    fits = [quick.fit(how.times(which, -1.0)) for which in patterns]
+    gains = np.array([other.gain_over(fit) for other in fits])
+    best = int(np.argmax(gains))
+    other, which = fits[best], patterns[best]
+    opposite = [c for c in seen if c not in which]
+    if min(len(which), len(opposite)) < 2 or other.holds_over(fit) < CLEARLY:
+        return
+    others = [k for k, its in enumerate(patterns) if len(set(its) ^ set(which)) in (1, len(seen) - 1)]
+    if gains[best] < 2 * CLEARLY or gains[best] - gains[others].max() < 0.5 * CLEARLY:
+        return
+    told = evidence(quick, other, how.times(which, -1.0))
+    speaking = sum(told.speaks_for(c) for c in seen) - sum(told.against(c) for c in seen)
+    if speaking < 0 or (speaking == 0 and len(opposite) < len(which)):
+        which = opposite
+    names = tuple(signal_of(quick.columns, c, currents) for c in which)
+    beside = listed(signal_of(quick.columns, c, currents) for c in seen if c not in which)
+    message = f"{listed(names)} have the other sign than {beside}: turned, {falls(fit, other)}"
+    check = turned_sign(names, message, maps)
+    yield Hypothesis(float(gains[best]), how.times(which, -1.0), check)

@@ -1,0 +1,71 @@
+"""Whether stretches of the recordings, one like another, are explained better by one fit than by another.
+
+Residuals are correlated over a stretch, hardly beyond it, so that stretches count as samples of a t test.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.distributions import t_beyond
+from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, Sample
+
+ODD = 0.05  # rate at which chance confirms what something else has told before
+
+
+def all_rows(quick: Quick) -> Quick:
+    """What is fitted and what judges, as one."""
+    return quick.of([replace(s, role="identify") for s in quick.samples if s.role != "test"])
+
+
+@dataclass(frozen=True, slots=True)
+class Explained:
+    """Recordings, a fit of them, and what it took of their torques."""
+
+    quick: Quick
+    fit: Fit
+    how: Assignment
+
+    def squares(self, s: Sample, c: int) -> np.ndarray:
+        """(N,) squared errors of a channel of one of the recordings, as shares of its mean square."""
+        k, f = self.how.order[c], self.how.factor[c]
+        size = f * f * self.quick.identify.yy[c, k] / max(self.quick.identify.rows[c], 1.0)
+        return s.weight[:, c] * (f * s.Y[:, k] - s.W[c] @ self.fit.chi) ** 2 / max(size, 1e-300)
+
+
+def stretch_gains(one: Explained, other: Explained) -> np.ndarray:
+    """(stretches,) by how much more the other explains of each stretch: falls of the squared errors, in units
+    of what the two leave."""
+    out: list[float] = []
+    for s, its in zip(one.quick.fitted, other.quick.fitted):
+        gain = np.zeros(len(s.q))
+        for c, left in enumerate(one.fit.error * other.fit.error):
+            if np.isfinite(left) and left > 0:
+                gain += 0.5 * (one.squares(s, c) - other.squares(its, c)) / left
+        pieces = np.array_split(gain, max(2, CLUSTERS // len(one.quick.fitted)))
+        out += [float(piece.sum()) for piece in pieces]
+    return np.array(out)
+
+
+def agreed(one: Explained, other: Explained, rate: float) -> bool:
+    """Whether stretches of the recordings are explained better by the other fit, but for chance at this
+    rate."""
+    return beyond_chance(stretch_gains(one, other), rate)
+
+
+def beyond_chance(gains: np.ndarray, rate: float) -> bool:
+    """Whether the mean of gains (stretches,) is positive, but for chance at this rate: Student's t."""
+    if len(gains) < 3 or not gains.mean() > 0:
+        return False
+    t = gains.mean() / (gains.std(ddof=1) / np.sqrt(len(gains)))
+    return t_beyond(float(t), len(gains) - 1) < rate
+
+
+def confirmed(quick: Quick, how: Assignment, other: Quick, its: Assignment, asked: int) -> bool:
+    """Whether stretch by stretch what fits and what judges is explained better by one of so many hypotheses
+    that were asked."""
+    rows = (all_rows(quick), all_rows(other))
+    before, after = (Explained(q, q.fit(h), h) for q, h in zip(rows, (how, its)))
+    return agreed(before, after, ODD / asked)
