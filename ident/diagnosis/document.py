@@ -95,6 +95,7 @@ def _finding(f: Finding, diagnosis: Diagnosis) -> dict[str, Any]:
             "command": separating_command(robot, document, [_alternative(a) for a in rivals], model, own),
             "seconds": f.seconds_offered,
             "seconds_as_recorded": max(seconds) if seconds else None,
+            "so_far": [dict(its) for its in f.so_far],
         }
     return {**document, "alternatives": [_alternative(a) for a in f.equivalent], "equivalent": equal}
 

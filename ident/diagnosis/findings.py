@@ -4,7 +4,7 @@ effect explains."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -43,13 +43,14 @@ class Alternative:
     source_joint: int | None = None  # of a pair of joints, the other one
     link: int | None = None
     seconds: float | None = None  # of motion as recorded until the two are told apart
+    parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # as the fitted rows have it
 
     @property
     def named(self) -> dict[str, Any]:
-        """Effect and place as the document has them."""
-        beside = {"source_joint": self.source_joint, "link": self.link}
-        place = {name: value for name, value in beside.items() if value is not None}
-        return {"effect": self.effect, "joints": list(self.joints), **place}
+        """Effect, place and parameters as the document has them."""
+        beside = {"source_joint": self.source_joint, "link": self.link, "parameters": self.parameters or None}
+        known = {name: value for name, value in beside.items() if value is not None}
+        return {"effect": self.effect, "joints": list(self.joints), **known}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +72,7 @@ class Finding:
     signature: str
     picture: Picture | None = None
     seconds_offered: float | None = None  # of the motion made to tell it from all of `equivalent`
+    so_far: tuple[Mapping[str, Any], ...] = ()  # what the rows that judge say of every two of them
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,7 +14,9 @@ from typing import Any
 
 import yaml
 
+from ident.diagnosis.deciding import SoFar
 from ident.diagnosis.requests import request_of, separable
+from ident.excitation.before import so_far
 from ident.excitation.limits import ExcitationError
 
 RIVALS = 3
@@ -41,7 +43,8 @@ class Diagnosed:
     """A diagnosis.json: its findings, and its noise per channel in per cent of the torque.
 
     Where no noise floor could be read, all that is left is taken for noise. `fit`: the numbers of the robot
-    beside it, where they are there; `effects_folder`: of the user's own effects that it knew."""
+    beside it, where they are there; `effects_folder`: of the user's own effects that it knew; `seen`: what
+    its recordings say of every two suspects."""
 
     file: str
     findings: tuple[Mapping[str, Any], ...]
@@ -50,6 +53,7 @@ class Diagnosed:
     robot: str = ""
     fit: Path | None = None
     effects_folder: Path | None = None
+    seen: tuple[Mapping[str, Any], ...] = ()
 
     @classmethod
     def read(cls, path: Path) -> Diagnosed:
@@ -66,11 +70,19 @@ class Diagnosed:
             study = file.parent / "extended_study.yaml"
             keys = yaml.safe_load(study.read_text(encoding="utf-8")) if study.is_file() else {}
             folder = Path(keys["effects_folder"]) if keys.get("effects_folder") else None
-            return cls(str(file), tuple(data["findings"]), noise, model, robot, own, folder)
+            findings = tuple(data["findings"])
+            seen = tuple(its for f in findings for its in (f.get("separate") or {}).get("so_far", ()))
+            for its in seen:
+                so_far([its], *its["suspects"])
+            return cls(str(file), findings, noise, model, robot, own, folder, seen)
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             raise ExcitationError(
                 f"{file}: is no diagnosis.json; name the folder of ident diagnose."
             ) from None
+
+    def so_far(self, a: str, b: str) -> SoFar:
+        """What its recordings say of two suspects, by their labels."""
+        return so_far(self.seen, a, b)
 
     def suspects(self) -> tuple[str, ...]:
         """The strongest finding with explanations beside it that a motion could tell from it, and the

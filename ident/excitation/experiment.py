@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ident.equations.terms import plain
+from ident.excitation.before import nothing
 from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.holding import Holding
 from ident.excitation.information import CRITERIA, Rows, along, criteria, scaled_condition
@@ -155,7 +156,10 @@ def excite(
         project = projector(known, planned, sigma)
         terms = suspects(known, texts, bounds, project) if request.evaluate is not None else terms
         settled = separation.contained if separation is not None else ()
-        separated = told(project, terms, "recording" if request.evaluate else "motion", settled)
+        moved, before = "recording" if request.evaluate else "motion", nothing
+        if found is not None and request.evaluate is None:  # a recording may be one that was diagnosed
+            before = found.so_far
+        separated = told(project, terms, moved, settled, before)
     visible: tuple[Visible, ...] = ()
     if request.sensitivity and not stop():
         visible = table(known, bounds, planned, sigma, motion.duration, progress, stop)

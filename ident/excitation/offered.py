@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +18,14 @@ from ident.diagnosis.diagnosis import Diagnosis
 from ident.diagnosis.findings import Finding
 from ident.diagnosis.requests import request_of, robot_of, separable
 from ident.errors import IdentError
+from ident.excitation.before import so_far as read
+from ident.excitation.before import written
 from ident.excitation.known import Known, as_motion, standard_of
 from ident.excitation.limits import bounds_of
 from ident.excitation.motion import basis_for
 from ident.excitation.optimal import random_motion
-from ident.excitation.separate import RATE_HZ, Projector, Separation
+from ident.excitation.seen import Recordings, Seen, label_of, seen
+from ident.excitation.separate import RATE_HZ, Imitation, Projector, Separation
 from ident.excitation.suspects import suspects
 from modelgen.errors import ModelgenError
 from modelgen.geometry.robot_file import load_robot
@@ -41,21 +46,42 @@ def _offered(finding: Finding, diagnosis: Diagnosis) -> Finding:
         "parameters": finding.parameters,
         **finding.where,
     }
-    rivals = [a.named for a in finding.equivalent if separable(its, a.named)]
-    if not rivals:
+    if not any(separable(its, a.named) for a in finding.equivalent):
         return finding
+    said = _seen(finding, diagnosis)
+    if said is not None:  # rivals are told apart at the sizes that the recordings give them
+        sized = (
+            replace(a, parameters=said.parameters.get(label_of(a.named), {})) for a in finding.equivalent
+        )
+        finding = replace(finding, equivalent=tuple(sized))
+    rivals = [a.named for a in finding.equivalent if separable(its, a.named)]
     last = diagnosis.last
     numbers = dict(zip(last.columns.parameters, last.estimate.chi.tolist()))
     percent = {**last.full_rate_error["identify"], **diagnosis.noise_floor_percent}
-    seconds = seconds_offered(
+    seconds, so_far = seconds_offered(
         robot_of(last.study),
         last.study.model,
         numbers,
         {name: value for name, value in percent.items() if value},
         [request_of(named) for named in (its, *rivals)],
         last.study.exact,
+        said,
     )
-    return replace(finding, seconds_offered=seconds)
+    return replace(finding, seconds_offered=seconds, so_far=so_far)
+
+
+def _seen(finding: Finding, diagnosis: Diagnosis) -> Seen | None:
+    """What the recordings say of the finding and its rivals."""
+    outcome = diagnosis.outcome
+    steps = outcome.steps if outcome is not None else ()
+    by_loop = (s for s in steps if s.term.effect.name == finding.effect)
+    step = next((s for s in by_loop if float(s.evidence.log_e) == finding.log_e), None)
+    if outcome is None or step is None:
+        return None
+    own = {"effect": finding.effect, "joints": finding.joints, **finding.where}
+    term = next((t for t in outcome.last.terms if t.key == step.term.key), step.term)
+    rivals = {label_of(a.named): e.term for a, e in zip(finding.equivalent, step.equivalent)}
+    return seen(outcome.last, {label_of(own): term, **rivals})
 
 
 def seconds_offered(
@@ -65,9 +91,10 @@ def seconds_offered(
     noise_percent: Mapping[str, float],
     requests: Sequence[str],
     exact: bool = False,
-) -> float | None:
-    """s of motion that judge until the suspects of `requests` are told apart in 99 of 100; None where no
-    motion was found that tells them apart.
+    seen: Seen | None = None,
+) -> tuple[float | None, tuple[Mapping[str, Any], ...]]:
+    """s of motion that judge until the suspects of `requests` are told apart in 99 of 100, None where no
+    motion was found that tells them apart; and what the recordings say beside it, for diagnosis.json.
 
     numbers: {base parameter: value}; noise_percent: {channel: per cent of its rms torque}."""
     try:
@@ -81,12 +108,28 @@ def seconds_offered(
         motion = as_motion(draws[0].states(t), t, turn_over)
         sigma = known.sigma(motion, noise_percent)
         terms = suspects(known, requests, bounds, Projector(known, motion, sigma))
-        separation, found = Separation(known, basis, sigma, turn_over, terms), np.inf
+        separation = Separation(known, basis, sigma, turn_over, terms)
         if not separation.decides(draws[0].x):
-            return None
-        for drawn in draws:
-            asked = separation.asked(separation.each(drawn.x, warm=True))
-            found = min(found, max((its.seconds for its, _ in asked), default=np.inf))
+            return None, ()
+        tried = [(drawn, separation.each(drawn.x, warm=True)) for drawn in draws]
+        best, each = min(tried, key=lambda its: separation.seconds(its[1]))
+        so_far = _beside(seen, separation, Projector(known, separation.motion(best.x), sigma), each)
+        found = separation.seconds(each, partial(read, so_far))
     except (IdentError, ModelgenError):  # it cannot be moved, or not be told: the command says why
-        return None
-    return float(found) if np.isfinite(found) else None
+        return None, ()
+    return float(found) if np.isfinite(found) else None, so_far
+
+
+def _beside(
+    seen: Seen | None, separation: Separation, designed: Projector, each: Sequence[Imitation]
+) -> tuple[Mapping[str, Any], ...]:
+    if seen is None or not seen.ahead:
+        return ()
+    recordings, out = Recordings(designed.known, seen.motions, designed.sigma), []
+    for at in range(0, len(each), 2):
+        a, b = separation.pairs[at]
+        ahead = seen.ahead.get((a.label, b.label))
+        if ahead is not None:
+            said = recordings.beside(designed, (a, b), each[at : at + 2])
+            out.append(written(a.label, b.label, replace(said, ahead=ahead)))
+    return tuple(out)

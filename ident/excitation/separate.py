@@ -20,8 +20,9 @@ import numpy as np
 import scipy.optimize
 import scipy.signal
 
-from ident.diagnosis.deciding import seconds_needed
+from ident.diagnosis.deciding import SoFar, seconds_either_way, seconds_needed
 from ident.equations.terms import Term, plain, torque_of
+from ident.excitation.before import Before, nothing
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion
 from ident.excitation.motion import Basis
@@ -52,9 +53,14 @@ class Imitation:
     period: float
 
     @property
+    def rates(self) -> Array:
+        """(N,) T per second along the period."""
+        return ROWS_HZ * np.sum(self.residual**2, axis=1)
+
+    @property
     def seconds(self) -> float:
         """Until a diagnosis decides, rightly in 1 - ALPHA of all cases; whole motions, at least one."""
-        return max(seconds_needed(ROWS_HZ * np.sum(self.residual**2, axis=1), self.period), self.period)
+        return max(seconds_needed(self.rates, self.period), self.period)
 
     @property
     def same(self) -> bool:
@@ -68,6 +74,13 @@ def contained(a: Term, its: Imitation) -> bool:
     return its.same or (near and proof_in_limit(a, its.other) is not None)
 
 
+def seconds_of(both: Sequence[Imitation], same: Sequence[bool], so_far: SoFar) -> float:
+    """s of a motion until two suspects are told apart: what the second cannot imitate of the first, what the
+    first cannot of the second; whole motions, at least one."""
+    ways = [None if alike else its.rates for its, alike in zip(both, same)]
+    return max(seconds_either_way(ways, both[0].period, so_far), both[0].period)
+
+
 class Projector:
     """Least squares over the base parameters along one motion, rows weighted by sigma (C,).
 
@@ -78,10 +91,13 @@ class Projector:
     ) -> None:
         self.known, self.motion, self.sigma, self.every = known, motion, sigma, every
         self.filter = scipy.signal.butter(4, band_hz, fs=motion.rate_hz, output="sos") if band_hz else None
-        self.W = self.seen(known.regressor(motion))
-        length = np.linalg.norm(self.W, axis=0)
+        self.solve(self.seen(known.regressor(motion)))
+
+    def solve(self, W: Array) -> None:
+        """Of the weighted rows W (rows, b), an orthonormal basis and the way back to the parameters."""
+        self.W, length = W, np.linalg.norm(W, axis=0)
         length[length == 0] = 1.0
-        U, s, V = np.linalg.svd(self.W / length, full_matrices=False)
+        U, s, V = np.linalg.svd(W / length, full_matrices=False)
         clear = s > 1e-10 * s.max(initial=1e-300)
         self.Q, self.back = U[:, clear], (V[clear].T / s[clear]) / length[:, None]
 
@@ -280,6 +296,16 @@ class Separation:
         each = self.each(x, motion=sharp)
         self.contained = [contained(a, its) for (a, _), its in zip(self.pairs, each)]
         return not all(self.contained)
+
+    def seconds(self, each: Sequence[Imitation], so_far: Before = nothing) -> float:
+        """Until every two are told apart that can be; infinite where none can."""
+        found = []
+        for at in range(0, len(each), 2):
+            a, b = self.pairs[at]
+            both, same = each[at : at + 2], self.contained[at : at + 2]
+            if not all(same):
+                found.append(seconds_of(both, same, so_far(a.label, b.label)))
+        return max(found, default=np.inf)
 
     def asked(self, each: Sequence[Imitation]) -> list[tuple[Imitation, Term]]:
         """Of all pairs, both ways round, what is to be told apart."""

@@ -13,12 +13,13 @@ from itertools import combinations
 
 import numpy as np
 
-from ident.diagnosis.deciding import PATIENCE
+from ident.diagnosis.deciding import NOTHING, PATIENCE, SoFar
 from ident.equations.terms import Term
+from ident.excitation.before import Before, nothing
 from ident.excitation.known import ROWS_HZ, Known, sized, term_of
 from ident.excitation.limits import Bounds, ExcitationError
 from ident.excitation.same import proof, proof_in_limit
-from ident.excitation.separate import NEAR, Imitation, Projector, contained, imitation
+from ident.excitation.separate import NEAR, Imitation, Projector, contained, imitation, seconds_of
 
 Array = np.ndarray
 SURE = "right in 99 of 100 cases, when as much again is fitted"
@@ -29,18 +30,19 @@ HIDDEN = 1e-9  # share of an effect's own square below which the model holds it 
 @dataclass(frozen=True)
 class Pair:
     """What a motion says of two suspects: a against b, b against a; the identities by which b does what a
-    does in any motion, and a what b does; `same`: b does what a does, a what b does."""
+    does in any motion, and a what b does; `same`: b does what a does, a what b does; `so_far`: what earlier
+    recordings say."""
 
     labels: tuple[str, str]
     both: tuple[Imitation, Imitation]
     exact: tuple[str | None, str | None]
     same: tuple[bool, bool]
+    so_far: SoFar = NOTHING
 
     @property
     def seconds(self) -> float:
-        """For a decision that is right in 99 of 100."""
-        asked = [its.seconds for its, same in zip(self.both, self.same) if not same]
-        return max(asked, default=float("inf"))
+        """For a decision that is right in 99 of 100; whole motions, at least one."""
+        return seconds_of(self.both, self.same, self.so_far)
 
 
 @dataclass(frozen=True)
@@ -108,34 +110,41 @@ def _within(project: Projector, special: Term, general: Term) -> bool:
 
 
 def told(
-    project: Projector, terms: Sequence[Term], moved: str = "motion", settled: Sequence[bool] = ()
+    project: Projector,
+    terms: Sequence[Term],
+    moved: str = "motion",
+    settled: Sequence[bool] = (),
+    so_far: Before = nothing,
 ) -> Separated:
     """What a motion, or a recording, says of the suspects; `moved`: what it is called; `settled`: of every
-    pair, both ways, that the second contains the first, as it was known before the motion was designed."""
+    pair, both ways, that the second contains the first, as it was known before the motion was designed;
+    `so_far`: what earlier recordings say of two labels."""
     pairs = []
     for number, (a, b) in enumerate(combinations(terms, 2)):
         both = imitation(project, a, b), imitation(project, b, a)
         known = settled[2 * number : 2 * number + 2] or (False, False)
-        same = [before or contained(of, its) for before, of, its in zip(known, (a, b), both)]
+        same = [already or contained(of, its) for already, of, its in zip(known, (a, b), both)]
         found = [
             (proof(of, its.other) or proof_in_limit(of, its.other)) if alike else None
             for of, its, alike in zip((a, b), both, same)
         ]
-        pairs.append(Pair((a.label, b.label), both, (found[0], found[1]), (same[0], same[1])))
+        before = so_far(a.label, b.label)
+        pairs.append(Pair((a.label, b.label), both, (found[0], found[1]), (same[0], same[1]), before))
     labels = tuple(term.label for term in terms)
     return Separated(labels, tuple(pairs), " ".join(_sentence(pair, moved) for pair in pairs))
 
 
 def _sentence(pair: Pair, moved: str) -> str:
     a, b = pair.labels
+    sure = SURE if pair.so_far == NOTHING else f"{SURE} and what was diagnosed stays in the study"
     if pair.seconds > PATIENCE:
         needed = f"{pair.seconds / 3600:.2g} h" if np.isfinite(pair.seconds) else "more time than there is"
-        much = f"{needed} of this {moved} would decide, {SURE}; that is too long: {INSTEAD}"
+        much = f"{needed} of this {moved} would decide, {sure}; that is too long: {INSTEAD}"
     elif pair.seconds > pair.both[0].period:
-        much = f"{pair.seconds:.3g} s of this {moved} decide, {SURE}"
+        much = f"{pair.seconds:.3g} s of this {moved} decide, {sure}"
     else:
         whole = "one period of this motion" if moved == "motion" else f"this {moved}"
-        much = f"{whole} decides, {SURE}"
+        much = f"{whole} decides, {sure}"
     if all(pair.exact):
         shown = " and ".join(map(str, pair.exact))
         return f"{a} and {b} span the same torques: no motion tells them apart, for {shown}."

@@ -4,6 +4,8 @@ Sixty cases of twelve pairs are benchmarks/closing_twice.py."""
 
 import json
 
+import pytest
+
 from benchmarks.closing_twice import ARM, Case, PlannedRun, answer
 from ident.report.files import fit_document, write_document
 
@@ -21,12 +23,19 @@ def test_what_was_one_or_the_other_is_the_true_one_after_the_motion_that_decides
     assert "quadratic_friction" in suspects and len(suspects) > 1
     offer = finding["separate"]
     assert offer["command"].startswith("ident excite") and offer["seconds_as_recorded"] > 0
+    (said,) = offer["so_far"]  # the run that judged goes on judging
+    logs = [finding["evidence"]["log_e"], finding["equivalent"][0]["log_e"]]
+    assert said["ahead"] == pytest.approx(logs[0] - logs[1], abs=1.0)
 
     write_document(tmp_path / "diagnosis.json", first.document())
     write_document(tmp_path / "fit.json", fit_document(first.result.last))
     assert json.loads((tmp_path / "diagnosis.json").read_text())["smallest_visible"]
     done, motion = answer(case, tmp_path)
     assert "quadratic_friction:1" in done.separated.labels
+    assert (
+        done.separated.pairs[0].so_far.ahead == said["ahead"]
+        and "stays in the study" in done.separated.sentence
+    )
     assert done.separated.seconds <= offer["seconds"]  # a bound: what is designed needs no longer
     moved = motion.motion
     plans = [
