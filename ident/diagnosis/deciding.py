@@ -13,7 +13,7 @@ each way round gets its share of the cases that may go wrong.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +25,8 @@ from ident.diagnosis.loop import threshold
 ALPHA = 0.01
 PATIENCE = 3600.0  # s of motion that nobody asks of a robot; only words depend on it
 LONGEST = 1e8  # s: what would need longer is never told apart
-STEP = 1.05  # from one number of seconds to the next that is tried
+LEAST = 1e-3  # of a motion's period
+STEP, LEAP = 1.05, 8  # from one number of seconds to the next that is tried; so many of these at once
 
 
 @dataclass(frozen=True)
@@ -74,8 +75,8 @@ def seconds_needed(
     def agree(seconds: float) -> bool:
         length = min(BLOCK_S, (seconds + so_far.seconds) / FEWEST)
         before, blocks = round(so_far.seconds / length), round(seconds / length)
-        pieces = np.array_split(rates, min(max(round(period / length), 1), len(rates)))
-        agreeing = blocks * _agreeing(np.array([piece.mean() for piece in pieces]), length)
+        count = min(max(round(period / length), 1), len(rates))
+        agreeing = blocks * _agreeing(_means(rates, count), length)
         if before:
             agreeing += before * _agreeing(np.array(so_far.rates[0]), length)
         blocks += before
@@ -83,12 +84,27 @@ def seconds_needed(
         return bool(scipy.stats.binom.sf(chance, blocks, agreeing / max(blocks, 1)) >= 1 - wrong)
 
     least = z + np.sqrt(z * z + 2 * missing) if missing > 0 else 0.0
-    seconds = max((least**2 - so_far.more) / rate, 1e-3 * period)
-    steps = np.floor(np.log(seconds / period) / np.log(STEP))
-    while seconds < LONGEST and not (likely(seconds) and agree(seconds)):
-        steps += 1
-        seconds = max(seconds, period * STEP**steps)  # the same steps for every motion of this period
-    return float(seconds) if seconds < LONGEST else float("inf")
+    first = max((least**2 - so_far.more) / rate, LEAST * period)
+    if first >= LONGEST:
+        return float("inf")
+    at = np.arange(np.floor(np.log(first / period) / np.log(STEP)), np.log(LONGEST / period) / np.log(STEP))
+    tried = np.append(np.maximum(period * STEP**at, first), np.inf)  # the same steps for every motion
+    enough = next(k for k in range(0, len(tried) + LEAP, LEAP) if _holds(tried, k, likely, agree))
+    close = range(max(enough - LEAP + 1, 0), enough)
+    return float(
+        tried[min(next((k for k in close if _holds(tried, k, likely, agree)), enough), len(tried) - 1)]
+    )
+
+
+def _holds(tried: np.ndarray, k: int, *asked: Callable[[float], bool]) -> bool:
+    """Whether so many seconds do; what is beyond the last does."""
+    return k >= len(tried) - 1 or all(holds(float(tried[k])) for holds in asked)
+
+
+def _means(rates: np.ndarray, count: int) -> np.ndarray:
+    """(count,) of as many parts, next to equally long."""
+    begin = np.arange(count) * len(rates) // count
+    return np.asarray(np.add.reduceat(rates, begin) / np.diff(np.append(begin, len(rates))))
 
 
 def _agreeing(rates: np.ndarray, length: float) -> float:

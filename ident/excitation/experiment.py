@@ -239,7 +239,8 @@ def _designed(  # type: ignore[no-untyped-def]
     starts, iterations = request.starts, request.iterations
     if separation is not None:  # its slopes cost more, those of effects that move the link most
         quick = all(plain(term) for term in separation.terms)
-        starts, iterations = (starts, min(iterations, 40)) if quick else (1, min(iterations, 8))
+        more = starts + starts // 2  # they end in optima further apart than those of other criteria
+        starts, iterations = (more, min(iterations, 40)) if quick else (1, min(iterations, 8))
     return optimise(
         holding, basis, request.duration, separation or along(rows, basis, criterion), start=start,
         seed=request.seed, starts=starts, iterations=iterations, progress=progress, stop=stop,

@@ -37,6 +37,7 @@ class Rows:
         """sigma (C,): noise of each channel; turn_over (n,): v of each joint."""
         self.model, self.sigma, self.v = model, sigma, turn_over
         self._many: dict[int, Any] = {}
+        self._many_torques: dict[int, Any] = {}
 
     def __call__(self, q: Array, dq: Array, ddq: Array) -> Array:
         """A (N, C, b)."""
@@ -53,6 +54,20 @@ class Rows:
         for joint, entries in enumerate(self._signs):
             gdq[:, joint] += flank[:, joint] * (slope * entries).sum(axis=(1, 2))
         return gq, gdq, gddq
+
+    def back_through_torque(
+        self, q: Array, dq: Array, ddq: Array, weight: Array, d: Array
+    ) -> tuple[Array, Array, Array]:
+        """The same of dV/dA = weight (N, C) times d (b,), which goes back through the torque of d: of W only
+        what is asked for."""
+        weight = weight / self.sigma
+        N = len(weight)
+        if N not in self._many_torques:
+            self._many_torques[N] = self._one_torque.map(N)
+        found = self._many_torques[N](q.T, dq.T, ddq.T, np.repeat(d[:, None], N, axis=1), weight.T)
+        gq, gdq, gddq = (np.array(part).T for part in found)
+        flank = (1 - np.tanh(dq / self.v) ** 2) / self.v
+        return gq, gdq + flank * (weight @ (self._signs @ d).T), gddq
 
     @cached_property
     def _signs(self) -> Array:
@@ -71,6 +86,17 @@ class Rows:
         slope = ca.SX.sym("slope", *shape)
         value = ca.sum1(ca.sum2(self.model.casadi("regressor")(*states) * slope))
         return ca.Function("reverse", [*states, slope], [ca.gradient(value, x) for x in states])
+
+    @cached_property
+    def _one_torque(self) -> Any:
+        import casadi as ca
+
+        n = self.model.n
+        states = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
+        d, weight = ca.SX.sym("d", len(self.model.parameters)), ca.SX.sym("weight", len(self.model.channels))
+        value = ca.dot(self.model.casadi("torque")(*states, d), weight)
+        slopes = [ca.gradient(value, x) for x in states]
+        return ca.Function("reverse_torque", [*states, d, weight], slopes)
 
     def _reverse(self, count: int) -> Any:
         return self._many.get(count) or self._many.setdefault(count, self._one.map(count))

@@ -87,7 +87,7 @@ def smallest_visible(
 ) -> Visible:
     """The smallest size of a term whose shape is given. `noncentrality`: by default that of `needed`."""
     aim = noncentrality or needed(len(term.linear) + len(term.free))
-    rms = np.sqrt(np.mean(project.known.torque(project.motion) ** 2, axis=0)) / project.sigma
+    rms = project.rms
     total = seconds * ROWS_HZ / project.instants
 
     def scaled(factor: float) -> Term:
@@ -95,18 +95,22 @@ def smallest_visible(
             return replace(term, theta={name: factor * value for name, value in term.theta.items()})
         return replace(term, size=tuple(factor * value for value in term.size))
 
-    def shown(factor: float) -> float:
-        return total * float(np.sum(project.off(project.torque(scaled(factor))) ** 2))
+    def shown(torque: np.ndarray) -> float:
+        return total * float(np.sum(project.off(torque) ** 2))
 
-    whole = total * float(np.sum(project.torque(term) ** 2))
-    factor = np.sqrt(aim / max(shown(1.0), 1e-300))
+    def shown_at(decade: float) -> float:
+        return shown(project.torque(scaled(10**decade)))
+
+    torque = project.torque(term)
+    whole, here = total * float(np.sum(torque**2)), shown(torque)
+    factor = np.sqrt(aim / max(here, 1e-300))
     if not term.effect.proportional:  # not a square law: searched between decades
         decades = np.arange(-4.5, 3.5, 0.5)
-        first = next((d for d in decades if shown(10**d) >= aim), np.inf)
+        first = next((d for d in decades if shown_at(d) >= aim), np.inf)
         if decades[0] < first < np.inf:
-            first = scipy.optimize.brentq(lambda d: shown(10**d) - aim, first - 0.5, first, xtol=1e-4)
+            first = scipy.optimize.brentq(lambda d: shown_at(d) - aim, first - 0.5, first, xtol=1e-4)
         factor = 10**first
-    hidden = shown(1.0) <= 1e-9 * whole
+    hidden = here <= 1e-9 * whole
     joints = tuple(term.label.split(":")[1:])
     if hidden or not factor < RANGE:
         return Visible(term.effect.name, joints, None, {}, term.effect.size_names, float("inf"))
@@ -115,7 +119,8 @@ def smallest_visible(
     context = project.known.context(term.effect, term.place)
     report = term.effect.report(values, None, context, term.place)
     told = {name: float(entry["value"]) for name, entry in report.items()}
-    per_channel = project.torque(at).reshape(-1, len(rms))
+    its = factor * torque if term.effect.proportional and term.size else project.torque(at)
+    per_channel = its.reshape(-1, len(rms))
     share = float(np.max(np.sqrt(np.mean(per_channel**2, axis=0)) / np.maximum(rms, 1e-12)))
     units = {name: str(entry["unit"]) for name, entry in report.items()}
     return Visible(term.effect.name, joints, told, units, term.effect.size_names, share)

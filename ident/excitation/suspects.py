@@ -137,11 +137,12 @@ def told(
 def _sentence(pair: Pair, moved: str) -> str:
     a, b = pair.labels
     sure = SURE if pair.so_far == NOTHING else f"{SURE} and what was diagnosed stays in the study"
-    if pair.seconds > PATIENCE:
-        needed = f"{pair.seconds / 3600:.2g} h" if np.isfinite(pair.seconds) else "more time than there is"
+    seconds = pair.seconds
+    if seconds > PATIENCE:
+        needed = f"{seconds / 3600:.2g} h" if np.isfinite(seconds) else "more time than there is"
         much = f"{needed} of this {moved} would decide, {sure}; that is too long: {INSTEAD}"
-    elif pair.seconds > pair.both[0].period:
-        much = f"{pair.seconds:.3g} s of this {moved} decide, {sure}"
+    elif seconds > pair.both[0].period:
+        much = f"{seconds:.3g} s of this {moved} decide, {sure}"
     else:
         whole = "one period of this motion" if moved == "motion" else f"this {moved}"
         much = f"{whole} decides, {sure}"
