@@ -72,9 +72,11 @@ def seen(state: State, suspects: Mapping[str, Hypothesis]) -> Seen | None:
 
 
 def _reported(term: Hypothesis, sizes: Array, state: State) -> dict[str, dict[str, Any]]:
-    """{name: {value, unit}}; none of what changes the model, which has no size of its own there."""
+    """{name: {value, unit}}; none of what changes the model, which has no size of its own there, nor of what
+    has a shape: where the data hardly see it, a law may do there what another suspect does (a Stribeck
+    friction that fades in 317 s, and one that does not), and 2 h were asked to part the two."""
     effect, names = term.effect, term.effect.parameters_of(term.place)
-    if effect.changes_model or len(names) != len(sizes):
+    if effect.changes_model or effect.nonlinear or len(names) != len(sizes):
         return {}
     context = effect.context_of(term.place, state.model)
     if set(effect.context) - set(context):
