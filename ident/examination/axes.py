@@ -11,7 +11,7 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.examination.bodies import errors, gain, parts_of
-from ident.examination.carried import span
+from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
 from ident.examination.hypothesis import EXPLAINED, Hypothesis
 from ident.examination.quick import Assignment, Sample
@@ -48,7 +48,8 @@ def joint_axes(
                 continue
             now, after = judged(replace(table, rows=_turned(table.rows, j, key, turn)))
             predicts = after is None or np.nanmax(after) < 1.0
-            if gain(plain, now) > CLEARLY and gain(held, after) > 0.5 * CLEARLY and predicts:
+            told = gain(plain, now) > CLEARLY and gain(held, after) > 0.5 * CLEARLY
+            if told and predicts and _by_several(plain, now):
                 words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
                 text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
                 found.append((gain(plain, now), j, f"{text}", now))
@@ -71,6 +72,14 @@ def joint_axes(
             "correct the row in the robot file",
         ),
     )
+
+
+def _by_several(before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether several torques speak for a turned axis and none against it: bodies behind it are in the torque
+    of every joint before it. (Of an LWR4+ link 6 was told by its last torque alone, which is hardly any.)"""
+    gains = np.log(np.maximum(before, 1e-9) / np.maximum(after, 1e-9))
+    gains = gains[np.isfinite(gains)]
+    return bool(gains.min() > -KEPT and gains.sum() - gains.max() > 0.5 * CLEARLY)
 
 
 def _turned(rows: tuple[Any, ...], j: int, key: str, quarters: int) -> tuple[Any, ...]:

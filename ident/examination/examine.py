@@ -21,7 +21,7 @@ from ident.errors import IdentError
 from ident.examination.axes import joint_axes
 from ident.examination.base import Tilt, base_orientation, unseen
 from ident.examination.bodies import errors, parts_of
-from ident.examination.carried import CARRIED, Carried, ambiguous
+from ident.examination.carried import CARRIED, Carried, ambiguous, carried_faults
 from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
@@ -30,7 +30,7 @@ from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.places import other_orders, swapped, swapped_positions
 from ident.examination.quick import Assignment, Fit, Quick, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
-from ident.examination.scales import carried_scales, scales, too_large
+from ident.examination.scales import scales, too_large
 from ident.examination.signs import SURE, all_signs, evidence, one_sign, several_signs
 from ident.examination.unexplained import unexplained
 from ident.examination.units import degrees, scaled_positions
@@ -99,7 +99,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         and last.validate is not None
         and gain_of(last.validate, last.error) > CARRIED
     ):
-        scaled = carried_scales(quick, last, how, currents)
+        scaled = carried_faults(quick, last, how, currents)
         beside += [ambiguous(last.validate, scaled)] if scaled else []
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
         beside += _unseen(prepared, quick, how)
@@ -117,7 +117,9 @@ def _best(
     names = dict(maps)
     everything = all_signs(quick, fit, how, names, currents)
     if everything is not None:
-        return everything
+        turned = _positions(quick, fit, how, names, currents)
+        right = [h for h in turned if _believed(quick, fit, h) and not _mirrored(h, how, names, currents)]
+        return max(right, key=lambda h: h.gain, default=everything)
     doubted = [c for s in prepared.streams for c in s.checks if c.check == "torque_scale" and c.hint]
     large = too_large(quick, how, names, currents, {name for c in doubted for name in c.signals})
     believed = next((h for h in large if _believed(quick, fit, h)), None)
@@ -133,7 +135,7 @@ def _best(
         found += degrees(quick, fit, how, names)
     bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
     if bad:
-        found += swapped_positions(quick, fit, how, names)
+        found += _positions(quick, fit, how, names, currents)
         found += scaled_positions(quick, fit, how, names)
         found += other_orders(quick, fit, how, names, currents, gains)
     found += delays(quick, fit, how, currents)
@@ -146,6 +148,20 @@ def _best(
             else:
                 found.append(its)
     return max(found, key=lambda h: h.gain, default=None)
+
+
+def _positions(
+    quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any], currents: bool
+) -> list[Hypothesis]:
+    """Positions turned or swapped; without those of a mirrored arm, all of whose torques are then turned,
+    where another one is not."""
+    found = list(swapped_positions(quick, fit, how, maps))
+    return [h for h in found if not _mirrored(h, how, maps, currents)] or found
+
+
+def _mirrored(h: Hypothesis, how: Assignment, maps: dict[str, Any], currents: bool) -> bool:
+    quick = h.quick
+    return quick is not None and all_signs(quick, quick.fit(how), how, maps, currents) is not None
 
 
 def _beside(prepared: Prepared, quick: Quick, how: Assignment, h: Hypothesis, tilt: Tilt) -> bool:
@@ -202,7 +218,7 @@ def _geometry(
     table, samples, gravity, identify, validate = made
 
     def rivals() -> list[Carried]:
-        return carried_scales(quick, fit, how, currents)
+        return carried_faults(quick, fit, how, currents)
 
     alone = prior == 0 and how == quick.plain()
     tilted = list(base_orientation(identify, validate, gravity, how, rivals if alone else None))

@@ -19,9 +19,11 @@ import numpy as np
 
 from ident.examination.bodies import standard
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import signal_of
+from ident.examination.hypothesis import EXPLAINED, signal_of
 from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, solve
-from ident.examination.stretches import beyond_chance
+from ident.examination.rivals import rivals
+from ident.examination.stretches import ODD as ODD_ONE
+from ident.examination.stretches import Explained, agreed, beyond_chance
 from modelgen.geometry.kinematics import Geometry
 
 ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
@@ -63,7 +65,7 @@ class Apart:
     def explains(self, sample: Sample, every: bool = True) -> bool:
         """Whether all odd channels (or all there are) are then as elsewhere."""
         live = [c for c in range(len(self.error)) if np.isfinite(self.error[c])] if every else list(self.odd)
-        most = np.fmax(AS_OTHERS * self.expected, ENOUGH)
+        most = np.fmin(np.fmax(AS_OTHERS * self.expected, ENOUGH), EXPLAINED)
         most = np.fmax(most, np.where(np.isin(np.arange(len(most)), self.odd), 0.0, 1.1 * self.error))
         left, odd = self.left(sample), list(self.odd)
         halved = np.mean(np.log(self.error[odd] / np.fmax(left[odd], 1e-6))) > HALVED
@@ -109,13 +111,15 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
         ]
         here, there = (100 * float(np.nanmax(e[list(apart.odd)])) for e in (apart.error, apart.usual))
         if causes:
+            instead = _instead(quick, how, apart, causes, currents)
             left = [float(np.nansum(np.log(apart.left(cause.sample)))) for cause in causes]
             best, least = causes[int(np.argmin(left))], min(left)
             body = _body(quick, apart) if best.alike else None
             load = body is not None and float(np.nansum(np.log(apart.left(body)))) < least
-            words = (
-                f"{best.words}, or a load is carried that the study does not declare" if load else best.words
-            )
+            if instead and not load:
+                continue
+            load_too = ["a load is carried that the study does not declare"] if load else []
+            words = ", or ".join([best.words, *load_too, *instead])
             said = f"{words} (as it is, the other recordings predict it with an error of {here:.0f} %, "
             said += f"so taken {100 * float(np.nanmax(apart.left(best.sample)[list(apart.odd)])):.0f} %)"
             yield _check(best.check, apart, best.signals, said, best.remedy)
@@ -132,6 +136,28 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
                 "another run's, or another robot's, or a sign that changes on the way",
                 "check how it was recorded, or leave the recording out",
             )
+
+
+def _instead(
+    quick: Quick, how: Assignment, apart: Apart, causes: Sequence[Cause], currents: bool
+) -> list[str]:
+    """The fault that one number describes which stretch by stretch of all recordings explains more than every
+    cause, if there is one: a rokae's torque a third too large in another recording was a zero here."""
+    samples = [_thinned(_assigned(replace(s, role="identify"), how)) for s in quick.samples]
+    plain, place = quick.plain(), [s.label for s in samples].index(apart.sample.label)
+
+    def explained(sample: Sample) -> Explained:
+        its = quick.of([*samples[:place], replace(sample, role="identify"), *samples[place + 1 :]])
+        return Explained(its, its.fit(plain), plain)
+
+    made, before = [explained(cause.sample) for cause in causes], explained(samples[place]).fit
+    others = [
+        rival
+        for rival in rivals(quick.of(samples), plain, currents)
+        if all(agreed(its, rival.explained, ODD_ONE) for its in made)
+    ]
+    others.sort(key=lambda rival: -rival.explained.fit.gain_over(before))
+    return [rival.words for rival in others[:1]]
 
 
 def _check(check: str, apart: Apart, signals: tuple[str, ...], words: str, remedy: str) -> Check:
@@ -288,15 +314,16 @@ def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
             words = f"{pair[0]} and {pair[1]} look swapped"
             line = f"{{{pair[0]}: {pair[1]}, {pair[1]}: {pair[0]}}}"
             yield Cause(replace(s, Y=Y), "swapped_signals", pair, words, f"{own} {line}")
-    for k, lag in enumerate(LAGS):
-        for which in (odd, list(range(len(channels)))):
-            if abs(lag) >= LEAST_LAG:
-                Y = s.Y.copy()
-                Y[:, which] = s.late[k][:, which]
-                late = tuple(signal_of(quick.columns, c, currents) for c in which)
-                words = f"{listed(late)} {'is' if len(late) == 1 else 'are'} recorded about {abs(lag):g} s "
-                words += f"{'after' if lag > 0 else 'before'} the positions"
-                yield Cause(replace(s, Y=Y), "channel_delay", late, words, "record both with one clock")
+    for which in (odd, list(range(len(channels)))):
+        shifted = [np.where(np.isin(np.arange(len(channels)), which), late, s.Y) for late in s.late]
+        moved = [replace(s, Y=Y) for Y in shifted]
+        k = int(np.argmin([np.nansum(np.log(apart.left(its))) for its in moved]))
+        lag = LAGS[k]
+        if LEAST_LAG <= abs(lag) < max(LAGS):  # the largest is no lag that was found: more would be better
+            late = tuple(signal_of(quick.columns, c, currents) for c in which)
+            words = f"{listed(late)} {'is' if len(late) == 1 else 'are'} recorded about {abs(lag):g} s "
+            words += f"{'after' if lag > 0 else 'before'} the positions"
+            yield Cause(moved[k], "channel_delay", late, words, "record both with one clock")
 
 
 def _positions(quick: Quick, apart: Apart) -> Iterator[Cause]:

@@ -69,3 +69,13 @@ def rows(x, at, values):
     out = x.copy()
     out[at] = values
     return out
+
+
+def parted(study, fitted, judged):
+    """Its only recording to `fitted` s to identify, from there to `judged` s to validate."""
+    (entry,) = {r.file: r for r in study.recordings}.values()
+    runs = [
+        entry.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
+        for use, begin, end in (("identify", None, fitted), ("validate", fitted, judged))
+    ]
+    return study.with_(recordings=tuple(runs), filter=type(study.filter)())

@@ -14,6 +14,7 @@ from planted import (
     changed,
     live_arm,
     measured,
+    parted,
     planted,
     refused,
     rows,
@@ -98,11 +99,11 @@ def test_two_torques_with_the_other_sign(tmp_path):
     assert check.check == "torque_sign" and set(check.signals) == {"i2", "i4"}
 
 
-@pytest.mark.parametrize(("factor", "signals"), [(1e3, ("tau_m2",)), (5.0, ("tau_m2", "tau_m1"))])
+@pytest.mark.parametrize(("factor", "signals"), [(1e3, {"tau_m2"}), (5.0, {"tau_m2", "tau_m1"})])
 def test_of_two_torques_either_may_be_scaled(tmp_path, factor, signals):
     study = planted(tmp_path, changed("tau_m2", lambda x: x * factor), measured("barrett_wam_2dof"))
     checks = examine_fit(prepare_study(study))
-    assert [(c.check, c.signals) for c in checks] == [("torque_scale", signals)]
+    assert [(c.check, set(c.signals)) for c in checks] == [("torque_scale", signals)]
 
 
 def test_a_slow_signal_in_one_of_two_torques_is_no_other_robot(tmp_path):
@@ -160,26 +161,16 @@ def test_what_validate_alone_tells_is_told_with_all_that_would_explain_it(tmp_pa
     assert check.check == "poor_excitation" and words in check.message and "tau_m1 times" in check.message
 
 
-def _parted(study, fitted, judged):
-    """Its only recording to `fitted` s to identify, from there to `judged` s to validate."""
-    (entry,) = {r.file: r for r in study.recordings}.values()
-    runs = [
-        entry.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
-        for use, begin, end in (("identify", None, fitted), ("validate", fitted, judged))
-    ]
-    return study.with_(recordings=tuple(runs), filter=type(study.filter)())
-
-
 def test_a_scale_that_validate_alone_tells(tmp_path):
     """A few seconds fit with anything; of the others one torque alone would explain the error."""
     study = planted(tmp_path, changed("tau_m2", lambda x: x * 5), measured("staubli_tx40"))
-    (check,) = examine_fit(prepare_study(_parted(study, 2.8, 3.9)))
+    (check,) = examine_fit(prepare_study(parted(study, 2.8, 3.9)))
     assert check.check == "poor_excitation" and "tau_m2 times 0.2:" in check.message
 
 
 def test_a_torque_that_is_a_third_too_large(tmp_path):
     study = planted(tmp_path, changed("tau_l2", lambda x: 1.3 * x), measured("franka_panda"))
-    (check,) = examine_fit(prepare_study(_parted(study, 6.5, 9.8)))
+    (check,) = examine_fit(prepare_study(parted(study, 6.5, 9.8)))
     assert (check.check, check.signals) == ("torque_scale", ("tau_l2",)) and "1.28 times too" in check.message
 
 
@@ -629,7 +620,7 @@ def test_a_large_torque_that_the_model_lacks_is_no_fault_of_the_data(tmp_path):
 def test_another_zero_in_all_recordings_is_no_late_sensor_of_one(tmp_path):
     """Of a rokae one stretch of twelve spoke for a sensor that is 0.2 s early."""
     study = planted(tmp_path, changed("q3", lambda q: q + np.deg2rad(10)), measured("rokae_xmate3pro"))
-    assert "channel_delay" not in {c.check for c in examine_fit(prepare_study(_parted(study, 7, 9.7)))}
+    assert "channel_delay" not in {c.check for c in examine_fit(prepare_study(parted(study, 7, 9.7)))}
 
 
 def test_a_weight_that_looks_like_another_zero_is_told_with_it(tmp_path):

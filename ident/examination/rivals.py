@@ -1,0 +1,164 @@
+"""What may be there in place of a fault that a check names: everyday faults that one number describes.
+
+    a torque takes up a share of another one, drifts, is larger in one recording or from an instant on
+    a position is a number times too large, or starts from another zero
+
+Each is fitted to the same rows, the model's parameters with it, so that it can be held against the named one
+stretch by stretch. What is done to a torque is linear in the number; a position is found by Gauss-Newton
+steps on the motion itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.examination.hypothesis import signal_of
+from ident.examination.quick import Assignment, Fit, Quick, Sample
+from ident.examination.stretches import Explained
+
+STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
+INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
+Motion = tuple[np.ndarray, ...]
+Signal = Callable[[int, Sample], np.ndarray]  # (N,) of a recording, by its number
+
+
+@dataclass(frozen=True, slots=True)
+class Rival:
+    """A fault in words, and what the recordings are with it undone."""
+
+    words: str
+    explained: Explained
+
+
+def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
+    """Of rows that are all fitted (stretches.all_rows); of the instants of a recording the best one."""
+    fit = whole.fit(how)
+    for c in np.flatnonzero(whole.identify.rows > 10).tolist():
+        yield from _of_torque(whole, fit, how, c, currents)
+    yield from _positions(whole, fit, how)
+
+
+def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) -> Iterator[Rival]:
+    """A torque with another signal in it."""
+    channels, own = whole.columns.need.channels, how.order[c]
+    name = signal_of(whole.columns, c, currents)
+
+    def found(signal: Signal) -> tuple[float, Rival | None]:
+        return _without(whole, fit, how, c, [signal(r, s) for r, s in enumerate(whole.samples)])
+
+    for k in np.flatnonzero(whole.identify.rows > 10).tolist():
+        if k != c and channels[k].side == channels[c].side:
+            other, g = how.order[k], how.factor[k]
+            share, rival = found(lambda r, s, other=other, g=g: g * s.Y[:, other])  # type: ignore[misc]
+            if rival:
+                words = f"{name} takes up {share:.2g} of {signal_of(whole.columns, k, currents)}"
+                yield replace(rival, words=words)
+    slope, rival = found(lambda r, s: s.t)
+    if rival:
+        yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} a minute")
+    for r, sample in enumerate(whole.samples):
+        if len(whole.samples) > 1:
+            share, rival = found(lambda i, s, r=r: (i == r) * s.Y[:, own])  # type: ignore[misc]
+            if rival:
+                also = " or a load is carried there" if share < 1 else ""
+                yield replace(rival, words=f"{name} of {sample.label} is {_times(share)}{also}")
+        instants = np.linspace(sample.t[0], sample.t[-1], INSTANTS + 1)[1:-1]
+        later: list[tuple[float, Rival]] = []
+        for at in instants:
+            share, rival = found(lambda i, s, r=r, at=at: (i == r) * (s.t > at) * s.Y[:, own])  # type: ignore[misc]
+            if rival:
+                words = f"{name} of {sample.label} is {_times(share)} from about {at:.3g} s on"
+                later.append((rival.explained.fit.gain_over(fit), replace(rival, words=words)))
+        if later:
+            yield max(later, key=lambda each: each[0])[1]
+
+
+def _times(share: float) -> str:
+    """What a torque is times itself of which this share is too much."""
+    return f"{1 / (1 - share):.2g} times as large" if abs(1 - share) > 1e-3 else "another signal"
+
+
+def _without(
+    whole: Quick, fit: Fit, how: Assignment, c: int, signals: list[np.ndarray]
+) -> tuple[float, Rival | None]:
+    """How much of some signals (N,) of the recordings explains most of a channel's torque beside the model,
+    and the recordings without it; None where the model does the same."""
+    f, own = how.factor[c], how.order[c]
+    zz = zy = 0.0
+    zW = np.zeros(len(fit.chi))
+    for s, z in zip(whole.samples, signals):
+        w = s.weight[:, c] * z
+        zz, zy, zW = zz + float(w @ z), zy + float(w @ s.Y[:, own]) * f, zW + w @ s.W[c]
+    size = zz - fit.scale[c] * float(zW @ fit.inverse @ zW)
+    if not size > 1e-9 * zz:
+        return 0.0, None
+    share = float((zy - zW @ fit.chi) / size)
+    taken = share / f  # of what is recorded
+    v, yy = whole.identify.v.copy(), whole.identify.yy.copy()
+    v[c, own] -= taken * zW
+    yy[c, own] += taken * (taken * zz - 2 * zy / f)
+    less = []
+    for s, z in zip(whole.samples, signals):
+        Y = s.Y.copy()
+        Y[:, own] -= taken * z
+        less.append(replace(s, Y=Y))
+    made = replace(whole, samples=tuple(less), identify=replace(whole.identify, v=v, yy=yy))
+    return share, Rival("", Explained(made, made.fit(how), how))
+
+
+def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
+    """Each position times a number, and from another zero."""
+    for j, label in enumerate(whole.columns.need.joints):
+        its = np.arange(len(whole.columns.need.joints)) == j
+        if not any(np.ptp(s.q[:, j]) for s in whole.samples):
+            continue
+
+        def times(s: Sample, x: float, its: np.ndarray = its) -> Motion:
+            factor = np.where(its, 1.0 + x, 1.0)
+            return s.q * factor, s.dq * factor, s.ddq * factor, s.sign
+
+        def moved(s: Sample, x: float, its: np.ndarray = its) -> Motion:
+            return s.q + np.where(its, x, 0.0), s.dq, s.ddq, s.sign
+
+        unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
+        x, explained = _solved(whole, fit, how, times)
+        factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
+        yield Rival(f"q{label} is {factor:.3g} times too {word}", explained)
+        x, explained = _solved(whole, fit, how, moved)
+        yield Rival(f"q{label} starts from another zero, {-x:.2g} {unit} off", explained)
+
+
+def _solved(
+    whole: Quick, fit: Fit, how: Assignment, motion: Callable[[Sample, float], Motion]
+) -> tuple[float, Explained]:
+    """The number with which the torques are explained best along such motions, by the linear steps from the
+    motion as it is that explain more each."""
+    columns, x, best = whole.columns, 0.0, Explained(whole, fit, how)
+    for _ in range(STEPS):
+        its, near = best.quick, [s.moved(columns, *motion(s, x + SMALL)) for s in whole.samples]
+        chi, inverse = best.fit.chi, best.fit.inverse
+        zz = zr = 0.0
+        zW = np.zeros(len(chi))
+        for s, other in zip(its.samples, near):
+            weight = best.fit.scale * s.weight
+            predicted = s.predicted(chi)
+            Y = s.Y[:, list(how.order)] * how.factor
+            z = (other.predicted(chi) - predicted) / SMALL
+            zz += float((weight * z * z).sum())
+            zr += float((weight * z * (Y - predicted)).sum())
+            zW += np.einsum("nc,cnb->b", weight * z, s.W)
+        step = zr / max(zz - zW @ inverse @ zW, 1e-300)
+        if not -0.9 < x + step < MOST:
+            break
+        tried = whole.of([s.moved(columns, *motion(s, x + step)) for s in whole.samples])
+        after = tried.fit(how)
+        gained = after.gain_over(best.fit)
+        if not gained > 0:
+            break
+        x, best = x + step, Explained(tried, after, how)
+        if gained < 1e-3:
+            break
+    return x, best
