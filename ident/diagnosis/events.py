@@ -12,13 +12,13 @@ that window, must not say more than it does (sufficiency: a load is among the ch
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Evidence, Metric, side_of, weigh
-from ident.diagnosis.leading import outside_metric
+from ident.diagnosis.evidence import Columns, Evidence, Metric, side_of, weigh
+from ident.diagnosis.leading import fall_of_noise, outside_metric
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import Found, State
 from ident.diagnosis.sufficiency import NEARLY
@@ -64,10 +64,9 @@ def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
     return np.asarray(np.any([np.any(z, axis=1) for z in columns.values()], axis=0))
 
 
-def own_columns(state: State, inside: np.ndarray, bodies: bool) -> dict[int, np.ndarray]:
-    """The model's parameters free in a window (M,): those of the drives, or with `bodies` all of them."""
-    parsed = (ParameterName.of(name) for name in state.problem.columns.parameters)
-    free = np.flatnonzero([bodies or name is None or not name.of_body for name in parsed])
+def own_columns(state: State, inside: np.ndarray, chosen: Collection[int]) -> dict[int, np.ndarray]:
+    """Of the model's parameters those chosen, free in a window (M,)."""
+    free = np.sort(list(chosen))
     out = {}
     for c, (places, values) in enumerate(state.rows.base):
         z = np.zeros((len(inside), len(free)))
@@ -75,6 +74,17 @@ def own_columns(state: State, inside: np.ndarray, bodies: bool) -> dict[int, np.
         z[:, np.searchsorted(free, places[mine])] = values[:, mine] * inside[:, None]
         out[c] = z
     return out
+
+
+def drives_of(state: State) -> list[tuple[int, ...]]:
+    """Places of the parameters of each joint's drive among the model's; what is no body's is a drive's."""
+    drives: dict[str, tuple[int, ...]] = {}
+    for k, name in enumerate(state.problem.columns.parameters):
+        parsed = ParameterName.of(name)
+        if parsed is None or not parsed.of_body:
+            joint = "" if parsed is None else parsed.label
+            drives[joint] = (*drives.get(joint, ()), k)
+    return list(drives.values())
 
 
 def halves_of(state: State, m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[Metric, Metric]:
@@ -90,20 +100,45 @@ def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
     return is_load(state, halves_of(state, own, f.columns), f.columns, tau, alpha)
 
 
-def is_load(
-    state: State, halves: tuple[Metric, Metric], columns: Mapping[int, np.ndarray], tau: float, alpha: float
-) -> bool:
-    """It says more than the window's own friction, and all of the model's parameters say hardly more than it
-    (NEARLY, as of any law: what its columns are wrong by grows with it)."""
+def is_load(state: State, halves: tuple[Metric, Metric], columns: Columns, tau: float, alpha: float) -> bool:
+    """It says something beside the window's own friction, and all of the model's parameters say hardly more
+    than it (NEARLY, as of any law: what its columns are wrong by grows with it)."""
     inside = acting(columns)
-    drive = own_columns(state, inside, bodies=False)
-    none = np.zeros((len(inside), next(iter(columns.values())).shape[1]))
-    load = {c: np.hstack([z, columns.get(c, none)]) for c, z in drive.items()}
-    friction, loaded, whole = (
-        cross_evidence(halves, z, inside) for z in (drive, load, own_columns(state, inside, bodies=True))
-    )
-    short = NEARLY * whole.log_e > loaded.log_e and whole.beats(loaded, tau, alpha)
-    return loaded.beats(friction, tau, alpha) and not short
+    drives, friction = own_friction(state, halves, inside)
+    beside = {c: np.hstack([z, own]) for c, z, own in _together(columns, drives)}
+    load = cross_evidence(halves, beside, inside)
+    whole = cross_evidence(halves, own_columns(state, inside, range(state.rows.b)), inside)
+    short = NEARLY * whole.log_e > load.log_e and whole.beats(load, tau, alpha)
+    more = load.log_e > tau if friction is None else load.beats(friction, tau, alpha)
+    return more and not short
+
+
+def own_friction(
+    state: State, halves: tuple[Metric, Metric], inside: np.ndarray
+) -> tuple[dict[int, np.ndarray], Evidence | None]:
+    """The drives that foretell most where their parameters are the window's own, joint after joint, and what
+    they say; none where no drive of its own foretells anything. (All of a rokae's seven at once, of three
+    seconds: each half foretold the other worse than with none, and a weight that they stood beside, too.)"""
+    left, told = drives_of(state), None
+    chosen: tuple[int, ...] = ()
+    while left:
+        trials = [
+            (drive, cross_evidence(halves, own_columns(state, inside, (*chosen, *drive)), inside))
+            for drive in left
+        ]
+        drive, e = max(trials, key=lambda its: its[1].log_e)
+        if e.log_e <= (0.0 if told is None else told.log_e):
+            break
+        told, chosen = e, (*chosen, *drive)
+        left.remove(drive)
+    return own_columns(state, inside, chosen), told
+
+
+def _together(columns: Columns, own: Columns) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """(channel, its columns of both) of all channels of either."""
+    (rows, p), (_, q) = (next(iter(z.values())).shape for z in (columns, own))
+    for c in sorted({*columns, *own}):
+        yield c, columns.get(c, np.zeros((rows, p))), own.get(c, np.zeros((rows, q)))
 
 
 def cross_evidence(
@@ -133,17 +168,44 @@ def best_event(
         return None
     usable = state.rows.usable
     m = whole(state.metric, usable)
+    listed, tried = _likely(m, state, loads, layout, tau)
+    limit = tau + float(np.log(max(tried, 1)))
+    held: list[Event] = []
+    for term, columns in listed:
+        term, cut = _moved(m, term, columns, state)
+        sizes, gain = fit_sizes(m, cut)
+        own = outside_metric(state, Refined(term, cut, sizes, gain), acting(cut))
+        sizes, gain = fit_sizes(whole(own, usable), cut)
+        names = term.effect.parameters_of(term.place)
+        if gain < limit or term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model):
+            continue
+        halves = halves_of(state, own, cut)
+        evidence = cross_evidence(halves, cut, acting(cut))
+        told = evidence.log_e > limit and evidence.supported(alpha)
+        if told and is_load(state, halves, cut, limit, alpha):
+            held.append(Event(Refined(term, cut, sizes, gain), evidence))
+    return _simplest(held, tau) if held else None
+
+
+def _likely(
+    m: Metric, state: State, loads: Sequence[Effect], layout: Layout, tau: float
+) -> tuple[list[tuple[Term, dict[int, np.ndarray]]], int]:
+    """The loads to judge, each with its best window and its columns, and how many windows were tried.
+
+    The noise at hand is that of a model without the load. A load on a whole run, which the model's own
+    parameters answer half, is most of it: in that noise a weight on a Franka's second link came 27th.
+    So loads on whole runs are also ranked each by the noise that it leaves."""
     done = {term.key for term in state.terms}
+    plain = whole(state.plain_metric, state.rows.usable)
     found: list[tuple[float, Term, dict[int, np.ndarray]]] = []
+    quiet: list[tuple[float, Term, dict[int, np.ndarray]]] = []
     tried = 0
     for effect in loads:
         for place in effect.places(layout):
             if place.recording is None or _role(state, place) == "test":
                 continue
             term = Term(effect, place, dict(_first(effect, place, state)))
-            if term.key in done:
-                continue
-            columns = state.scene.columns(term)
+            columns = {} if term.key in done else state.scene.columns(term)
             if not columns:
                 continue
             windows, gains = _windows(
@@ -154,36 +216,27 @@ def best_event(
                 continue
             k = int(np.argmax(gains))
             if gains[k] > tau:
-                start, stop = windows[k]
-                found.append((float(gains[k]), _window(term, start, stop), columns))
-                found = sorted(found, key=lambda item: -item[0])[:TRIED]  # their columns are large
-    if not found:
-        return None
-    limit = tau + float(np.log(max(tried, 1)))
-    held: list[Event] = []
-    for gain, term, columns in found:
-        if gain < limit or (held and term.place.recording != held[0].refined.term.place.recording):
-            continue
-        term, cut = _moved(m, term, columns, state)
-        sizes, _ = fit_sizes(m, cut)
-        own = outside_metric(state, Refined(term, cut, sizes, gain), acting(cut))
-        halves = halves_of(state, own, cut)
-        evidence = cross_evidence(halves, cut, acting(cut))
-        sizes, gain = fit_sizes(whole(own, usable), cut)
-        names = term.effect.parameters_of(term.place)
-        if term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model) is not None:
-            continue
-        told = evidence.log_e > limit and evidence.supported(alpha)
-        if told and is_load(state, halves, cut, limit, alpha):
-            held.append(Event(Refined(term, cut, sizes, gain), evidence))
-    return _simplest(held, tau) if held else None
+                found = _best([*found, (float(gains[k]), _window(term, *windows[k]), columns)])
+            if (None, None) in windows:
+                quiet = _best([*quiet, (fall_of_noise(plain, columns), term, columns)])
+    listed = {(term.key, term.place.start, term.place.stop): (term, columns) for _, term, columns in quiet}
+    listed |= {(term.key, term.place.start, term.place.stop): (term, columns) for _, term, columns in found}
+    return list(listed.values()), tried
+
+
+def _best(
+    ranked: Sequence[tuple[float, Term, dict[int, np.ndarray]]],
+) -> list[tuple[float, Term, dict[int, np.ndarray]]]:
+    return sorted(ranked, key=lambda item: -item[0])[:TRIED]  # their columns are large
 
 
 def _simplest(held: Sequence[Event], tau: float) -> Event:
-    """Of the loads of one recording that these data cannot tell apart, the one with fewest parameters; the
-    others stand beside it."""
-    most = max(event.evidence.log_e for event in held)
-    equal = [event for event in held if event.evidence.log_e > most - tau]
+    """Of the loads of the recording that says most which these data cannot tell apart, the one with fewest
+    parameters; the others stand beside it."""
+    most = max(held, key=lambda event: event.evidence.log_e)
+    run = most.refined.term.place.recording
+    near = most.evidence.log_e - tau
+    equal = [e for e in held if e.evidence.log_e > near and e.refined.term.place.recording == run]
     best = min(equal, key=lambda event: (event.refined.term.free, -event.evidence.log_e))
     return replace(best, rivals=tuple(event for event in equal if event is not best))
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.diagnosis.evidence import Metric, metric
-from ident.diagnosis.refine import Refined
+from ident.diagnosis.evidence import Columns, Metric, changed, metric, project
+from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import Found, State, solved
-from ident.diagnosis.whitened import Whitener, whitener
+from ident.diagnosis.whitened import Whitener, news, whitener
 
 ENOUGH = 0.25  # of the rows, to know their noise by
 
@@ -51,6 +51,22 @@ def _innovations(w: Whitener, noise: np.ndarray, counted: np.ndarray) -> float:
     """Rms of what cannot be foretold of a hypothesis' own noise, over all rows: a noise model is made of calm
     blocks, and the calm ones of a wrong model are those in which what it lacks is quiet."""
     return w.sigma * float(np.sqrt(np.mean((w @ noise)[counted] ** 2))) if counted.any() else np.inf
+
+
+def fall_of_noise(plain: Metric, columns: Columns) -> float:
+    """Nats by which what cannot be foretold of the residual falls with these columns in the model, every
+    channel by the noise that is left there; plain: rows as if their noise were white."""
+    side, rows, told = plain.fitted, plain.rows, 0.0
+    white = plain.whiten(columns)
+    sizes, _ = fit_sizes(plain, columns)
+    after = changed(plain, side, white, sizes, project(plain, side, white)[0])
+    for c in range(rows.channels):  # the model answers in all of them
+        use = side.mask & rows.use[c]
+        if not use.any():
+            continue
+        before, left = (news(rows, r[c], use) for r in (side.residual, after))
+        told += float(side.free[c]) / 2 * float(np.log(before / max(left, 1e-300)))
+    return told
 
 
 def outside_metric(state: State, r: Refined, inside: np.ndarray) -> Metric:

@@ -52,9 +52,10 @@ def room_for(prepared: Prepared, cutoff_hz: float, memory: float | None) -> Room
     there = sum(stream.survey.rows / kept_every(cutoff_hz, stream.rate_hz) for stream in prepared.streams)
     needed = taken + PROGRAM + min(2.0 * LEAST, there) * row + LIBRARY_LEAST
     if limit < needed:
+        asked = np.ceil((needed + VARIES) / 1e7) / 100
         raise MemoryLimitError(
-            f"--memory {limit / 1e9:.2g}GB is too little for this study: it needs "
-            f"{np.ceil((needed + VARIES) / 1e7) / 100:.4g}GB; give that much, or leave recordings or channels out"
+            f"--memory {limit / 1e9:.2g}GB is too little for this study: it needs {asked:.4g}GB; give that "
+            "much, or leave recordings or channels out"
         )
     library = min(LIBRARY, max(LIBRARY_LEAST, SHARE * (limit - taken - PROGRAM)))
     return Room(int(min(MOST, max(LEAST, (limit - taken - PROGRAM - library) / row / 2))), library)

@@ -63,6 +63,11 @@ def whitener(rows: Rows, residual: np.ndarray, counted: np.ndarray, use: np.ndar
     return Whitener(L, float(np.sqrt(variance)), coefficients)
 
 
+def news(rows: Rows, residual: np.ndarray, counted: np.ndarray) -> float:
+    """Variance of what the past of a channel's residual (M,) does not foretell, over the `counted` rows."""
+    return burg(residual, counted, rows.piece, max(1, round(MEMORY_S / rows.hop)))[2]
+
+
 def _calm(rows: Rows, residual: np.ndarray, counted: np.ndarray) -> np.ndarray:
     """(M,) False in blocks whose innovation-like power exceeds what chance gives the highest of them."""
     key = rows.piece * 1_000_000 + np.floor((rows.t - rows.t.min()) / BLOCK_S).astype(int)

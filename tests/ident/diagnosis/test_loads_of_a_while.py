@@ -6,6 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import ident
+from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, screen
 from ident.diagnosis.events import Event, _gains, best_event, crossed, whole
@@ -112,3 +114,21 @@ def test_a_law_of_the_whole_study_takes_a_loads_place(arm, monkeypatch):
     monkeypatch.setattr(loop, "pruned", lambda state, steps, *_: (state, steps))  # on this arm it would go
     outcome = loop.trace(begun.state, library, ALPHA, max_steps=1)
     assert not any(step.term.effect.windowed for step in outcome.steps)
+
+
+@pytest.mark.skipif(
+    not (DATA / "franka_panda").is_dir(), reason="the recordings of measured robots are not here"
+)
+def test_a_weight_on_the_second_link_of_a_franka(tmp_path):
+    """In the later three seconds of its fitted run, by Pinocchio's equations; the model's own parameters
+    answer half of it, and what they leave passes for noise."""
+    (base,) = (b for b in BASES if b.robot == "franka_panda")
+    (fault,) = (f for f in FAULTS if f.name.startswith("a weight"))
+    document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
+    (finding,) = document["findings"]
+    told = [finding[k] for k in ("effect", "recording", "link")]
+    assert told == ["payload_change", "excite_first_identify_2", 2]
+    mx, my = (finding["parameters"][k] for k in ("mx", "my"))  # half-way along the link, which lies along -y
+    assert abs(mx["value"]) < 3 * mx["std"] and my["value"] < -3 * my["std"]
+    before, after = (document["error_percent"][k]["test"]["total"] for k in ("before", "after"))
+    assert after < 0.2 * before
