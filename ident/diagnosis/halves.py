@@ -81,7 +81,7 @@ def _judged(side: State, m: Metric, r: Refined, tau: float, alpha: float) -> Evi
     e = weigh(m, own.columns)
     if not holds(side, m, own, e, tau, alpha):
         return None
-    flex = sufficiency(side, m, own.term, main_channel(e, own.term, side), tau)
+    flex = sufficiency(side, m, own, main_channel(e, own.term, side), tau)
     return e if sufficient(own.term, e, flex, tau) else None
 
 

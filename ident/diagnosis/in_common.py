@@ -60,7 +60,7 @@ def by_common(
             continue
         if not foretells(state, r, told):
             continue
-        flex = sufficiency(state, m, r.term, main_channel(told, r.term, state), tau)
+        flex = sufficiency(state, m, r, main_channel(told, r.term, state), tau)
         if sufficient(r.term, told, flex, tau):
             held.append((r, told))
     return best_held(held, tau)

@@ -161,7 +161,7 @@ def trace(
                 taken, evidence, state, beside = late
                 steps.append(Step(taken.term, evidence, (), beside))
                 continue
-        flex = sufficiency(state, weighed.metric, best.term, c, tau)
+        flex = sufficiency(state, weighed.metric, best, c, tau)
         if flex is not None and not sufficient(best.term, evidence, flex, tau):
             held = settled_in(state, weighed, best, c, tau, alpha)
             if held is not None:
@@ -271,7 +271,7 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
         if best.term.key == f.term.key:
             steps[at] = replace(steps[at], equivalent=rivals)
             continue
-        flex = sufficiency(others, weighed.metric, best.term, main_channel(evidence, best.term, others), tau)
+        flex = sufficiency(others, weighed.metric, best, main_channel(evidence, best.term, others), tau)
         if not sufficient(best.term, evidence, flex, tau):
             continue
         steps[at] = Step(best.term, evidence, rivals, steps[at].passed)

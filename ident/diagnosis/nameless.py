@@ -24,6 +24,7 @@ from ident.diagnosis.fine import FineSegment
 
 LAMBDAS = np.geomspace(1e-4, 1e6, 41)
 HATS = 13
+BENDS = 20  # degree of polynomials: some five waves over the range
 SHORT = 60_000  # fine samples, five minutes: up to there what is made is kept, and two cores share the work
 WAVES = 3  # peaks of the residual's spectrum over the position
 
@@ -250,6 +251,22 @@ def flexible(
         return None
     value, variables, column = best
     return Flexible(variables, column, value, weigh(m, {channel: column[:, None]}, np.ones(1)))
+
+
+def imitation(
+    m: Metric, channel: int, joint: int, segments: Sequence[FineSegment], other: int, torque: np.ndarray
+) -> np.ndarray:
+    """(M,) the polynomial in another joint's position that comes nearest to a torque (M,) on the fitted rows.
+    (No hats: what bends at a point is all new to a whitener of smooth noise.)"""
+    whole = np.concatenate([s.q[:, other] for s in segments])
+    middle, reach = 0.5 * (whole.max() + whole.min()), max(0.5 * float(np.ptp(whole)), 1e-12)
+    made = (np.polynomial.legendre.legvander((s.q[:, other] - middle) / reach, BENDS) for s in segments)
+    Z = np.concatenate([s.decimate(z, joint) for z, s in zip(made, segments)])
+    Z *= m.rows.scale[channel][:, None]
+    on = m.fitted.mask & m.rows.use[channel]
+    white = m.whiteners[channel]
+    a = np.linalg.lstsq((white @ Z)[on], (white @ torque)[on], rcond=1e-9)[0]
+    return np.asarray(Z @ a)
 
 
 def _wave(segments: Sequence[FineSegment], joint: int, k: float, rate: list[np.ndarray] | None) -> Made:

@@ -150,7 +150,7 @@ def _holding(
     if not (holds(others, m, whole, own, tau, alpha) and passes(state, whole, told, tau, alpha)):
         return None
     c = main_channel(own, whole.term, others)
-    if not sufficient(whole.term, own, sufficiency(others, m, whole.term, c, tau), tau):
+    if not sufficient(whole.term, own, sufficiency(others, m, whole, c, tau), tau):
         return None
     return whole, told, trial
 

@@ -3,13 +3,12 @@ everything."""
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
-from ident.diagnosis.evidence import Evidence, Metric
+from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.leading import beside_function
-from ident.diagnosis.nameless import Flexible, flexible
+from ident.diagnosis.nameless import Flexible, flexible, imitation
+from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 
@@ -60,20 +59,28 @@ def margin(numbers: int, tau: float) -> float:
     return tau * float(np.clip(numbers - LAW, -1, 1))
 
 
-def sufficiency(state: State, m: Metric, term: Term, c: int, tau: float) -> Flexible | None:
-    """The best function without a name of the signals that the effect reads. For a law of the position that
-    few robots have, other joints' positions are asked as well (LWR4+: five joints followed one signal, and a
-    counterbalance was told of the wrist)."""
-    read = signals_read(term)
-    if read is None or term.effect.replaces:  # what the study itself left out is there, whatever else is
+def sufficiency(state: State, m: Metric, r: Refined, c: int, tau: float) -> Flexible | None:
+    """The best function without a name of the signals that the effect reads. Of a law of the position alone
+    that polynomials in another joint's position imitate, its own torque, with what these say of it
+    (LWR4+: five joints follow one signal, and a ripple was told of the sixth's position)."""
+    read = signals_read(r.term)
+    if read is None or r.term.effect.replaces:  # what the study itself left out is there, whatever else is
         return None
     flex = ask(state, m, c, tau, read)
-    own = f"q{(term.place.joint or 0) + 1}"
-    if flex is None or term.effect.common or read != {own}:
+    own = f"q{(r.term.place.joint or 0) + 1}"
+    if read != {own} or c not in r.columns:
         return flex
-    others = (f"q{k + 1}" for k in range(state.segments[0].q.shape[1]))
-    asked = ((name, ask(state, m, c, tau, frozenset({name}))) for name in others if name != own)
-    return replace(flex, others=tuple((name, f.evidence.log_e) for name, f in asked if f is not None))
+    torque = r.columns[c] @ r.sizes
+    told = weigh(m, {c: torque[:, None]}, np.ones(1))
+    joint = state.model.channels[c].joint
+    likened = (
+        (f"q{k + 1}", imitation(m, c, joint, state.segments, k, torque))
+        for k in range(state.segments[0].q.shape[1])
+        if k != r.term.place.joint
+    )
+    says = tuple((name, weigh(m, {c: z[:, None]}, np.ones(1)).log_e) for name, z in likened)
+    copied = Flexible((own,), torque, r.gain, told, says)
+    return copied if move_alike(copied, tau) else flex
 
 
 def ask(

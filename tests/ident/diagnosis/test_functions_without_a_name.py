@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ident.diagnosis.nameless import Flexible, _ridge, flexible, wave_peaks
+from ident.diagnosis.nameless import Flexible, _ridge, flexible, imitation, wave_peaks
 from ident.diagnosis.opening import opened
 from ident.diagnosis.sufficiency import heard, move_alike, sufficient
 from ident.equations.prepared import prepare_study
@@ -78,3 +78,15 @@ def test_what_joints_that_move_alike_do_not_show_is_no_law():
     own = SimpleNamespace(log_e=150.0)
     assert move_alike(alone, 8.3) == () and sufficient(term, own, alone, 8.3)
     assert move_alike(alike, 8.3) == ("q1", "q3") and not sufficient(term, own, alike, 8.3)
+
+
+def test_a_wave_is_imitated_by_what_moves_alike_and_by_nothing_else(clean_arm):
+    state = clean_arm.state
+    first = 2 * np.pi / np.ptp(np.concatenate([s.q[:, 1] for s in state.segments]))
+    waves = [np.sin(2.4 * first * s.q[:, 1])[:, None] for s in state.segments]
+    torque = np.concatenate([s.decimate(z, 1)[:, 0] for s, z in zip(state.segments, waves)])
+    torque *= state.rows.scale[1]
+    on = state.rows.use[1]
+    left = [np.std((torque - imitation(state.metric, 1, 1, state.segments, k, torque))[on]) for k in range(3)]
+    assert left[1] < 0.01 * np.std(torque[on])  # its own position stands for one that is a copy of it
+    assert min(left[0], left[2]) > 0.5 * np.std(torque[on])
