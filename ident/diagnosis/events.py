@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.evidence import Columns, Evidence, Metric, side_of, weigh
-from ident.diagnosis.leading import fall_of_noise, outside_metric
+from ident.diagnosis.leading import outside_metric, quiet
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import Found, State
 from ident.diagnosis.sufficiency import NEARLY
@@ -198,7 +198,7 @@ def _likely(
     done = {term.key for term in state.terms}
     plain = whole(state.plain_metric, state.rows.usable)
     found: list[tuple[float, Term, dict[int, np.ndarray]]] = []
-    quiet: list[tuple[float, Term, dict[int, np.ndarray]]] = []
+    all_along: list[tuple[float, Term, dict[int, np.ndarray]]] = []
     tried = 0
     for effect in loads:
         for place in effect.places(layout):
@@ -218,9 +218,8 @@ def _likely(
             if gains[k] > tau:
                 found = _best([*found, (float(gains[k]), _window(term, *windows[k]), columns)])
             if (None, None) in windows:
-                quiet = _best([*quiet, (fall_of_noise(plain, columns), term, columns)])
-    listed = {(term.key, term.place.start, term.place.stop): (term, columns) for _, term, columns in quiet}
-    listed |= {(term.key, term.place.start, term.place.stop): (term, columns) for _, term, columns in found}
+                all_along = _best([*all_along, (quiet(plain, columns), term, columns)])
+    listed = {(t.key, t.place.start, t.place.stop): (t, columns) for _, t, columns in (*all_along, *found)}
     return list(listed.values()), tried
 
 

@@ -53,19 +53,17 @@ def _innovations(w: Whitener, noise: np.ndarray, counted: np.ndarray) -> float:
     return w.sigma * float(np.sqrt(np.mean((w @ noise)[counted] ** 2))) if counted.any() else np.inf
 
 
-def fall_of_noise(plain: Metric, columns: Columns) -> float:
-    """Nats by which what cannot be foretold of the residual falls with these columns in the model, every
-    channel by the noise that is left there; plain: rows as if their noise were white."""
+def quiet(plain: Metric, columns: Columns) -> float:
+    """How little of the residual cannot be foretold with these columns in the model, every channel by the
+    noise that is left there: nats, but for a constant; plain: rows as if their noise were white."""
     side, rows, told = plain.fitted, plain.rows, 0.0
     white = plain.whiten(columns)
     sizes, _ = fit_sizes(plain, columns)
     after = changed(plain, side, white, sizes, project(plain, side, white)[0])
     for c in range(rows.channels):  # the model answers in all of them
         use = side.mask & rows.use[c]
-        if not use.any():
-            continue
-        before, left = (news(rows, r[c], use) for r in (side.residual, after))
-        told += float(side.free[c]) / 2 * float(np.log(before / max(left, 1e-300)))
+        if use.any():
+            told -= float(side.free[c]) / 2 * float(np.log(max(news(rows, after[c], use), 1e-300)))
     return told
 
 

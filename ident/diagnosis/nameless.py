@@ -52,33 +52,34 @@ class Flexible:
 
 def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:
     """Scaled signals of a joint (0-based) and of the others; load (N,) per segment [N m]."""
-
-    def scaled(parts: list[np.ndarray], centre: bool) -> list[np.ndarray]:
-        whole = np.concatenate(parts)
-        middle = 0.5 * (whole.max() + whole.min()) if centre else 0.0
-        reach = max(float(np.abs(whole - middle).max()), 1e-12)
-        return [(part - middle) / reach for part in parts]
-
     n = segments[0].q.shape[1]
     number = joint + 1
     own = {
-        f"q{number}": scaled([s.q[:, joint] for s in segments], True),
-        f"dq{number}": scaled([s.dq[:, joint] for s in segments], False),
-        f"ddq{number}": scaled([s.ddq[:, joint] for s in segments], False),
-        "tau": scaled(list(load), False),
-        "t": scaled([s.t for s in segments], True),
+        f"q{number}": _scaled([s.q[:, joint] for s in segments], True),
+        f"dq{number}": _scaled([s.dq[:, joint] for s in segments], False),
+        f"ddq{number}": _scaled([s.ddq[:, joint] for s in segments], False),
+        "tau": _scaled(list(load), False),
+        "t": _scaled([s.t for s in segments], True),
     }
     for name, parts in _memory(segments, joint).items():
-        own[name] = scaled(parts, False)
+        own[name] = _scaled(parts, False)
     others = {}
     for k in range(n):
         if k != joint:
-            others[f"q{k + 1}"] = scaled([s.q[:, k] for s in segments], True)
-            others[f"dq{k + 1}"] = scaled([s.dq[:, k] for s in segments], False)
-            others[f"ddq{k + 1}"] = scaled([s.ddq[:, k] for s in segments], False)
+            others[f"q{k + 1}"] = _scaled([s.q[:, k] for s in segments], True)
+            others[f"dq{k + 1}"] = _scaled([s.dq[:, k] for s in segments], False)
+            others[f"ddq{k + 1}"] = _scaled([s.ddq[:, k] for s in segments], False)
     speed = np.abs(np.concatenate(own[f"dq{number}"]))
     low = float(np.quantile(speed, 0.05))
     return Signals(own, others, tuple(np.geomspace(max(low, 3e-3), 0.5, 4)))
+
+
+def _scaled(parts: Sequence[np.ndarray], centre: bool) -> list[np.ndarray]:
+    """To at most one, about zero or about the middle of their range."""
+    whole = np.concatenate(list(parts))
+    middle = 0.5 * (whole.max() + whole.min()) if centre else 0.0
+    reach = max(float(np.abs(whole - middle).max()), 1e-12)
+    return [(part - middle) / reach for part in parts]
 
 
 def _within(signals: Signals, m: Metric, segments: Sequence[FineSegment]) -> Signals:
@@ -258,9 +259,8 @@ def imitation(
 ) -> np.ndarray:
     """(M,) the polynomial in another joint's position that comes nearest to a torque (M,) on the fitted rows.
     (No hats: what bends at a point is all new to a whitener of smooth noise.)"""
-    whole = np.concatenate([s.q[:, other] for s in segments])
-    middle, reach = 0.5 * (whole.max() + whole.min()), max(0.5 * float(np.ptp(whole)), 1e-12)
-    made = (np.polynomial.legendre.legvander((s.q[:, other] - middle) / reach, BENDS) for s in segments)
+    position = _scaled([s.q[:, other] for s in segments], True)
+    made = (np.polynomial.legendre.legvander(x, BENDS) for x in position)
     Z = np.concatenate([s.decimate(z, joint) for z, s in zip(made, segments)])
     Z *= m.rows.scale[channel][:, None]
     on = m.fitted.mask & m.rows.use[channel]

@@ -66,21 +66,25 @@ def sufficiency(state: State, m: Metric, r: Refined, c: int, tau: float) -> Flex
     read = signals_read(r.term)
     if read is None or r.term.effect.replaces:  # what the study itself left out is there, whatever else is
         return None
-    flex = ask(state, m, c, tau, read)
     own = f"q{(r.term.place.joint or 0) + 1}"
-    if read != {own} or c not in r.columns:
-        return flex
+    if read == {own} and c in r.columns:
+        copied = _copied(state, m, r, c, own)
+        if move_alike(copied, tau):
+            return copied
+    return ask(state, m, c, tau, read)
+
+
+def _copied(state: State, m: Metric, r: Refined, c: int, own: str) -> Flexible:
+    """The effect's own torque, and what it says as a function of each other joint's position."""
     torque = r.columns[c] @ r.sizes
-    told = weigh(m, {c: torque[:, None]}, np.ones(1))
     joint = state.model.channels[c].joint
-    likened = (
-        (f"q{k + 1}", imitation(m, c, joint, state.segments, k, torque))
+    others = {
+        f"q{k + 1}": imitation(m, c, joint, state.segments, k, torque)
         for k in range(state.segments[0].q.shape[1])
         if k != r.term.place.joint
-    )
-    says = tuple((name, weigh(m, {c: z[:, None]}, np.ones(1)).log_e) for name, z in likened)
-    copied = Flexible((own,), torque, r.gain, told, says)
-    return copied if move_alike(copied, tau) else flex
+    }
+    told, *says = (weigh(m, {c: z[:, None]}, np.ones(1)) for z in (torque, *others.values()))
+    return Flexible((own,), torque, r.gain, told, tuple(zip(others, (e.log_e for e in says))))
 
 
 def ask(

@@ -55,9 +55,8 @@ def whiteners(rows: Rows, residual: np.ndarray, usable: np.ndarray) -> tuple[Whi
 
 def whitener(rows: Rows, residual: np.ndarray, counted: np.ndarray, use: np.ndarray) -> Whitener:
     """Noise from the `counted` rows, whitening for every row of `use`."""
-    longest = max(1, round(MEMORY_S / rows.hop))
     calm = counted & _calm(rows, residual, counted)
-    coefficients, covariance, variance = burg(residual, calm, rows.piece, longest)
+    coefficients, covariance, variance = burg(residual, calm, rows.piece, _memory(rows))
     extended = _extend(covariance, coefficients, 2 * max(len(coefficients), 1))
     L = _vecchia(use, rows.piece, extended, len(coefficients))
     return Whitener(L, float(np.sqrt(variance)), coefficients)
@@ -65,7 +64,12 @@ def whitener(rows: Rows, residual: np.ndarray, counted: np.ndarray, use: np.ndar
 
 def news(rows: Rows, residual: np.ndarray, counted: np.ndarray) -> float:
     """Variance of what the past of a channel's residual (M,) does not foretell, over the `counted` rows."""
-    return burg(residual, counted, rows.piece, max(1, round(MEMORY_S / rows.hop)))[2]
+    return burg(residual, counted, rows.piece, _memory(rows))[2]
+
+
+def _memory(rows: Rows) -> int:
+    """Rows of the longest correlation that counts as noise."""
+    return max(1, round(MEMORY_S / rows.hop))
 
 
 def _calm(rows: Rows, residual: np.ndarray, counted: np.ndarray) -> np.ndarray:

@@ -16,8 +16,8 @@ import yaml
 
 from ident.diagnosis.deciding import SoFar
 from ident.diagnosis.requests import request_of, separable
-from ident.excitation.before import so_far
 from ident.excitation.limits import ExcitationError
+from ident.excitation.so_far import so_far
 
 RIVALS = 3
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from ident.equations.terms import plain
-from ident.excitation.before import nothing
 from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.holding import Holding
 from ident.excitation.information import CRITERIA, Rows, along, criteria, scaled_condition
@@ -24,6 +23,7 @@ from ident.excitation.recorded import Recorded, recorded_motion
 from ident.excitation.self_collision import self_collision
 from ident.excitation.sensitivity import FINE_HZ, Visible, projector, table
 from ident.excitation.separate import RATE_HZ, Projector, Separation
+from ident.excitation.so_far import nothing
 from ident.excitation.suspects import Separated, suspects, told
 from ident.excitation.urdf_shapes import link_places
 from ident.progress import Progress, silent

@@ -18,14 +18,14 @@ from ident.diagnosis.diagnosis import Diagnosis
 from ident.diagnosis.findings import Finding
 from ident.diagnosis.requests import request_of, robot_of, separable
 from ident.errors import IdentError
-from ident.excitation.before import so_far as read
-from ident.excitation.before import written
 from ident.excitation.known import Known, as_motion, standard_of
 from ident.excitation.limits import bounds_of
 from ident.excitation.motion import basis_for
 from ident.excitation.optimal import random_motion
 from ident.excitation.seen import Recordings, Seen, label_of, seen
 from ident.excitation.separate import RATE_HZ, Imitation, Projector, Separation
+from ident.excitation.so_far import so_far as read
+from ident.excitation.so_far import written
 from ident.excitation.suspects import suspects
 from modelgen.errors import ModelgenError
 from modelgen.geometry.robot_file import load_robot

@@ -23,11 +23,11 @@ import scipy.signal
 
 from ident.diagnosis.deciding import SoFar, seconds_either_way, seconds_needed
 from ident.equations.terms import Term, plain, torque_of
-from ident.excitation.before import Before, nothing
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion
 from ident.excitation.motion import Basis
 from ident.excitation.same import proof_in_limit
+from ident.excitation.so_far import Before, nothing
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Motion
 

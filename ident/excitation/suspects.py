@@ -15,11 +15,11 @@ import numpy as np
 
 from ident.diagnosis.deciding import NOTHING, PATIENCE, SoFar
 from ident.equations.terms import Term
-from ident.excitation.before import Before, nothing
 from ident.excitation.known import ROWS_HZ, Known, sized, term_of
 from ident.excitation.limits import Bounds, ExcitationError
 from ident.excitation.same import proof, proof_in_limit
 from ident.excitation.separate import NEAR, Imitation, Projector, contained, imitation, seconds_of
+from ident.excitation.so_far import Before, nothing
 
 Array = np.ndarray
 SURE = "right in 99 of 100 cases, when as much again is fitted"

@@ -12,12 +12,12 @@ from benchmarks.closing_twice import ARM
 from ident.diagnosis.deciding import NOTHING, SoFar
 from ident.diagnosis.evidence import BLOCK_S, FEWEST, enough
 from ident.diagnosis.loop import threshold
-from ident.excitation.before import so_far, written
 from ident.excitation.known import ROWS_HZ, as_motion, known_robot, term_of
 from ident.excitation.limits import bounds_of
 from ident.excitation.motion import Basis
 from ident.excitation.seen import Recordings
 from ident.excitation.separate import Projector
+from ident.excitation.so_far import so_far, written
 from ident.excitation.suspects import suspects, told
 from ident.twin.requests import parse_effect
 from ident.twin.twin import ActiveEffect, make_twin, run_twin
