@@ -39,7 +39,13 @@ class Library:
 
     def __init__(self, effects: Sequence[Effect], layout: Layout, limit_bytes: float = 6e8) -> None:
         self.layout = layout
-        self.places = [(e, place) for e in effects if not e.windowed for place in e.places(layout)]
+        self.places = [
+            (e, place)
+            for e in effects
+            if not e.windowed
+            for place in e.places(layout)
+            if not layout.covers(place.joint, e.replaces)  # its columns are the model's own, but for rounding
+        ]
         self.events = [e for e in effects if e.windowed]
         self.kept: dict[tuple, dict[int, np.ndarray]] = {}
         self.room = limit_bytes

@@ -18,8 +18,6 @@ from ident.diagnosis.settling import refined_together
 from ident.diagnosis.state import Found, State, with_found
 from ident.diagnosis.terms import Term
 
-SEEN = 1e-5  # share of a column that the model leaves, below which it has the term
-
 
 def left_out(
     state: State, library: Library, tau: float
@@ -33,7 +31,7 @@ def left_out(
         if not effect.replaces or place.joint is None or term.key in known:
             continue
         columns = state.scene.columns(term)
-        if columns and weigh(state.metric, columns).left > SEEN:
+        if columns:
             r = Refined(term, columns, *fit_sizes(state.metric, columns))
             groups.setdefault(effect.name, []).append(r)
     told = [(group, _together(state, group)) for group in groups.values() if len(group) > 1]

@@ -31,15 +31,15 @@ def layout_of(study: Study, columns: Columns, travel: Sequence[float] = ()) -> L
     if study.gravity is not None:
         robot = robot.with_gravity(study.gravity)
     labels = tuple(entry.label for entry in study.recordings)
-    return Layout(robot, columns.need.channels, labels, tuple(travel), drives_of(columns))
+    gone = [name for name in columns.model.parameters if name not in columns.parameters]
+    kinds = (_kinds(names, columns.need.joints) for names in (columns.parameters, gone))
+    return Layout(robot, columns.need.channels, labels, tuple(travel), *kinds)
 
 
-def drives_of(columns: Columns) -> tuple[frozenset[str], ...]:
-    """Kinds of the drive parameters that the model has, joint by joint."""
-    parsed = [its for name in columns.parameters if (its := ParameterName.of(name)) and not its.payload]
-    return tuple(
-        frozenset(its.kind for its in parsed if its.label == str(label)) for label in columns.need.joints
-    )
+def _kinds(parameters: Sequence[str], joints: Sequence[int]) -> tuple[frozenset[str], ...]:
+    """Kinds of some parameters, joint by joint."""
+    parsed = [its for name in parameters if (its := ParameterName.of(name)) and not its.payload]
+    return tuple(frozenset(its.kind for its in parsed if its.label == str(label)) for label in joints)
 
 
 def terms_of(study: Study, columns: Columns, layout: Layout) -> tuple[Term, ...]:
@@ -66,7 +66,7 @@ def known_effect(study: Study, name: str) -> Effect:
 def _term(study: Study, entry: EffectEntry, columns: Columns, layout: Layout) -> Term:
     effect = known_effect(study, entry.effect)
     place = _place(effect, entry, columns, layout)
-    _check_new(study, effect, place, columns)
+    _check_new(effect, place, columns, layout)
     linear, shape = _given(effect, entry)
     own = effect.parameters_of(place)
     more = tuple(p.name for p in effect.linear if p.optional and p.name in linear and p.name not in own)
@@ -140,12 +140,10 @@ def _position(number: int, joints: Sequence[int]) -> int:
     return list(joints).index(number)
 
 
-def _check_new(study: Study, effect: Effect, place: Place, columns: Columns) -> None:
+def _check_new(effect: Effect, place: Place, columns: Columns, layout: Layout) -> None:
     """Refuse a term that the model has already: friction that `without` did not take away."""
-    kinds = effect.replaces
-    label = None if place.joint is None else str(columns.need.joints[place.joint])
-    parsed = [its for name in columns.parameters if (its := ParameterName.of(name))]
-    if any(its.kind in kinds and its.label == label for its in parsed):
+    if layout.covers(place.joint, effect.replaces):
+        label = None if place.joint is None else columns.need.joints[place.joint]
         raise ValueError(
             f"{effect.name}:{label} is in the model already; remove it here, or add without: "
             f"[{effect.name}:{label}]"

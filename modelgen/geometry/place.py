@@ -3,7 +3,7 @@ fitted."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -75,14 +75,16 @@ class Place:
 
 @dataclass(frozen=True)
 class Layout:
-    """What there is to place effects on. `travel`: range of each joint [rad | m]; `drives`: kinds of drive
-    parameters that the model has, joint by joint (empty: not known)."""
+    """What there is to place effects on. `travel`: range of each joint [rad | m]; `drives` and `left_out`:
+    kinds of drive parameters that the model has, and that a study took out of it, joint by joint (empty: not
+    known)."""
 
     robot: Robot
     channels: tuple[Channel, ...]
     recordings: tuple[str, ...] = ()
     travel: tuple[float, ...] = ()
     drives: tuple[frozenset[str], ...] = ()
+    left_out: tuple[frozenset[str], ...] = ()
 
     @property
     def n(self) -> int:
@@ -96,6 +98,12 @@ class Layout:
     @property
     def sides(self) -> frozenset[str]:
         return frozenset(c.side for c in self.channels)
+
+    def covers(self, joint: int | None, kinds: Collection[str]) -> bool:
+        """Whether the model has parameters of these kinds at a joint, as themselves or in a sum."""
+        if not kinds or joint is None or not self.left_out:
+            return False
+        return self.left_out[joint].isdisjoint(kinds)
 
     def place(self, joint: int | None = None, source: int | None = None, **more: object) -> Place:
         """A place that knows whether its joints slide, and what the model has there."""
