@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ident.diagnosis.fine import FINE_HZ, SIGNALS, FineSegment, _strided, _taps, stride_of
+from ident.diagnosis.fine import FINE_HZ, SIGNALS, FineSegment, _about, _strided, _taps, stride_of
 from ident.diagnosis.terms import Scene, motion_of
 from ident.signals.decimation import decimate, kept_every
 from ident.signals.filtering import LowPass
@@ -49,6 +49,17 @@ def test_uncertain_samples_do_not_count():
     s = segment(4000, 5, certain)
     out = s.decimate(np.ones((800, 1)), 0)[:, 0]
     assert out.min() < 1e-2 and np.allclose(out[[0, -1]], 1.0, atol=1e-3)
+
+
+def test_a_weight_that_falls_for_three_samples():
+    """A joint turns in milliseconds: what its rows lose there, columns of every fifth sample lose."""
+    weight = np.ones((6000, 1))
+    for turn in range(237, 6000, 731):
+        weight[turn : turn + 3] = 0.0
+    x = np.sin(2 * np.pi * 1.3 * np.arange(6000) / RATE)[:, None]
+    s = segment(6000, 5, _about(weight, np.arange(4, 6000, 5), 5))
+    inside = slice(4, -4)
+    assert np.allclose(s.decimate(x[4::5], 0)[inside], decimate(weight * x, RATE, CUTOFF)[inside], atol=2e-3)
 
 
 @pytest.mark.parametrize(("N", "every", "filter"), [
