@@ -24,6 +24,7 @@ from ident.diagnosis.findings import (
     explainable,
     findings_of,
     hint_of,
+    in_doubt,
     not_fitted,
     told_by_checks,
     unexplained_of,
@@ -139,7 +140,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
-    findings = (*told_by_checks(study, mended, checks), *found)
+    findings = (*told_by_checks(study, mended, checks), *in_doubt(found, checks))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += tuple(not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained)

@@ -34,12 +34,13 @@ ESTABLISHED, PARTLY = "established", "partly"
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """Another explanation of a finding. equivalent: these data cannot reject it."""
+    """Another explanation of a finding that these data cannot reject; None: named by a check of the
+    recordings, its evidence was not weighed."""
 
     effect: str
     joints: tuple[int, ...]
-    log_e: float
-    error_drop_percent: float
+    log_e: float | None
+    error_drop_percent: float | None
     source_joint: int | None = None  # of a pair of joints, the other one
     link: int | None = None
     seconds: float | None = None  # of motion as recorded until the two are told apart
@@ -319,7 +320,7 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
                 its = effect.reported[0]
                 std = None if check.spread is None else gain * check.spread
                 values[its.name] = {"value": gain, "std": std, "unit": its.unit, "at_bound": False}
-        joints = tuple(int("".join(filter(str.isdigit, name)) or 0) for name in check.signals)
+        joints = tuple(_joint(name) for name in check.signals)
         side = "tau_l" if any(name.startswith("tau_l") for name in check.signals) else "tau_m"
         out.append(
             Finding(
@@ -328,6 +329,24 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
             )
         )  # fmt: skip
     return tuple(out)
+
+
+def in_doubt(findings: Sequence[Finding], checks: Sequence[Check]) -> tuple[Finding, ...]:
+    """With the other signals where a check that tells the same effect leaves open of which signal it is. (Of
+    two joints one torque is five times too large, or the other five times too small.)"""
+    by_check = {name: e.name for e in catalogue().values() for name in e.told_by}
+    out = []
+    for f in findings:
+        open_ = [c.signals for c in checks if by_check.get(c.check) == f.effect and undoing(c) is None]
+        own = {f"{f.channel}{joint}" for joint in f.joints}
+        others = {name for signals in open_ if own & set(signals) for name in signals} - own
+        told = (Alternative(f.effect, (_joint(name),), None, None) for name in sorted(others))
+        out.append(replace(f, equivalent=(*f.equivalent, *told)))
+    return tuple(out)
+
+
+def _joint(signal: str) -> int:
+    return int("".join(filter(str.isdigit, signal)) or 0)
 
 
 def explainable(outcome: Outcome) -> dict[str, dict[str, float]]:

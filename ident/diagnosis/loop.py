@@ -150,8 +150,8 @@ def trace(
                 continue
             if held is None:
                 break
-            taken, evidence, state = held
-            steps.append(Step(taken.term, evidence, (), could_stand(weighed, taken, tau)))
+            taken, evidence, state, same = held
+            steps.append(Step(taken.term, evidence, same, could_stand(weighed, taken, tau)))
             continue
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
@@ -163,9 +163,9 @@ def trace(
                 continue
         flex = sufficiency(state, weighed.metric, best, c, tau)
         if flex is not None and not sufficient(best.term, evidence, flex, tau):
-            held = settled_in(state, weighed, best, c, tau, alpha)
-            if held is not None:
-                taken, evidence, state = held
+            afresh = settled_in(state, weighed, best, c, tau, alpha)
+            if afresh is not None:
+                taken, evidence, state = afresh
                 steps.append(Step(taken.term, evidence, (), could_stand(weighed, best, tau)))
                 continue
             alike = move_alike(flex, tau)
@@ -219,14 +219,15 @@ def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: fl
 
 def _doubtful(
     state: State, weighed: Weighed, tau: float, alpha: float
-) -> tuple[Refined, Evidence, State] | None:
+) -> tuple[Refined, Evidence, State, tuple[Equivalent, ...]] | None:
     """Where nothing holds but something says much, or upsets the judged rows: whether it holds once it was
-    settled in."""
+    settled in, and what would explain as much."""
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and e.gain > tau and not r.at_bound]
     if not likely:
         return settled_anew(state, weighed, tau, alpha)
     best, evidence = max(likely, key=lambda its: its[1].log_e)
-    return settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
+    held = settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
+    return None if held is None else (*held, ())
 
 
 def _at_an_end(

@@ -140,6 +140,7 @@ def _local(x: np.ndarray) -> np.ndarray:
     return np.maximum(0.0, 1.0 - np.abs(x[:, None] - np.linspace(-1.0, 1.0, HATS)) / width)
 
 
+Signal = Callable[[FineSegment], np.ndarray]  # (N,) of a segment
 Made = Callable[[int], np.ndarray]  # number of a segment -> (N, k) on its fine samples
 Column = Callable[[Made], np.ndarray]  # the same on the rows: (M, k)
 
@@ -255,12 +256,12 @@ def flexible(
 
 
 def imitation(
-    m: Metric, channel: int, joint: int, segments: Sequence[FineSegment], other: int, torque: np.ndarray
+    m: Metric, channel: int, joint: int, segments: Sequence[FineSegment], signal: Signal, torque: np.ndarray
 ) -> np.ndarray:
-    """(M,) the polynomial in another joint's position that comes nearest to a torque (M,) on the fitted rows.
-    (No hats: what bends at a point is all new to a whitener of smooth noise.)"""
-    position = _scaled([s.q[:, other] for s in segments], True)
-    made = (np.polynomial.legendre.legvander(x, BENDS) for x in position)
+    """(M,) the polynomial in a signal that comes nearest to a torque (M,) on the fitted rows. (No hats: what
+    bends at a point is all new to a whitener of smooth noise.)"""
+    scaled = _scaled([signal(s) for s in segments], True)
+    made = (np.polynomial.legendre.legvander(x, BENDS) for x in scaled)
     Z = np.concatenate([s.decimate(z, joint) for z, s in zip(made, segments)])
     Z *= m.rows.scale[channel][:, None]
     on = m.fitted.mask & m.rows.use[channel]

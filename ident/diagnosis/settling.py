@@ -25,7 +25,7 @@ from ident.diagnosis.state import (
 )
 from ident.diagnosis.sufficiency import sufficiency, sufficient
 from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Weighed, holds, main_channel, passes
+from ident.diagnosis.weighing import Equivalent, Weighed, holds, main_channel, passes
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Place
 
@@ -33,8 +33,7 @@ ROUNDS, STAYS = 5, 0.03  # of a size: what it may still move by
 LATE_S = (0.005, 0.01, 0.02, 0.04)  # delays and lags to begin with; a turn-over imitates none that is early
 LATE_ROUNDS, LATEST = 3, 3  # of a delay and the turn-over beside it; hypotheses that are settled whole
 LIKELY = 0.8  # of the best one's gain, from which on another is settled, too
-UPSET = 2  # of what upsets the judged rows that many are settled whole
-SETTLED = 6  # explanations that are settled whole where the first one is not sufficient
+SETTLED = 6  # explanations that are settled whole where none holds as it is
 
 
 def refined_together(state: State) -> State:
@@ -176,20 +175,28 @@ def settled_in(
 
 def settled_anew(
     state: State, weighed: Weighed, tau: float, alpha: float
-) -> tuple[Refined, Evidence, State] | None:
+) -> tuple[Refined, Evidence, State, tuple[Equivalent, ...]] | None:
     """Of what the fitted rows ask for most and the judged ones speak against, one that holds once it was
     settled in: a model that settled without it has something else in its place, and beside that it must fail
     elsewhere. (Of 1.9 mrad of backlash a turn-over of dry friction was left: 1,500 nats on the fitted rows,
-    -40 on the judged ones, and 750 with the turn-over taken anew.) What shifts the torque in time has its own
-    way, `in_time`."""
+    -40 on the judged ones, and 750 with the turn-over taken anew.) With what would explain as much in its
+    place, on its channels or on others. What shifts the torque in time has its own way, `in_time`."""
     upset = [
         (r, e)
         for r, e in weighed.all
         if e.gain > tau and e.log_e < -tau and not r.at_bound and not r.term.effect.shifts_time
     ]
-    for r, e in sorted(upset, key=lambda its: -its[1].gain)[:UPSET]:
+    held = []
+    for r, e in sorted(upset, key=lambda its: -its[1].gain)[:SETTLED]:
         joint = state.model.channels[main_channel(e, r.term, state)].joint
-        held = _holding(state, _afresh(state, r, joint), r.term, tau, alpha)
-        if held is not None:
-            return held
-    return None
+        trial = _holding(state, _afresh(state, r, joint), r.term, tau, alpha)
+        held += [] if trial is None else [trial]
+    if not held:
+        return None
+    (best, evidence, settled), *others = held
+    same = (
+        Equivalent(r.term, e.log_e)
+        for r, e, _ in others
+        if abs(e.log_e - evidence.log_e) < tau and weigh(settled.metric, r.columns).log_e < tau
+    )
+    return best, evidence, settled, tuple(same)

@@ -7,7 +7,7 @@ import numpy as np
 
 from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.leading import beside_function
-from ident.diagnosis.nameless import Flexible, flexible, imitation
+from ident.diagnosis.nameless import Flexible, Signal, flexible, imitation
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -60,31 +60,37 @@ def margin(numbers: int, tau: float) -> float:
 
 
 def sufficiency(state: State, m: Metric, r: Refined, c: int, tau: float) -> Flexible | None:
-    """The best function without a name of the signals that the effect reads. Of a law of the position alone
-    that polynomials in another joint's position imitate, its own torque, with what these say of it
-    (LWR4+: five joints follow one signal, and a ripple was told of the sixth's position)."""
+    """The best function without a name of the signals that the effect reads. Of a law of the position alone,
+    or of another joint's motion, that polynomials in a third one's motion imitate, its own torque, with what
+    these say of it (LWR4+: five joints follow one signal, and a ripple was told of the sixth's position)."""
     read = signals_read(r.term)
     if read is None or r.term.effect.replaces:  # what the study itself left out is there, whatever else is
         return None
-    own = f"q{(r.term.place.joint or 0) + 1}"
-    if read == {own} and c in r.columns:
-        copied = _copied(state, m, r, c, own)
+    place = r.term.place
+    if (place.source is not None or read == {f"q{(place.joint or 0) + 1}"}) and c in r.columns:
+        copied = _copied(state, m, r, c, tuple(sorted(read)))
         if move_alike(copied, tau):
             return copied
     return ask(state, m, c, tau, read)
 
 
-def _copied(state: State, m: Metric, r: Refined, c: int, own: str) -> Flexible:
-    """The effect's own torque, and what it says as a function of each other joint's position."""
+def _copied(state: State, m: Metric, r: Refined, c: int, read: tuple[str, ...]) -> Flexible:
+    """The effect's own torque, and what it says as a function of each signal of another joint's motion."""
     torque = r.columns[c] @ r.sizes
-    joint = state.model.channels[c].joint
+    joint, place = state.model.channels[c].joint, r.term.place
+    whose = place.joint if place.source is None else place.source
     others = {
-        f"q{k + 1}": imitation(m, c, joint, state.segments, k, torque)
+        f"{kind}{k + 1}": imitation(m, c, joint, state.segments, _signal(kind, k), torque)
         for k in range(state.segments[0].q.shape[1])
-        if k != r.term.place.joint
+        for kind in ("q", "dq", "ddq")
+        if k != whose
     }
     told, *says = (weigh(m, {c: z[:, None]}, np.ones(1)) for z in (torque, *others.values()))
-    return Flexible((own,), torque, r.gain, told, tuple(zip(others, (e.log_e for e in says))))
+    return Flexible(read, torque, r.gain, told, tuple(zip(others, (e.log_e for e in says))))
+
+
+def _signal(kind: str, k: int) -> Signal:
+    return lambda segment: np.asarray(getattr(segment, kind)[:, k])
 
 
 def ask(

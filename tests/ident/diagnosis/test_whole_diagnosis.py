@@ -1,6 +1,7 @@
 """End to end on an arm of three joints: an effect by its name, silence, and a shape that has no name."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,11 +9,13 @@ import pytest
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.candidates import Library, linear_gains, screen
 from ident.diagnosis.document import diagnosis_document
+from ident.diagnosis.findings import ESTABLISHED, Finding, in_doubt
 from ident.diagnosis.loop import BUDGET, threshold
 from ident.diagnosis.sufficiency import signals_read
 from ident.diagnosis.terms import Term
 from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import found_effects
+from ident.examination.check import Check
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place
 
@@ -79,6 +82,17 @@ def test_a_torque_with_the_other_sign_is_said_first(arm):
     diagnosis = diagnose_study(arm(change=turned))
     assert diagnosis.findings[0].effect == "torque_sign" and diagnosis.findings[0].joints == (2,)
     assert len(diagnosis.findings) == 1
+
+
+def test_a_check_that_leaves_open_which_torque_it_is_is_said_beside_the_finding():
+    """Two joints alone: one torque five times too large, or the other five times too small."""
+    gain = Finding("drive_gain_error", (1,), "tau_m", {}, {}, 0, 19.0, 30.0, 80.0, (), "", ESTABLISHED, "")
+    other = replace(gain, effect="spring")
+    either = Check("torque_scale", ("tau_m2", "tau_m1"), "", "write columns: {...} or columns: {...}")
+    one = Check("torque_scale", ("tau_m3",), "", "columns: {tau_m3: {scale: 2}}")
+    told = in_doubt((gain, other), (either, one))
+    assert [(a.effect, a.joints, a.log_e) for a in told[0].equivalent] == [("drive_gain_error", (2,), None)]
+    assert told[1] == other and in_doubt((gain,), (one,)) == (gain,)
 
 
 def test_the_screen_puts_the_effect_on_its_list(arm, clean_arm):
