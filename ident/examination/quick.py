@@ -153,6 +153,12 @@ class Normal:
         each, factor = (np.arange(len(how.order)), list(how.order)), np.array(how.factor)
         return factor**2 * self.yy[each], factor[:, None] * self.v[each]
 
+    def size_beside(self, other: Normal, how: Assignment) -> np.ndarray:
+        """(C,) |Y| of the torques that the channels then have, over those of other recordings; 1 where there
+        are none."""
+        mine, its = self.right(how)[0], other.right(how)[0]
+        return np.sqrt(np.where(its > 0, mine / np.where(its > 0, its, 1.0), 1.0))
+
     def errors(self, chi: np.ndarray, how: Assignment) -> np.ndarray:
         """(C,) relative; NaN where nothing is seen."""
         size, v = self.right(how)

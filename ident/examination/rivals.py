@@ -106,7 +106,7 @@ def _without(
         Y[:, own] -= taken * z
         less.append(replace(s, Y=Y))
     made = replace(whole, samples=tuple(less), identify=replace(whole.identify, v=v, yy=yy))
-    return share, Rival("", Explained(made, made.fit(how), how))
+    return share, Rival("", Explained.less(made, how, whole))
 
 
 def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:

@@ -22,16 +22,26 @@ def all_rows(quick: Quick) -> Quick:
 
 @dataclass(frozen=True, slots=True)
 class Explained:
-    """Recordings, a fit of them, and what it took of their torques."""
+    """Recordings, a fit of them, and what it took of their torques. recorded: those in which nothing was
+    taken from a torque; errors are shares of what there was, or what takes most of a torque away explains
+    least of the rest."""
 
     quick: Quick
     fit: Fit
     how: Assignment
+    recorded: Quick | None = None
+
+    @classmethod
+    def less(cls, quick: Quick, how: Assignment, recorded: Quick) -> Explained:
+        """Recordings from whose torques something is taken."""
+        fit = quick.fit(how)
+        error = fit.error * quick.identify.size_beside(recorded.identify, how)
+        return cls(quick, replace(fit, error=error), how, recorded)
 
     def squares(self, s: Sample, c: int) -> np.ndarray:
         """(N,) squared errors of a channel of one of the recordings, as shares of its mean square."""
-        k, f = self.how.order[c], self.how.factor[c]
-        size = f * f * self.quick.identify.yy[c, k] / max(self.quick.identify.rows[c], 1.0)
+        k, f, its = self.how.order[c], self.how.factor[c], (self.recorded or self.quick).identify
+        size = f * f * its.yy[c, k] / max(its.rows[c], 1.0)
         return s.weight[:, c] * (f * s.Y[:, k] - s.W[c] @ self.fit.chi) ** 2 / max(size, 1e-300)
 
 
@@ -44,8 +54,7 @@ def stretch_gains(one: Explained, other: Explained) -> np.ndarray:
         for c, left in enumerate(one.fit.error * other.fit.error):
             if np.isfinite(left) and left > 0:
                 gain += 0.5 * (one.squares(s, c) - other.squares(its, c)) / left
-        pieces = np.array_split(gain, max(2, CLUSTERS // len(one.quick.fitted)))
-        out += [float(piece.sum()) for piece in pieces]
+        out += [float(gain[rows].sum()) for rows in _pieces(one.quick, s)]
     return np.array(out)
 
 
@@ -53,6 +62,27 @@ def agreed(one: Explained, other: Explained, rate: float) -> bool:
     """Whether stretches of the recordings are explained better by the other fit, but for chance at this
     rate."""
     return beyond_chance(stretch_gains(one, other), rate)
+
+
+def steadily(one: Explained, other: Explained, rate: float) -> bool:
+    """The same by logarithms of what is left of every torque in each stretch, so that no stretch says more
+    than another: a fault shows all along."""
+    gains = []
+    for s, its in zip(one.quick.fitted, other.quick.fitted):
+        pieces = _pieces(one.quick, s)
+        gain = np.zeros(len(pieces))
+        for c in np.flatnonzero(np.isfinite(one.fit.error)).tolist():
+            before, after = (
+                [max(x[k].sum(), 1e-300) for k in pieces] for x in (one.squares(s, c), other.squares(its, c))
+            )
+            gain = gain + 0.5 * np.log(np.divide(before, after))
+        gains.append(gain)
+    return beyond_chance(np.concatenate(gains), rate)
+
+
+def _pieces(quick: Quick, s: Sample) -> list[np.ndarray]:
+    """Rows of the stretches of a recording that is fitted."""
+    return np.array_split(np.arange(len(s.q)), max(2, CLUSTERS // len(quick.fitted)))
 
 
 def beyond_chance(gains: np.ndarray, rate: float) -> bool:

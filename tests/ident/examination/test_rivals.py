@@ -68,6 +68,50 @@ def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
     assert check.check == "poor_excitation" and words in check.message
 
 
+def _five_seconds(study):
+    """Of what validates, with the default filter."""
+    short = [r if r.use == "identify" else r.model_copy(update={"to_s": 5.0}) for r in study.recordings]
+    return study.with_(recordings=tuple(short), filter=type(study.filter)())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda c: c | {"tau_m2": 1.3 * c["tau_m2"]},
+        lambda c: c | {"q3": c["q3"] + 0.2},
+        lambda c: c | {"q4": c["q4"] + 0.2},
+        lambda c: c | {"tau_m5": c["tau_m5"] + 0.3 * c["tau_m4"]},
+    ],
+    ids=["factor", "zero of 3", "zero of 4", "share"],
+)
+def test_a_slow_motion_blames_nothing_of_what_it_cannot_foretell(tmp_path, change):
+    """Of a KR 300 'tau_m1 times 40' was told: validate happened to be foretold so. Fitted together the
+    recordings do not contradict each other, with the fault in them or without."""
+    assert _said(_five_seconds(planted(tmp_path, change, measured("kuka_kr300")))) == ()
+
+
+@pytest.mark.parametrize(("c", "k", "size"), [("tau_m4", "tau_m3", 0.28), ("tau_m2", "tau_m3", 0.3)])
+def test_a_share_that_only_validate_shows_is_no_drift(tmp_path, c, k, size):
+    """What takes most of a torque away leaves large errors in shares of the rest, few in N m."""
+    mixed = lambda x: x | {c: x[c] + 0.3 * x[k]}  # noqa: E731
+    (check,) = _said(_five_seconds(planted(tmp_path, mixed, measured("kuka_kr300"))))
+    assert f"why: {c} takes up {size} of {k}: this alone" in check.message
+
+
+def test_a_share_of_a_large_torque_in_a_small_one_is_no_drift(tmp_path):
+    """A rokae's first sensor carries next to nothing, its second one gravity."""
+    mixed = lambda x: x | {"tau_l1": x["tau_l1"] + 0.3 * x["tau_l2"]}  # noqa: E731
+    (check,) = _said(parted(planted(tmp_path, mixed, measured("rokae_xmate3pro")), 7.0, 9.7))
+    assert "tau_l1 takes up 0.3 of tau_l2" in check.message and "drifts" not in check.message
+
+
+@pytest.mark.parametrize(("joint", "zero"), [(2, 0.2), (3, -0.5), (5, -0.5)])
+def test_a_zero_that_only_validate_shows_is_no_other_signal(tmp_path, joint, zero):
+    moved = lambda x: x | {f"q{joint}": x[f"q{joint}"] + zero}  # noqa: E731
+    (check,) = _said(parted(planted(tmp_path, moved, measured("rokae_xmate3pro")), 7.0, 9.7))
+    assert f"why: q{joint} starts from another zero, {'-' if zero < 0 else ''}0." in check.message
+
+
 def test_a_position_turned_is_not_all_torques_and_the_other_position(tmp_path):
     turned = lambda c: {k: v for k, v in c.items() if k != "dq2"} | {"q2": -c["q2"]}  # noqa: E731
     study = planted(tmp_path, turned, measured("barrett_wam_2dof"))
