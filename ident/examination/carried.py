@@ -71,7 +71,7 @@ def _scales(quick: Quick, fit: Fit, how: Assignment, currents: bool, whole: Quic
         alone = max(its[0] for its in tried if abs(its[1]) in (ABSURD, 1 / ABSURD))  # as if no other felt it
         if value > max(CARRIED, alone + BEHIND) and not evidence(quick, quick.fit(taken), taken).against(c):
             its = Carried(value, f"{signal_of(quick.columns, c, currents)} times {factor:.2g}")
-            if _kept(quick, how, quick, taken):
+            if _kept(quick, how, quick, taken, quick):
                 yield its, Explained(whole, whole.fit(taken), taken)
 
 
@@ -80,22 +80,19 @@ def _others(quick: Quick, fit: Fit, how: Assignment, others: Sequence[Rival]) ->
     for rival in others:
         samples = [replace(s, role=role) for s, role in zip(rival.explained.quick.samples, roles)]
         taken = quick.of(samples)
-        after = taken.fit(how)
-        if after.validate is None or taken.validate is None or quick.validate is None:
-            continue
-        error = after.error * taken.identify.size_beside(quick.identify, how)
-        held = after.validate * taken.validate.size_beside(quick.validate, how)
-        value = carried(fit.error, error, fit.validate, held)
-        if value > CARRIED and _kept(quick, how, taken, how):
+        less = rival.explained.recorded is not rival.explained.quick
+        recorded = quick if less else taken
+        fitted, held = _explained(taken, how, recorded)
+        value = carried(fit.error, fitted.fit.error, fit.validate, held.fit.error)
+        if value > CARRIED and _kept(quick, how, taken, how, recorded):
             yield Carried(value, rival.words), rival.explained
 
 
-def _kept(quick: Quick, how: Assignment, other: Quick, taken: Assignment) -> bool:
+def _kept(quick: Quick, how: Assignment, other: Quick, taken: Assignment, recorded: Quick) -> bool:
     """Whether stretch by stretch validate is predicted better without a fault, and identify not explained
     worse."""
-    (fitted, held), (fitted_so, held_so) = (
-        _explained(*each, quick) for each in ((quick, how), (other, taken))
-    )
+    fitted, held = _explained(quick, how, quick)
+    fitted_so, held_so = _explained(other, taken, recorded)
     return agreed(held, held_so, ODD) and not agreed(fitted_so, fitted, ODD)
 
 

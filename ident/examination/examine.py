@@ -20,7 +20,7 @@ from ident.equations.prepared import Prepared
 from ident.errors import IdentError
 from ident.examination.axes import joint_axes
 from ident.examination.base import Tilt, base_orientation, unseen
-from ident.examination.bodies import errors, parts_of
+from ident.examination.bodies import Parts, errors, parts_of
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried_faults
 from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
@@ -32,6 +32,7 @@ from ident.examination.quick import Assignment, Fit, Quick, gain_of, quick_of, t
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.scales import scales, too_large
 from ident.examination.signs import SURE, all_signs, evidence, one_sign, several_signs
+from ident.examination.stretches import all_rows, pieces
 from ident.examination.unexplained import unexplained
 from ident.examination.units import degrees, scaled_positions
 from ident.examination.within import changed_within
@@ -216,12 +217,20 @@ def _geometry(
     if made is None:
         return
     table, samples, gravity, identify, validate = made
+    columns = prepared.columns
 
     def rivals() -> list[Carried]:
         return carried_faults(quick, fit, how, currents)
 
+    def stretches() -> tuple[Parts, list[Parts]]:
+        whole = all_rows(quick.of(samples))
+        parts = [parts_of(table, columns, [s.rows(k)], how) for s in whole.samples for k in pieces(whole, s)]
+        one = parts_of(table, columns, whole.samples, how)
+        assert one is not None
+        return one, [its for its in parts if its is not None]
+
     alone = prior == 0 and how == quick.plain()
-    tilted = list(base_orientation(identify, validate, gravity, how, rivals if alone else None))
+    tilted = list(base_orientation(identify, validate, gravity, how, rivals if alone else None, stretches))
     yield from tilted
     if axes and not any(isinstance(its, Hypothesis) for its in tilted):
         prior = max([prior, *(its.gain for its in tilted)])

@@ -54,6 +54,11 @@ class Sample:
         """q, dq, ddq, sign (N, n) each."""
         return self.q, self.dq, self.ddq, self.sign
 
+    def rows(self, pick: slice | np.ndarray) -> Sample:
+        """Some of its rows."""
+        parts = {name: getattr(self, name)[pick] for name in ("t", "q", "dq", "ddq", "sign", "Y", "weight")}
+        return replace(self, W=self.W[:, pick], late=self.late[:, pick], **parts)
+
     def predicted(self, chi: np.ndarray) -> np.ndarray:
         """(N, C) N m of parameters chi (b,)."""
         return np.stack([W @ chi for W in self.W], axis=1)

@@ -229,7 +229,7 @@ def _unsure(sample: Sample, fitted: Sequence[Sample], how: Assignment) -> np.nda
 
 
 def _stretches(s: Sample, count: int) -> list[Sample]:
-    return [_rows(s, rows) for rows in np.array_split(np.arange(len(s.t)), count)]
+    return [s.rows(rows) for rows in np.array_split(np.arange(len(s.t)), count)]
 
 
 def _middle(values: np.ndarray, of: Any = np.nanmedian) -> np.ndarray:
@@ -242,12 +242,7 @@ def _middle(values: np.ndarray, of: Any = np.nanmedian) -> np.ndarray:
 
 def _thinned(s: Sample) -> Sample:
     """Rows enough to judge by, few enough to try a hundred motions."""
-    return _rows(s, slice(None, None, max(1, len(s.t) // ROWS)))
-
-
-def _rows(s: Sample, pick: slice | np.ndarray) -> Sample:
-    parts = {name: getattr(s, name)[pick] for name in ("t", "q", "dq", "ddq", "sign", "Y", "weight")}
-    return replace(s, W=s.W[:, pick], late=s.late[:, pick], **parts)
+    return s.rows(slice(None, None, max(1, len(s.t) // ROWS)))
 
 
 def _assigned(s: Sample, how: Assignment) -> Sample:

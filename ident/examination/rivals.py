@@ -27,7 +27,9 @@ Signal = Callable[[int, Sample], np.ndarray]  # (N,) of a recording, by its numb
 
 @dataclass(frozen=True, slots=True)
 class Rival:
-    """A fault in words, and what the recordings are with it undone."""
+    """A fault in words, and what the recordings are with it undone. Errors are shares of the torques that are
+    left where one is a number times too large (in N m none would be left of one that is nothing), of those
+    that were recorded where another signal is taken from one (of little that is left they would be large)."""
 
     words: str
     explained: Explained
@@ -46,8 +48,9 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
     channels, own = whole.columns.need.channels, how.order[c]
     name = signal_of(whole.columns, c, currents)
 
-    def found(signal: Signal) -> tuple[float, Rival | None]:
-        return _without(whole, fit, how, c, [signal(r, s) for r, s in enumerate(whole.samples)])
+    def found(signal: Signal, itself: bool = False) -> tuple[float, Rival | None]:
+        its = [signal(r, s) for r, s in enumerate(whole.samples)]
+        return _without(whole, fit, how, c, its, whole if not itself else None)
 
     for k in np.flatnonzero(whole.identify.rows > 10).tolist():
         if k != c and channels[k].side == channels[c].side:
@@ -61,14 +64,14 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
         yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} a minute")
     for r, sample in enumerate(whole.samples):
         if len(whole.samples) > 1:
-            share, rival = found(lambda i, s, r=r: (i == r) * s.Y[:, own])  # type: ignore[misc]
+            share, rival = found(lambda i, s, r=r: (i == r) * s.Y[:, own], True)  # type: ignore[misc]
             if rival:
                 also = " or a load is carried there" if share < 1 else ""
                 yield replace(rival, words=f"{name} of {sample.label} is {_times(share)}{also}")
         instants = np.linspace(sample.t[0], sample.t[-1], INSTANTS + 1)[1:-1]
         later: list[tuple[float, Rival]] = []
         for at in instants:
-            share, rival = found(lambda i, s, r=r, at=at: (i == r) * (s.t > at) * s.Y[:, own])  # type: ignore[misc]
+            share, rival = found(lambda i, s, r=r, at=at: (i == r) * (s.t > at) * s.Y[:, own], True)  # type: ignore[misc]
             if rival:
                 words = f"{name} of {sample.label} is {_times(share)} from about {at:.3g} s on"
                 later.append((rival.explained.fit.gain_over(fit), replace(rival, words=words)))
@@ -82,7 +85,12 @@ def _times(share: float) -> str:
 
 
 def _without(
-    whole: Quick, fit: Fit, how: Assignment, c: int, signals: list[np.ndarray]
+    whole: Quick,
+    fit: Fit,
+    how: Assignment,
+    c: int,
+    signals: list[np.ndarray],
+    recorded: Quick | None,
 ) -> tuple[float, Rival | None]:
     """How much of some signals (N,) of the recordings explains most of a channel's torque beside the model,
     and the recordings without it; None where the model does the same."""
@@ -106,7 +114,7 @@ def _without(
         Y[:, own] -= taken * z
         less.append(replace(s, Y=Y))
     made = replace(whole, samples=tuple(less), identify=replace(whole.identify, v=v, yy=yy))
-    return share, Rival("", Explained.less(made, how, whole))
+    return share, Rival("", Explained.less(made, how, recorded or made))
 
 
 def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:

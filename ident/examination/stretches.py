@@ -54,7 +54,7 @@ def stretch_gains(one: Explained, other: Explained) -> np.ndarray:
         for c, left in enumerate(one.fit.error * other.fit.error):
             if np.isfinite(left) and left > 0:
                 gain += 0.5 * (one.squares(s, c) - other.squares(its, c)) / left
-        out += [float(gain[rows].sum()) for rows in _pieces(one.quick, s)]
+        out += [float(gain[rows].sum()) for rows in pieces(one.quick, s)]
     return np.array(out)
 
 
@@ -69,18 +69,19 @@ def steadily(one: Explained, other: Explained, rate: float) -> bool:
     than another: a fault shows all along."""
     gains = []
     for s, its in zip(one.quick.fitted, other.quick.fitted):
-        pieces = _pieces(one.quick, s)
-        gain = np.zeros(len(pieces))
+        its_rows = pieces(one.quick, s)
+        gain = np.zeros(len(its_rows))
         for c in np.flatnonzero(np.isfinite(one.fit.error)).tolist():
             before, after = (
-                [max(x[k].sum(), 1e-300) for k in pieces] for x in (one.squares(s, c), other.squares(its, c))
+                [max(x[k].sum(), 1e-300) for k in its_rows]
+                for x in (one.squares(s, c), other.squares(its, c))
             )
             gain = gain + 0.5 * np.log(np.divide(before, after))
         gains.append(gain)
     return beyond_chance(np.concatenate(gains), rate)
 
 
-def _pieces(quick: Quick, s: Sample) -> list[np.ndarray]:
+def pieces(quick: Quick, s: Sample) -> list[np.ndarray]:
     """Rows of the stretches of a recording that is fitted."""
     return np.array_split(np.arange(len(s.q)), max(2, CLUSTERS // len(quick.fitted)))
 

@@ -145,20 +145,12 @@ def _five_seconds(study):
     return study.with_(recordings=tuple(short), filter=type(study.filter)())
 
 
-@pytest.mark.parametrize(
-    ("change", "gravity", "words"),
-    [
-        (lambda x: x, (9.81, 0, 0), "gravity turned by 90 degrees"),
-        (lambda x: x * 5, None, "tau_m2 times 0.16"),
-    ],
-)
-def test_what_validate_alone_tells_is_told_with_all_that_would_explain_it(tmp_path, change, gravity, words):
-    """Five seconds of slow motion fit with anything: a torque of five times its size was told as a base
-    turned over."""
-    study = _five_seconds(planted(tmp_path, changed("tau_m2", change), measured("kuka_kr300")))
-    study = study.with_(gravity=gravity)
-    (check,) = examine_fit(prepare_study(study))
-    assert check.check == "poor_excitation" and words in check.message and "tau_m1 times" in check.message
+@pytest.mark.parametrize(("factor", "gravity"), [(1.0, (9.81, 0, 0)), (5.0, None)])
+def test_what_a_slow_motion_cannot_show_is_not_told(tmp_path, factor, gravity):
+    """Five seconds of slow motion fit with anything and foretell nothing: a torque of five times its size was
+    told as a base turned over. Fitted together the recordings contradict nothing."""
+    study = _five_seconds(planted(tmp_path, changed("tau_m2", lambda x: factor * x), measured("kuka_kr300")))
+    assert examine_fit(prepare_study(study.with_(gravity=gravity))) == ()
 
 
 def test_a_scale_that_validate_alone_tells(tmp_path):
