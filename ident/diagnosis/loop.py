@@ -21,7 +21,14 @@ from ident.diagnosis.in_common import by_common, shown_by_fitted
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
-from ident.diagnosis.settling import in_time, place_of, refined_together, settled_anew, settled_in
+from ident.diagnosis.settling import (
+    in_time,
+    late_as_a_whole,
+    place_of,
+    refined_together,
+    settled_anew,
+    settled_in,
+)
 from ident.diagnosis.state import Found, State, solved, with_found, without
 from ident.diagnosis.sufficiency import (
     ask,
@@ -106,7 +113,7 @@ def trace(
     steps: list[Step] = []
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
-    event, loads = None, True
+    event, loads, in_step = None, True, False
     weighed = None
     progress("what the study left out", 0.15)
     whole = left_out(state, library, tau)
@@ -119,6 +126,14 @@ def trace(
         listed = screen(state, library, frozenset(closed))
         progress(f"{step}: weighing it", done)
         weighed = compared(state, listed, tau, alpha)
+        if not weighed.passed and not in_step:
+            progress(f"{step}: whether all torques are late", done)
+            late = late_as_a_whole(state, library.places, tau, alpha)
+            in_step = late is None
+            if late is not None:
+                taken, evidence, state, beside = late
+                steps.append(Step(taken.term, evidence, (), beside))
+                continue
         if loads or not weighed.passed:  # where there was none at first, they are asked for again at the end
             progress(f"{step}: loads and contacts", done)
             event = best_event(state, library.events, library.layout, tau, alpha)
