@@ -12,7 +12,7 @@ from ident.examination.hypothesis import signal_of
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import Rival, rivals
 from ident.examination.signs import evidence
-from ident.examination.stretches import ODD, Explained, agreed, all_rows, steadily
+from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 
 CARRIED, KEPT = 2.2, 0.3  # gain on identify and validate together, and what identify may lose by it
 ABSURD = 1e3  # a torque's factor
@@ -53,7 +53,7 @@ def carried_faults(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> l
     if not told:
         return []
     best, explained = max(told, key=lambda its: its[1].fit.gain_over(plain.fit))
-    alike = [its for its, so in told if its is not best and not agreed(so, explained, ODD)]
+    alike = [its for its, so in told if its is not best and not steadily(so, explained, RARE)]
     return [best, *alike]
 
 

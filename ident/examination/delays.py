@@ -45,12 +45,12 @@ def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
         names = tuple(signal_of(quick.columns, c, currents) for c in which)
         word = "after" if LAGS[best] > 0 else "before"
         before, after = (100 * float(np.sqrt(np.mean(x.error[which] ** 2))) for x in (fit, other))
+        told = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(LAGS[best]):g} s"
         check = Check(
             "channel_delay",
             names,
-            f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(LAGS[best]):g} s "
-            f"{word} the positions{' or smoothed as much' if LAGS[best] > 0 else ''}: so moved, the error "
-            f"falls from {before:.0f} to {after:.0f} %",
+            f"{told} {word} the positions{' or smoothed as much' if LAGS[best] > 0 else ''}: "
+            f"so moved, the error falls from {before:.0f} to {after:.0f} %",
             "record torques and positions with one clock; ident diagnose fits the delay",
         )
         samples = []
@@ -61,7 +61,8 @@ def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
             samples.append(replace(s, Y=Y))
         moved = quick.of(samples)
         if confirmed(quick, how, moved, how, len(seen)):
-            yield Hypothesis(other.gain_over(fit), how, check, moved)
+            words = f"{told} {word} the positions"
+            yield Hypothesis(other.gain_over(fit), how, check, moved, words)
 
 
 def _worth_asking(quick: Quick, fit: Fit, how: Assignment, which: Sequence[int]) -> bool:

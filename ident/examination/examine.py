@@ -31,8 +31,9 @@ from ident.examination.places import other_orders, swapped, swapped_positions
 from ident.examination.quick import Assignment, Fit, Quick, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.scales import scales, too_large
-from ident.examination.signs import SURE, all_signs, evidence, one_sign, several_signs
-from ident.examination.stretches import all_rows, pieces
+from ident.examination.signs import SURE, all_signs, evidence, several_signs
+from ident.examination.stretches import RARE, Explained, all_rows, pieces, steadily
+from ident.examination.turned import one_turned, turned_positions
 from ident.examination.unexplained import unexplained
 from ident.examination.units import degrees, scaled_positions
 from ident.examination.within import changed_within
@@ -68,15 +69,26 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if not (quick.identify.rows > 10).any():
         return ()
     maps, currents = dict(prepared.study.columns), reads_currents(prepared)
-    how, found, at_an_end = quick.plain(), [], False
+    how, at_an_end = quick.plain(), False
+    found: list[Check] = []
+    best: Hypothesis | None = None
+    alike: list[Hypothesis] = []
     gained, halfway = 0.0, list(changed_within(quick, how, currents))
     turned = halfway[-1][1].fit(how).gain_over(quick.fit(how)) if halfway else -np.inf
     for _ in range(FAULTS):
         fit = quick.fit(how)
-        best = _best(prepared, quick, fit, how, maps, currents)
+        asked = _believable(prepared, quick, fit, how, maps, currents)
+        if (
+            best is not None and alike
+        ):  # what is asked again with the last one undone is another fault, no other name of it
+            again = {(h.check.check, h.check.signals) for h in asked}
+            alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
+            found[-1] = best.beside(alike).check
+        best = max(asked, key=lambda h: h.gain, default=None)
         if best is None:
             break
         found.append(best.check)
+        alike = _alike(quick, how, best, asked)
         gained += best.gain
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
@@ -112,22 +124,37 @@ def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
     return tuple(Check(check, (), text) for text in texts)
 
 
-def _best(
+def _alike(quick: Quick, how: Assignment, best: Hypothesis, asked: list[Hypothesis]) -> list[Hypothesis]:
+    """Hypotheses with a name that stretch by stretch are not rejected beside the best one."""
+
+    def explained(h: Hypothesis) -> Explained:
+        whole = all_rows(h.quick or quick)
+        return Explained(whole, whole.fit(h.how), h.how)
+
+    others = [h for h in asked if h is not best and h.words]
+    if not others or (best.how == how and best.quick is None):
+        return []
+    its = explained(best)
+    return [h for h in others if not steadily(explained(h), its, RARE)]
+
+
+def _believable(
     prepared: Prepared, quick: Quick, fit: Fit, how: Assignment, maps: Mapping[str, Any], currents: bool
-) -> Hypothesis | None:
+) -> list[Hypothesis]:
+    """What would explain torques that the model as it is does not; one where nothing else is to be asked."""
     names = dict(maps)
     everything = all_signs(quick, fit, how, names, currents)
     if everything is not None:
         turned = _positions(quick, fit, how, names, currents)
         right = [h for h in turned if _believed(quick, fit, h) and not _mirrored(h, how, names, currents)]
-        return max(right, key=lambda h: h.gain, default=everything)
+        return right or [everything]
     doubted = [c for s in prepared.streams for c in s.checks if c.check == "torque_scale" and c.hint]
     large = too_large(quick, how, names, currents, {name for c in doubted for name in c.signals})
     believed = next((h for h in large if _believed(quick, fit, h)), None)
     if believed is not None:
-        return believed
+        return [believed]
     error, gains = fit.error[np.isfinite(fit.error)], _gains(prepared, currents)
-    found = [*one_sign(quick, fit, how, names, currents)]
+    found = [*one_turned(quick, fit, how, names, currents)]
     if not prepared.study.without:  # a torque that misses a term of the model looks scaled
         found += scales(quick, fit, how, names, currents)
     if error.max() > DOUBTFUL:
@@ -140,7 +167,7 @@ def _best(
         found += scaled_positions(quick, fit, how, names)
         found += other_orders(quick, fit, how, names, currents, gains)
     found += delays(quick, fit, how, currents)
-    found = [h for h in found if _believed(quick, fit, h)]
+    found = [h for h in _once(found) if _believed(quick, fit, h)]
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
         for its in _geometry(prepared, quick, fit, how, best, currents, axes=bad):
@@ -148,7 +175,12 @@ def _best(
                 found = [h for h in found if h.gain > its.gain or _beside(prepared, quick, how, h, its)]
             else:
                 found.append(its)
-    return max(found, key=lambda h: h.gain, default=None)
+    return found
+
+
+def _once(found: Iterable[Hypothesis]) -> list[Hypothesis]:
+    """Without what was asked in two ways."""
+    return list({(h.check.check, h.check.signals): h for h in found}.values())
 
 
 def _positions(
@@ -156,7 +188,7 @@ def _positions(
 ) -> list[Hypothesis]:
     """Positions turned or swapped; without those of a mirrored arm, all of whose torques are then turned,
     where another one is not."""
-    found = list(swapped_positions(quick, fit, how, maps))
+    found = [*swapped_positions(quick, fit, how, maps), *turned_positions(quick, fit, how, maps)]
     return [h for h in found if not _mirrored(h, how, maps, currents)] or found
 
 
@@ -182,7 +214,7 @@ def _believed(quick: Quick, before: Fit, h: Hypothesis) -> bool:
     taken = h.quick or quick
     fit = taken.fit(h.how)
     joints = [str(joint) for joint in quick.columns.need.joints]
-    motion = any(name.startswith("q") for name in h.check.signals)
+    motion = any(name.startswith("q") for name in h.check.signals) and not h.own
     blamed = set(joints) if motion else {"".join(filter(str.isdigit, name)) for name in h.check.signals}
     its = [
         c for c, j in enumerate(quick.columns.joint_of) if joints[j] in blamed and np.isfinite(fit.error[c])
@@ -192,8 +224,11 @@ def _believed(quick: Quick, before: Fit, h: Hypothesis) -> bool:
     explained = bool((fit.error[its] <= EXPLAINED).all())
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
-    alone = motion and len(h.check.signals) == 1
-    return explained and predicted and _rms(fit) < (FALLEN if alone else RISEN) * _rms(before)
+    if motion and len(h.check.signals) == 1:
+        return (
+            explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * np.isfinite(fit.error).sum()
+        )
+    return explained and predicted and _rms(fit) < RISEN * _rms(before)
 
 
 def _gains(prepared: Prepared, currents: bool) -> np.ndarray:
@@ -262,8 +297,8 @@ def _parts(prepared: Prepared, quick: Quick, how: Assignment) -> tuple[Any, ...]
 
 
 def _joined(found: list[Check], maps: Mapping[str, Any]) -> list[Check]:
-    """Several single signs as one check, so that one line undoes them all."""
-    signs = [c for c in found if c.check == "torque_sign" and len(c.signals) == 1]
+    """Several single signs as one check, which one line undoes; not those that may be another's."""
+    signs = [c for c in found if c.check == "torque_sign" and len(c.signals) == 1 and "#" not in c.remedy]
     if len(signs) < 2:
         return found
     names = tuple(c.signals[0] for c in signs)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,12 +18,31 @@ NOTHING = 0.85  # error of a channel that the model does not explain
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """What would be different, how much better it fits, and the check that says so."""
+    """What would be different, how much better it fits, and the check that says so. words: the same beside
+    another that explains as much; own: the blamed joint's own friction says so, whatever else is missing."""
 
     gain: float
     how: Assignment
     check: Check
     quick: Quick | None = None  # with other motions
+    words: str = ""
+    own: bool = False
+
+    def beside(self, others: Sequence[Hypothesis]) -> Hypothesis:
+        """With others that these recordings do not tell from it. The line of this one stays the first, so
+        that what is asked next can be asked without it; those of the others are YAML's comment."""
+        if not others:
+            return self
+        message = self.check.message
+        end = min((k for k in (message.find(": "), message.find("; ")) if k > 0), default=len(message))
+        also = "".join(f", or {its.words}" for its in others)
+        lines = dict.fromkeys(its.check.remedy for its in others if its.check.remedy != self.check.remedy)
+        check = replace(
+            self.check,
+            message=f"{message[:end]}{also}, these recordings do not tell which{message[end:]}",
+            remedy=self.check.remedy + (f"  # or {' or '.join(lines)}, where it is that" if lines else ""),
+        )
+        return replace(self, check=check)
 
 
 def signal_of(columns: Columns, c: int, currents: bool) -> str:

@@ -35,35 +35,25 @@ def swapped(
         if gain > least and other.holds_over(fit) > 0.5 * least:
             names = (signal_of(quick.columns, a, currents), signal_of(quick.columns, b, currents))
             which = f"{columns.channels[a][5:]} and {columns.channels[b][5:]}"
-            yield Hypothesis(gain, best, _swap_check(names, maps, which, "torques", fit, other, signs))
+            check = _swap_check(names, maps, which, "torques", fit, other, signs)
+            words = f"{names[0]} and {names[1]} look swapped"
+            yield Hypothesis(gain, best, check, words=words)
 
 
 def swapped_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> Iterator[Hypothesis]:
-    """Two positions in each other's place, or one with the other sign."""
+    """Two positions in each other's place."""
     columns, n = quick.columns, len(quick.columns.need.joints)
     labels = [str(j) for j in columns.need.joints]
-    for a, b in [*combinations(range(n), 2), *((a, a) for a in range(n))]:
-        order, sign = np.arange(n), np.ones(n)
+    for a, b in combinations(range(n), 2):
+        order = np.arange(n)
         order[[a, b]] = b, a
-        sign[a] = -1.0 if a == b else 1.0
-        samples = [s.moved(columns, *(x[:, order] * sign for x in s.motion)) for s in quick.samples]
-        turned = quick.of(samples)
+        turned = quick.of([s.moved(columns, *(x[:, order] for x in s.motion)) for s in quick.samples])
         other = turned.fit(how)
-        if not (other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED):
-            continue
-        if a != b:
+        if other.gain_over(fit) > SWAPPED and other.holds_over(fit) > 0.5 * SWAPPED:
             names = (f"q{labels[a]}", f"q{labels[b]}")
             check = _swap_check(names, maps, f"{labels[a]} and {labels[b]}", "positions", fit, other)
-        else:
-            check = Check(
-                "position_sign",
-                (f"q{labels[a]}",),
-                f"the position of joint {labels[a]} looks recorded with the other sign, or its axis in "
-                "the robot "
-                f"file points the other way: turned, {falls(fit, other)}",
-                column_line(maps, {f"q{labels[a]}": {"sign": -1}}),
-            )
-        yield Hypothesis(other.gain_over(fit), how, check, turned)
+            words = f"{names[0]} and {names[1]} look swapped"
+            yield Hypothesis(other.gain_over(fit), how, check, turned, words)
 
 
 def other_orders(
@@ -103,7 +93,8 @@ def other_orders(
             f"{', '.join(labels)} are meant; so taken, {falls(fit, other)}",
             column_line(maps, changes),
         )
-        yield Hypothesis(other.gain_over(fit), taken, check, turned)
+        words = f"the joints are recorded in the order {which}"
+        yield Hypothesis(other.gain_over(fit), taken, check, turned, words)
 
 
 def _swap_check(

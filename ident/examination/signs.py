@@ -102,35 +102,6 @@ def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: boo
     return Hypothesis(np.inf, flipped, check)
 
 
-def one_sign(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
-    """One torque with the other sign."""
-    seen = None
-    for c in np.flatnonzero(quick.identify.rows > 10).tolist():
-        flipped = how.times([c], -1.0)
-        other = quick.fit(flipped)
-        gain, holds = other.gain_over(fit), other.holds_over(fit)
-        if gain < -0.05:
-            continue
-        seen = seen or evidence(quick, fit, how)
-        after = evidence(quick, other, flipped)
-        contradicts = gain > CLEARLY and holds > 0.5 * CLEARLY and not after.against(c)
-        alone = seen.against(c) and after.speaks_for(c)
-        if not contradicts and not alone:
-            continue
-        name, joint = signal_of(quick.columns, c, currents), quick.columns.channels[c][5:]
-        why = (
-            f"friction or inertia of joint {joint} comes out negative"
-            if seen.against(c)
-            else f"turned, the error of joint {joint}'s torque falls from "
-            f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %"
-        )
-        yield Hypothesis(
-            gain + (1.0 if alone else 0.0),
-            flipped,
-            turned_sign((name,), f"{name} has the other sign: {why}", maps),
-        )
-
-
 def several_signs(
     quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
 ) -> Iterator[Hypothesis]:

@@ -13,6 +13,7 @@ from ident.distributions import t_beyond
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, Sample
 
 ODD = 0.05  # rate at which chance confirms what something else has told before
+RARE = 1e-3  # rate at which chance leaves one name where there are two
 
 
 def all_rows(quick: Quick) -> Quick:

@@ -76,7 +76,7 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
                 everything,
                 f"what identify explains ({100 * np.median(error):.0f} % error) does not predict "
                 "validate at all "
-                f"({100 * np.median(held):.0f} %): another robot, load or unit there, or motions that "
+                f"({100 * np.median(held):.0f} %): another robot, load, sign or unit there, or motions that "
                 "have nothing in "
                 "common",
                 "check that these recordings are of the same robot in the same state",

@@ -37,7 +37,8 @@ def scaled_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> Ite
                 f"twice or not at all; so taken, {falls(fit, other)}",
                 column_line(maps, {f"q{label}": {"scale": factor}}),
             )
-            yield Hypothesis(other.gain_over(fit), how, check, moved)
+            words = f"q{label} is {1 / factor:.3g} times too large"
+            yield Hypothesis(other.gain_over(fit), how, check, moved, words)
 
 
 def degrees(quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any]) -> Iterator[Hypothesis]:

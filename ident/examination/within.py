@@ -18,6 +18,7 @@ import numpy as np
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, EXPLAINED, signal_of
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample, gain_of, solve
+from ident.examination.stretches import RARE, Explained, steadily
 
 DOUBTED = 0.15  # error of a torque that is looked into
 PARTS, FINE = 16, 6  # instants of a recording that are tried, and about the best of them
@@ -46,7 +47,7 @@ def changed_within(quick: Quick, how: Assignment, currents: bool) -> Iterator[tu
         for _ in how.order:
             sample = quick.samples[which]
             change = _change(sample, how, float(np.log(tried / RATE)))
-            if change is None:
+            if change is None or _all_along(quick, sample, change, how):
                 break
             name, t = signal_of(quick.columns, change.c, currents), sample.t[change.at]
             quick = quick.of([change.undone(s) if k == which else s for k, s in enumerate(quick.samples)])
@@ -90,6 +91,19 @@ def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:
     explained = max(after.error[c], after.validate[c]) <= EXPLAINED
     clearly = np.log(min(before.error[c] / after.error[c], before.validate[c] / after.validate[c])) > CLEARLY
     return best[1] if held > limit and explained and clearly else None
+
+
+def _all_along(quick: Quick, sample: Sample, change: Change, how: Assignment) -> bool:
+    """Whether a torque that is turned all along explains the recording as well, stretch by stretch. (A run of
+    a Barrett with its second torque turned was told to have the first one turned after half a second.)"""
+
+    def explained(its: Change) -> Explained:
+        alone = quick.of([replace(its.undone(sample), role="identify")])
+        return Explained(alone, alone.fit(how), how)
+
+    told = explained(change)
+    turned = [explained(Change(c, 0)) for c in np.flatnonzero(quick.identify.rows > 10).tolist()]
+    return not all(steadily(other, told, RARE) for other in turned)
 
 
 def _inside(rows: np.ndarray, sample: Sample) -> list[int]:

@@ -1,0 +1,75 @@
+"""A joint's torque or position with the other sign, planted in measured recordings: the right one of the two
+is named, or both where the recordings do not tell."""
+
+import pyarrow.parquet as pq
+import pytest
+from planted import ON_RECORDINGS, measured, planted
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit, mended_study
+
+pytestmark = ON_RECORDINGS
+
+
+def _turned(folder, robot, name):
+    """The robot's study with a signal turned in all recordings, of a position with its rate."""
+    names = {name, f"d{name}", f"dd{name}"}
+    study = measured(robot)
+    return planted(folder, lambda c: {k: -v if k in names else v for k, v in c.items()}, study)
+
+
+def _five_seconds(study):
+    short = [r if r.use == "identify" else r.model_copy(update={"to_s": 5.0}) for r in study.recordings]
+    return study.with_(recordings=tuple(short), filter=type(study.filter)())
+
+
+@pytest.mark.parametrize("joint", [2, 3, 5])
+@pytest.mark.parametrize(("signal", "check"), [("tau_m", "torque_sign"), ("q", "position_sign")])
+def test_what_a_joint_shares_with_others_tells_its_torque_from_its_position(tmp_path, joint, signal, check):
+    """A KR 300 is slow: its own friction alone says that a sign is wrong, and fits either."""
+    study = _five_seconds(_turned(tmp_path, "kuka_kr300", f"{signal}{joint}"))
+    (said,) = examine_fit(prepare_study(study))
+    assert (said.check, said.signals) == (
+        check,
+        (f"{signal}{joint}",),
+    ) and "not tell which" not in said.message
+
+
+@pytest.mark.parametrize("signal", ["tau_m6", "q6"])
+def test_where_a_joint_shares_nothing_both_are_named(tmp_path, signal):
+    study = _five_seconds(_turned(tmp_path, "kuka_kr300", signal))
+    (said,) = examine_fit(prepare_study(study))
+    assert "tau_m6 has the other sign, or q6 has the other sign" in said.message
+    assert "columns: {tau_m6: {sign: -1}}  # or columns: {q6: {sign: -1}}" in said.remedy
+    assert examine_fit(prepare_study(mended_study(study, [said]))) == ()
+
+
+@pytest.mark.parametrize(("signal", "check"), [("tau_m1", "torque_sign"), ("q1", "position_sign")])
+def test_a_first_position_turned_is_not_its_torque(tmp_path, signal, check):
+    (said,) = examine_fit(prepare_study(_turned(tmp_path, "airbot_play", signal)))
+    assert (said.check, said.signals) == (check, (signal,))
+
+
+@pytest.mark.parametrize("joint", [1, 4])
+def test_a_position_turned_is_not_two_exchanged_ones(tmp_path, joint):
+    """Joints of an LWR4+ follow one signal; its last torque, hardly any, refused the right answer."""
+    study = _turned(tmp_path, "kuka_lwr4plus", f"q{joint}")
+    a, b = sorted({r.file: r for r in study.recordings}.values(), key=lambda r: r.file)
+    runs = [
+        a.model_copy(update={"use": "identify", "name": "a", "from_s": 1.0, "to_s": 24.0}),
+        b.model_copy(update={"use": "identify", "name": "b", "from_s": None, "to_s": 14.0}),
+        b.model_copy(update={"use": "validate", "name": "c", "from_s": 14.0, "to_s": 19.0}),
+    ]
+    study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    (said,) = examine_fit(prepare_study(study))
+    assert (said.check, said.signals) == ("position_sign", (f"q{joint}",))
+
+
+@pytest.mark.parametrize(("robot", "name"), [("barrett_wam_2dof", "tau_m2"), ("airbot_play", "tau_m1")])
+def test_a_run_turned_all_along_has_no_torque_that_turns_on_the_way(tmp_path, robot, name):
+    study = measured(robot)
+    fitted = [study.recording_path(r) for r in study.recordings if r.use == "identify"]
+    length = pq.read_metadata(fitted[-1]).num_rows
+    turned = planted(tmp_path, lambda c: c | {name: -c[name]} if len(c["t"]) == length else c, study)
+    said = examine_fit(prepare_study(turned))
+    assert said and not any("changes its sign" in check.message for check in said)
