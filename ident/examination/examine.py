@@ -25,10 +25,10 @@ from ident.examination.carried import CARRIED, Carried, ambiguous, carried_fault
 from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.hypothesis import EXPLAINED, NOTHING, Hypothesis
+from ident.examination.hypothesis import EXPLAINED, NOTHING, Hypothesis, signal_of
 from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.places import other_orders, swapped, swapped_positions
-from ident.examination.quick import Assignment, Fit, Quick, gain_of, quick_of, take
+from ident.examination.quick import Assignment, Fit, Quick, Sample, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.scales import scales, too_large
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
@@ -61,6 +61,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     samples = [
         s for role in ("identify", "validate") for s in take(prepared.streams, prepared.banks, columns, role)
     ]
+    samples = _unclipped(prepared, samples)
     for sample in samples:  # motor signals of unknown gain are no torques yet
         sample.weight[:, list(columns.gain_columns)] = 0.0
     if not any(s.role == "identify" for s in samples):
@@ -117,6 +118,17 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
         beside += _unseen(prepared, quick, how)
     return (*_joined(found, maps), *beside)
+
+
+def _unclipped(prepared: Prepared, samples: list[Sample]) -> list[Sample]:
+    """Without what is clipped: no model explains it, and other faults took its place (of an AIRBOT's clipped
+    torque a factor, of a Barrett's another zero was told)."""
+    currents, columns = reads_currents(prepared), prepared.columns
+    clipped = {
+        s.label: {n for c in s.checks if c.check == "saturation" for n in c.signals} for s in prepared.streams
+    }
+    names = [signal_of(columns, c, currents) for c in range(len(columns.channels))]
+    return [s.unclipped([c for c, name in enumerate(names) if name in clipped[s.label]]) for s in samples]
 
 
 def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:

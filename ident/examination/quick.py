@@ -24,6 +24,7 @@ from ident.signals.neighbours import first_samples, joined, picked
 ROWS = 1500  # samples of all recordings of a role together
 HELD = 6e7  # bytes of their columns: fewer samples of a robot of very many joints
 FIRST = 98_304  # rows of a recording that they are taken from
+RAIL = 0.05  # of a clipped torque's range: where the filter rounds the edges
 FLOOR = 3e-3  # errors below it are not told apart
 CLUSTERS = 20  # stretches of one recording whose scores are taken as independent
 RIDGE = 1e-10
@@ -48,6 +49,15 @@ class Sample:
     weight: np.ndarray
     W: np.ndarray
     late: np.ndarray
+
+    def unclipped(self, channels: Sequence[int]) -> Sample:
+        """Without the rows in which these torques are near an end of their range."""
+        weight = self.weight.copy()
+        for c in channels:
+            low, high = self.Y[:, c].min(), self.Y[:, c].max()
+            near = RAIL * (high - low)
+            weight[:, c] *= (self.Y[:, c] > low + near) & (self.Y[:, c] < high - near)
+        return replace(self, weight=weight)
 
     @property
     def motion(self) -> tuple[np.ndarray, ...]:

@@ -55,8 +55,8 @@ def scales(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) 
     if _in_milli(its):
         yield Hypothesis(gain, how.times([c], MILLI), _milli(quick, fit, after, c, maps, currents))
         return
-    others = list(rivals(whole, how, currents))
-    if any(agreed(its.explained, other.explained, ODD) for other in others):
+    others = list(rivals(whole, how, currents))  # some hundred: chance would confirm five of them
+    if any(agreed(its.explained, other.explained, ODD / len(others)) for other in others):
         return
     factors = [_best_factor(whole, how, k) for k in seen if k != c]
     beside = [other for other in factors if _alike(plain, its.explained, other.explained)]

@@ -1,0 +1,33 @@
+"""Torques that are clipped, planted in measured recordings: that alone is said of them."""
+
+import numpy as np
+import pytest
+from planted import ON_RECORDINGS, measured, planted, refused
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit, examine_tables
+
+pytestmark = ON_RECORDINGS
+
+
+def _clipped(low, high):
+    return lambda x: np.clip(x, *np.quantile(x, [low, high]))
+
+
+@pytest.mark.parametrize(("low", "high"), [(0.25, 0.75), (0.0, 0.7), (0.1, 0.9)])
+@pytest.mark.parametrize("name", ["tau_m3", "tau_m4"])
+def test_a_clipped_torque_has_no_other_fault(tmp_path, name, low, high):
+    """Of an AIRBOT's the fit asked for a factor of 1.3 to 2.7 in its place, of another torque as well."""
+    study = measured("airbot_play")
+    clip = _clipped(low, high)
+    prepared = prepare_study(planted(tmp_path, lambda c: c | {name: clip(c[name])}, study))
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    assert {(check.check, check.signals) for check in said} == {("saturation", (name,))}
+
+
+def test_a_run_at_the_end_of_a_torque_s_range_is_said_to_be_perhaps_that(tmp_path):
+    """A Barrett's short recording whose second torque stays beyond what a clipped one gives."""
+    clipped = lambda c: c | {"tau_m2": np.minimum(c["tau_m2"], c["tau_m2"].min())}  # noqa: E731
+    study = planted(tmp_path, clipped, measured("barrett_wam_2dof"))
+    message, checks = refused(study)
+    assert "dead_channel" in checks and "held at the end of its range" in message
