@@ -107,8 +107,9 @@ def _apart(one: tuple[Refined, Evidence], other: tuple[Refined, Evidence]) -> Co
 
 
 def simplicity(term: Term) -> tuple[int, bool]:
-    """The simplest explanation has least of this: few numbers, then an effect that many robots have."""
-    return term.free, not term.effect.common
+    """The simplest explanation has least of this: few numbers, whose motion it is among them, then an effect
+    that many robots have."""
+    return term.free + (term.place.source is not None), not term.effect.common
 
 
 def holds(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:

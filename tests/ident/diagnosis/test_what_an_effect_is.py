@@ -21,6 +21,7 @@ from ident.diagnosis.weighing import (
     is_one_quantity,
     rivals_of,
     simplest,
+    simplicity,
 )
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
@@ -162,3 +163,11 @@ def test_what_explains_another_part_is_no_equal(tiny):
     assert evidence.supported(0.01) and not evidence.beats(told[1][1], threshold(0.01), 0.01)
     beside = rivals_of(weighed, best, evidence, threshold(0.01), 0.01)
     assert [r.term.key for r in beside] == ["alike"]
+
+
+def test_whose_motion_it_is_is_a_choice_too():
+    """A torque 15 ms late was told as a coupling to its neighbour's rate, which says as much."""
+    late, coupled = catalogue()["time_delay"], catalogue()["joint_coupling"]
+    own = Term(late, Place(2, None, "motor"), {})
+    others = Term(coupled, Place(2, 1, "motor", parts=("Fv",)), {})
+    assert own.free == others.free == 1 and simplicity(own) < simplicity(others)
