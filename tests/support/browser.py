@@ -73,7 +73,7 @@ class Page:
         self.send("Page.navigate", url=path.resolve().as_uri())
         self.wait("document.documentElement?.dataset?.ready === 'yes'")
 
-    def wait(self, condition: str, seconds: float = 60.0) -> None:
+    def wait(self, condition: str, seconds: float = 240.0) -> None:
         end = time.monotonic() + seconds
         while not self.evaluate(f"Boolean({condition})"):
             if time.monotonic() > end:
