@@ -31,9 +31,10 @@ class Hypothesis:
     def beside(self, others: Sequence[Hypothesis]) -> Hypothesis:
         """With others that these recordings do not tell from it. The line of this one stays the first, so
         that what is asked next can be asked without it; those of the others are YAML's comment."""
+        message = self.check.message
+        others = [its for its in others if its.words not in message]  # a position beside its torque, twice
         if not others:
             return self
-        message = self.check.message
         end = min((k for k in (message.find(": "), message.find("; ")) if k > 0), default=len(message))
         also = "".join(f", or {its.words}" for its in others)
         lines = dict.fromkeys(its.check.remedy for its in others if its.check.remedy != self.check.remedy)

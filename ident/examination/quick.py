@@ -34,17 +34,13 @@ LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Samples of one recording: blocks' values, thinned. t (N,) s, Y (N, C) N m, weight (N, C), W (C, N, b);
+    """Samples of one recording, thinned: the motion's, filtered, Y (N, C) N m, weight (N, C), W (C, N, b);
     late (L, N, C): the torques that are recorded LAGS after their instants."""
 
     label: str
     role: str
     payload: str | None
-    t: np.ndarray
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    sign: np.ndarray
+    thin: FilteredBlock
     Y: np.ndarray
     weight: np.ndarray
     W: np.ndarray
@@ -60,14 +56,35 @@ class Sample:
         return replace(self, weight=weight)
 
     @property
+    def t(self) -> np.ndarray:
+        return self.thin.t
+
+    @property
+    def q(self) -> np.ndarray:
+        return self.thin.q
+
+    @property
+    def dq(self) -> np.ndarray:
+        return self.thin.dq
+
+    @property
+    def ddq(self) -> np.ndarray:
+        return self.thin.ddq
+
+    @property
+    def sign(self) -> np.ndarray:
+        return self.thin.sign_dq
+
+    @property
     def motion(self) -> tuple[np.ndarray, ...]:
         """q, dq, ddq, sign (N, n) each."""
         return self.q, self.dq, self.ddq, self.sign
 
     def rows(self, pick: slice | np.ndarray) -> Sample:
         """Some of its rows."""
-        parts = {name: getattr(self, name)[pick] for name in ("t", "q", "dq", "ddq", "sign", "Y", "weight")}
-        return replace(self, W=self.W[:, pick], late=self.late[:, pick], **parts)
+        thin = picked(self.thin, np.arange(len(self.t))[pick])
+        Y, weight, W, late = self.Y[pick], self.weight[pick], self.W[:, pick], self.late[:, pick]
+        return replace(self, thin=thin, Y=Y, weight=weight, W=W, late=late)
 
     def predicted(self, chi: np.ndarray) -> np.ndarray:
         """(N, C) N m of parameters chi (b,)."""
@@ -77,9 +94,8 @@ class Sample:
         self, columns: Columns, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: np.ndarray
     ) -> Sample:
         """The same torques along another motion."""
-        W = self.W.copy()
-        W[:, :, model_columns(columns, self.payload)] = regressor(columns, self.payload, q, dq, ddq, sign)
-        return replace(self, q=q, dq=dq, ddq=ddq, sign=sign, W=W)
+        thin = replace(self.thin, q=q, dq=dq, ddq=ddq, sign_dq=sign)
+        return replace(self, thin=thin, W=_observation(columns, self.payload, thin))
 
 
 @dataclass(frozen=True, slots=True)
@@ -281,19 +297,24 @@ def _sample(
     stream: RecordingStream, columns: Columns, thin: FilteredBlock, torque: np.ndarray, stride: int
 ) -> Sample:
     """thin: every stride-th row of the blocks whose torque (N, C) is given whole."""
-    q, dq, ddq, sign = thin.q, thin.dq, thin.ddq, thin.sign_dq
-    W, places = regressor(columns, stream.payload, q, dq, ddq, sign), model_columns(columns, stream.payload)
+    W = _observation(columns, stream.payload, thin)
+    weight = thin.certain[:, columns.joint_of]
+    rows = np.arange(0, len(torque), stride)
+    steps = np.rint(np.array(LAGS) * stream.rate_hz).astype(int)
+    late = torque[np.clip(rows + steps[:, None], 0, len(torque) - 1)]
+    return Sample(stream.label, stream.role, stream.payload, thin, torque[rows], weight, W, late)
+
+
+def _observation(columns: Columns, payload: str | None, thin: FilteredBlock) -> np.ndarray:
+    """W (C, N, b): the compiled model's columns and the study's own."""
+    W = regressor(columns, payload, thin.q, thin.dq, thin.ddq, thin.sign_dq)
+    places = model_columns(columns, payload)
     if len(places) < len(columns.parameters):
         own, W = W, np.zeros((*W.shape[:2], len(columns.parameters)))
         W[:, :, places] = own
     for extra in columns.extras:
         W[extra.channel, :, extra.column] += extra.values(thin)
-    weight = thin.certain[:, columns.joint_of]
-    rows = np.arange(0, len(torque), stride)
-    steps = np.rint(np.array(LAGS) * stream.rate_hz).astype(int)
-    late = torque[np.clip(rows + steps[:, None], 0, len(torque) - 1)]
-    shape = (q, dq, ddq, sign, torque[rows], weight, W, late)
-    return Sample(stream.label, stream.role, stream.payload, thin.t, *shape)
+    return W
 
 
 def model_columns(columns: Columns, payload: str | None) -> np.ndarray:
