@@ -320,8 +320,9 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
                 its = effect.reported[0]
                 std = None if check.spread is None else gain * check.spread
                 values[its.name] = {"value": gain, "std": std, "unit": its.unit, "at_bound": False}
-        joints = tuple(_joint(name) for name in check.signals)
-        side = "tau_l" if any(name.startswith("tau_l") for name in check.signals) else "tau_m"
+        read = [_read(name) for name in check.signals]
+        joints = tuple(joint for _, joint in read)
+        side = "tau_l" if any(its == "tau_l" for its, _ in read) else "tau_m"
         out.append(
             Finding(
                 effect.name, joints, side, {}, values, 0.0, float("inf"), float("inf"), 0.0, (),
@@ -337,16 +338,19 @@ def in_doubt(findings: Sequence[Finding], checks: Sequence[Check]) -> tuple[Find
     by_check = {name: e.name for e in catalogue().values() for name in e.told_by}
     out = []
     for f in findings:
-        open_ = [c.signals for c in checks if by_check.get(c.check) == f.effect and undoing(c) is None]
-        own = {f"{f.channel}{joint}" for joint in f.joints}
-        others = {name for signals in open_ if own & set(signals) for name in signals} - own
-        told = (Alternative(f.effect, (_joint(name),), None, None) for name in sorted(others))
+        asked = [c for c in checks if by_check.get(c.check) == f.effect and undoing(c) is None]
+        open_ = [{_read(name) for name in check.signals} for check in asked]
+        own = {(f.channel, joint) for joint in f.joints}
+        others = {its for signals in open_ if own & signals for its in signals} - own
+        told = (Alternative(f.effect, (joint,), None, None) for _, joint in sorted(others))
         out.append(replace(f, equivalent=(*f.equivalent, *told)))
     return tuple(out)
 
 
-def _joint(signal: str) -> int:
-    return int("".join(filter(str.isdigit, signal)) or 0)
+def _read(signal: str) -> tuple[str, int]:
+    """Side and joint of a recorded signal; a current is its motor's torque."""
+    kind = signal.rstrip("0123456789")
+    return "tau_m" if kind == "i" else kind, int(signal[len(kind) :] or 0)
 
 
 def explainable(outcome: Outcome) -> dict[str, dict[str, float]]:

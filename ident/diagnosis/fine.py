@@ -141,9 +141,9 @@ class FineKeeper:
         self.seen[key] = seen + len(block.t)
         self.streams[stream.label], self.vs[stream.label] = stream, block.vs
         speed = block.dq if block.speed is None else block.speed
-        signals = (block.q, block.dq, block.ddq, block.sign_dq, speed, self.columns.torque(block))
-        kept = np.vstack([part[pick].T for part in signals])
-        kept = np.vstack([kept, _about(block.certain, np.arange(len(block.t))[pick], step).T])
+        signals = [part[pick].T for part in (block.q, block.dq, block.ddq, block.sign_dq, speed)]
+        certain = _about(block.certain, np.arange(len(block.t))[pick], step)
+        kept = np.vstack([*signals, certain.T, self.columns.torque(block)[pick].T])
         self.t.setdefault(key, []).append(block.t[pick].copy())
         self.parts.setdefault(key, []).append(kept if self.spool is None else self.spool.append(kept))
 
@@ -162,8 +162,8 @@ class FineKeeper:
         each = every // step
         pick = slice(cut.start * each, len(t) if cut.stop >= len(t) // each else cut.stop * each)
         n = len(self.columns.need.joints)
-        ends = np.append(np.arange(1, 6) * n, len(whole) - n)
-        q, dq, ddq, sign, speed, measured, certain = (
+        ends = np.arange(1, 7) * n
+        q, dq, ddq, sign, speed, certain, measured = (
             np.array(part.T, float, order="C") for part in np.split(whole[:, pick], ends)
         )
         return FineSegment(

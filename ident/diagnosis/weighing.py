@@ -129,11 +129,6 @@ def may_be(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: 
     )
 
 
-def passes(state: State, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
-    """Enough on both kinds of rows, block by block, and possible."""
-    return says_enough(r, e, tau, alpha) and is_physical(state, r, e, tau)
-
-
 def says_enough(r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
     """The judged rows reject the model without it, and block by block."""
     agreed = e.supported(alpha) or r.term.effect.replaces  # what the study itself left out needs no witness

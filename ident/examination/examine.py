@@ -79,9 +79,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     for _ in range(FAULTS):
         fit = quick.fit(how)
         asked = _believable(prepared, quick, fit, how, maps, currents)
-        if (
-            best is not None and alike
-        ):  # what is asked again with the last one undone is another fault, no other name of it
+        if best is not None and alike:  # asked again with the last one undone: no other name of it
             again = {(h.check.check, h.check.signals) for h in asked}
             alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(alike).check

@@ -174,13 +174,12 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
     names = tuple(columns.signals[k] for k in dead)
     everything = len(dead) == len(reach) - n
     value = f"{lowest[dead[0]]:g}"
-    rail = (
-        " or held at the end of its range" if lowest[dead].all() else ""
-    )  # a short run may be clipped whole
+    clipped = lowest[dead].all()  # a short run may be, whole
+    cause = "dead, absent or held at the end of its range" if clipped else "dead or absent"
     yield Check(
         "dead_channel",
         names,
-        f"{listed(names)} {'reads' if len(names) == 1 else 'read'} {value} throughout: dead, absent{rail}"
+        f"{listed(names)} {'reads' if len(names) == 1 else 'read'} {value} throughout: {cause}"
         if not everything
         else f"no torque is recorded: {listed(names)} never changes while joints move",
         "map the right columns with columns: {...}"

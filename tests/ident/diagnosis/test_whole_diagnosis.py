@@ -90,8 +90,10 @@ def test_a_check_that_leaves_open_which_torque_it_is_is_said_beside_the_finding(
     other = replace(gain, effect="spring")
     either = Check("torque_scale", ("tau_m2", "tau_m1"), "", "write columns: {...} or columns: {...}")
     one = Check("torque_scale", ("tau_m3",), "", "columns: {tau_m3: {scale: 2}}")
+    currents = replace(either, signals=("i2", "i1"))
     told = in_doubt((gain, other), (either, one))
     assert [(a.effect, a.joints, a.log_e) for a in told[0].equivalent] == [("drive_gain_error", (2,), None)]
+    assert in_doubt((gain,), (currents,))[0] == told[0]
     assert told[1] == other and in_doubt((gain,), (one,)) == (gain,)
 
 
