@@ -256,12 +256,22 @@ def flexible(
 
 
 def imitation(
-    m: Metric, channel: int, joint: int, segments: Sequence[FineSegment], signal: Signal, torque: np.ndarray
+    m: Metric,
+    channel: int,
+    joint: int,
+    segments: Sequence[FineSegment],
+    signal: Signal,
+    torque: np.ndarray,
+    rate: int | None = None,
 ) -> np.ndarray:
-    """(M,) the polynomial in a signal that comes nearest to a torque (M,) on the fitted rows. (No hats: what
-    bends at a point is all new to a whitener of smooth noise.)"""
+    """(M,) the polynomial in a signal that comes nearest to a torque (M,) on the fitted rows; with a joint
+    whose `rate` it reads, too, also times its sign and times itself. (No hats: what bends at a point is all
+    new to a whitener of smooth noise.)"""
     scaled = _scaled([signal(s) for s in segments], True)
-    made = (np.polynomial.legendre.legvander(x, BENDS) for x in scaled)
+    made = [np.polynomial.legendre.legvander(x, BENDS) for x in scaled]
+    if rate is not None:
+        by = [(s.sign_dq[:, rate, None], s.dq[:, rate, None]) for s in segments]
+        made = [np.hstack([z, *(z * x for x in factors)]) for z, factors in zip(made, by)]
     Z = np.concatenate([s.decimate(z, joint) for z, s in zip(made, segments)])
     Z *= m.rows.scale[channel][:, None]
     on = m.fitted.mask & m.rows.use[channel]

@@ -49,9 +49,11 @@ def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> 
 
 
 def move_alike(flex: Flexible, tau: float) -> tuple[str, ...]:
-    """Signals of other joints whose functions say as much, within the limit: where several joints follow one
-    signal, the motion does not show whose position a torque follows."""
-    least = max(tau, flex.evidence.log_e - tau)
+    """Signals of other joints whose functions say as much, within the limit and the choice among them: where
+    several joints follow one signal, the motion does not show whose position a torque follows."""
+    if not flex.others:
+        return ()
+    least = flex.evidence.log_e - tau + float(np.log(len(flex.others)))
     return tuple(name for name, log_e in flex.others if log_e > least)
 
 
@@ -60,14 +62,15 @@ def margin(numbers: int, tau: float) -> float:
 
 
 def sufficiency(state: State, m: Metric, r: Refined, c: int, tau: float) -> Flexible | None:
-    """The best function without a name of the signals that the effect reads. Of a law of the position alone,
-    or of another joint's motion, that polynomials in a third one's motion imitate, its own torque, with what
-    these say of it (LWR4+: five joints follow one signal, and a ripple was told of the sixth's position)."""
+    """The best function without a name of the signals that the effect reads. Of a law of the position, or of
+    another joint's motion, that polynomials in a third one's motion imitate, its own torque, with what these
+    say of it (LWR4+: five joints follow one signal, and a ripple was told of the sixth's position)."""
     read = signals_read(r.term)
     if read is None or r.term.effect.replaces:  # what the study itself left out is there, whatever else is
         return None
-    place = r.term.place
-    if (place.source is not None or read == {f"q{(place.joint or 0) + 1}"}) and c in r.columns:
+    place, j = r.term.place, (r.term.place.joint or 0) + 1
+    positional = f"q{j}" in read and read <= {f"q{j}", f"dq{j}"}
+    if (place.source is not None or positional) and c in r.columns:
         copied = _copied(state, m, r, c, tuple(sorted(read)))
         if move_alike(copied, tau):
             return copied
@@ -75,12 +78,14 @@ def sufficiency(state: State, m: Metric, r: Refined, c: int, tau: float) -> Flex
 
 
 def _copied(state: State, m: Metric, r: Refined, c: int, read: tuple[str, ...]) -> Flexible:
-    """The effect's own torque, and what it says as a function of each signal of another joint's motion."""
+    """The effect's own torque, and what it says as a function of each signal of another joint's motion, by
+    functions of its own rate where it reads that, too: whose friction it is stands."""
     torque = r.columns[c] @ r.sizes
     joint, place = state.model.channels[c].joint, r.term.place
     whose = place.joint if place.source is None else place.source
+    rate = place.joint if place.source is None and f"dq{(place.joint or 0) + 1}" in read else None
     others = {
-        f"{kind}{k + 1}": imitation(m, c, joint, state.segments, _signal(kind, k), torque)
+        f"{kind}{k + 1}": imitation(m, c, joint, state.segments, _signal(kind, k), torque, rate)
         for k in range(state.segments[0].q.shape[1])
         for kind in ("q", "dq", "ddq")
         if k != whose

@@ -78,6 +78,8 @@ def test_what_joints_that_move_alike_do_not_show_is_no_law():
     own = SimpleNamespace(log_e=150.0)
     assert move_alike(alone, 8.3) == () and sufficient(term, own, alone, 8.3)
     assert move_alike(alike, 8.3) == ("q1", "q3") and not sufficient(term, own, alike, 8.3)
+    weak = replace(alone, evidence=SimpleNamespace(log_e=9.2), others=(("q1", 5.5), ("q2", 1.4)))
+    assert move_alike(weak, 8.3) == ("q1",)  # neither says enough alone; what is between them says nothing
 
 
 def test_a_wave_is_imitated_by_what_moves_alike_and_by_nothing_else(clean_arm):
@@ -93,3 +95,20 @@ def test_a_wave_is_imitated_by_what_moves_alike_and_by_nothing_else(clean_arm):
     left = [np.std((torque - copy)[on]) for copy in copies]
     assert left[1] < 0.01 * np.std(torque[on])  # its own position stands for one that is a copy of it
     assert min(left[0], left[2]) > 0.5 * np.std(torque[on])
+
+
+def test_a_friction_that_follows_a_position_is_imitated_by_its_rate_and_a_copy_of_it(clean_arm):
+    """Of an LWR4+'s third joint a friction was told that followed q3, where five joints moved alike."""
+    state = clean_arm.state
+    first = 2 * np.pi / np.ptp(np.concatenate([s.q[:, 1] for s in state.segments]))
+    waves = [(s.sign_dq[:, 1] * np.sin(first * s.q[:, 1]))[:, None] for s in state.segments]
+    torque = np.concatenate([s.decimate(z, 1)[:, 0] for s, z in zip(state.segments, waves)])
+    torque *= state.rows.scale[1]
+    on = state.rows.use[1]
+
+    def left(k, rate):
+        copy = imitation(state.metric, 1, 1, state.segments, lambda s: s.q[:, k], torque, rate)
+        return np.std((torque - copy)[on]) / np.std(torque[on])
+
+    assert left(1, 1) < 0.01 < 0.3 < left(1, None)
+    assert left(0, 1) > 0.3
