@@ -22,6 +22,7 @@ from ident.diagnosis.left_out import left_out
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import (
+    as_late,
     in_time,
     late_as_a_whole,
     place_of,
@@ -113,7 +114,7 @@ def trace(
     steps: list[Step] = []
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
-    event, loads, in_step = None, True, False
+    event, loads, on_time = None, True, False
     weighed = None
     progress("what the study left out", 0.15)
     whole = left_out(state, library, tau)
@@ -126,10 +127,10 @@ def trace(
         listed = screen(state, library, frozenset(closed))
         progress(f"{step}: weighing it", done)
         weighed = compared(state, listed, tau, alpha)
-        if not weighed.passed and not in_step:
+        if not weighed.passed and not on_time:
             progress(f"{step}: whether all torques are late", done)
             late = late_as_a_whole(state, library.places, tau, alpha)
-            in_step = late is None
+            on_time = late is None
             if late is not None:
                 taken, evidence, state, beside = late
                 steps.append(Step(taken.term, evidence, (), beside))
@@ -201,7 +202,8 @@ def trace(
                 state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
                 continue
         rivals = rivals_of(weighed, best, evidence, tau, alpha)
-        steps.append(Step(best.term, evidence, rivals, could_stand(weighed, best, tau)))
+        stand = (*could_stand(weighed, best, tau), *as_late(best.term, library.places))
+        steps.append(Step(best.term, evidence, rivals, tuple({t.key: t for t in stand}.values())))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, tau, alpha)

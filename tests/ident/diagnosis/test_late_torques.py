@@ -10,7 +10,7 @@ from benchmarks.planted_faults import BASES, DATA, FAULTS, LATE_S, planted
 from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
 from ident.diagnosis.recorded import recorder
-from ident.diagnosis.settling import in_time, refined_together
+from ident.diagnosis.settling import as_late, in_time, refined_together
 from ident.diagnosis.state import Found, recolumned, with_found
 from ident.diagnosis.terms import Term
 from ident.equations.prepared import prepare_study
@@ -44,6 +44,20 @@ def test_a_delay_of_all_joints_comes_before_that_of_one(late):
     assert taken.term.place.joint is None and evidence.log_e > 30
     (found,) = state.terms
     assert found.size[0] == pytest.approx(LATE, rel=0.2)  # samples are 5 ms apart
+
+
+def test_what_is_as_late_is_compared_in_the_end(late):
+    """Of 7 ms of delay a lag was told at three times the noise, and no delay beside it."""
+    places = [
+        (e, place) for e in (E, effect("torque_lag"), effect("spring")) for place in e.places(late.layout)
+    ]
+    lag = next(
+        Term(e, place, {}, (0.007,)) for e, place in places if e.name == "torque_lag" and place.joint == 1
+    )
+    alike = {(t.effect.name, t.place.joint, t.size) for t in as_late(lag, places)}
+    assert alike == {("time_delay", 1, (0.007,)), ("torque_lag", 1, (0.007,))}
+    spring = next(Term(e, place, {}, (1.0,)) for e, place in places if e.name == "spring")
+    assert as_late(spring, places) == ()
 
 
 def test_a_size_that_was_found_stays(late):
