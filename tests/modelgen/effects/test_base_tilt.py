@@ -47,6 +47,20 @@ def test_any_direction_is_found_in_the_measured_torque(roll, pitch):
     assert found == pytest.approx(tilted(DOWN, roll, pitch), abs=0.1)  # m/s^2: 0.6 degrees
 
 
+def test_a_base_that_is_nearly_level_is_asked_for_near_level():
+    """Noise led the search over all directions 19 mrad away from a tilt of 2.7, and of it a hysteresis was
+    told."""
+    model = arm_model(("motor",))
+    m, tilt = motion(model, 20.0, rate=50.0), np.array([-0.0014, -0.0023])
+    tau = recorded(model, simulated(model, m, E, place_of(model), dict(zip(("roll", "pitch"), tilt))))
+    noise = 0.05 * tau.std(axis=0) * np.random.default_rng(0).normal(size=tau.shape)
+    starts = E.starts(place_of(model), [replace(m, measured=tau + noise)], [], model)
+    angles = np.array([[v["roll"], v["pitch"]] for v in starts])
+    near = angles[np.linalg.norm(angles, axis=1) < 2 * np.linalg.norm(tilt)]
+    along = np.abs(near @ tilt) / (np.linalg.norm(near, axis=1) * np.linalg.norm(tilt))
+    assert along.max(initial=0.0) > np.cos(np.pi / 8)  # a size, of either sign, does the rest
+
+
 @pytest.mark.parametrize("file", [DOWN, -DOWN, DOWN[[2, 0, 1]], DOWN[[0, 2, 1]], np.array([3.0, -2.0, -9.0])])
 def test_every_direction_can_be_reached_from_the_files(file):
     rng = np.random.default_rng(3)
