@@ -7,7 +7,7 @@ The list is a budget of what is tried, no verdict."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -88,13 +88,16 @@ def _starts(state: State, effect: Effect, place: Place) -> Sequence[dict[str, fl
     return effect.starts(place, state.motions, back, state.model)
 
 
-def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranked]:
-    """The short list: at most PER_METRIC hypotheses of each metric, one shape each, and what was left out."""
+Ranking = tuple[dict[tuple, Ranked], ...]  # of each metric: the best shape of every hypothesis
+
+
+def ranked(state: State, library: Library, closed: frozenset[int]) -> Ranking:
+    """Every hypothesis at its best starting shape, in the noise at hand and in white rows."""
     done = {term.key for term in state.terms}
     late = {(term.place.joint, term.place.side) for term in state.terms if term.effect.shifts_time}
     trials: list[tuple[Term, dict[int, np.ndarray]]] = []
     metrics = (state.metric, state.plain_metric)
-    bests: tuple[dict[tuple, Ranked], ...] = ({}, {})
+    bests: Ranking = ({}, {})
     held = 0
     for effect, place in library.places:
         if place.joint is not None and place.joint in closed:
@@ -115,8 +118,15 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
             _weigh(metrics, trials, bests)
             trials, held = [], 0
     _weigh(metrics, trials, bests)
+    return bests
+
+
+def short_list(ranking: Ranking, but: Collection[int | None] = ()) -> list[Ranked]:
+    """At most PER_METRIC hypotheses of each metric, one shape each, and what was left out; none of the joints
+    `but`."""
     out: dict[tuple, Ranked] = {}
-    for best in bests:
+    for every in ranking:
+        best = {key: r for key, r in every.items() if r.term.place.joint not in but}
         places: dict[str, int] = {}
         ordered = []
         for r in sorted(best.values(), key=lambda r: -r.gain):
@@ -133,6 +143,14 @@ def screen(state: State, library: Library, closed: frozenset[int]) -> list[Ranke
     return list(out.values())
 
 
+def elsewhere(ranking: Ranking, asked: Collection[Ranked], tau: float, most: int) -> list[Ranked]:
+    """The short list of the joints of which nothing was asked, where the fitted rows ask for it: one joint's
+    large structure that has no name kept those of all others off the list. (Of an AIRBOT friction under load
+    of joint 2, a fifth of its error, stood behind what joints 4 and 5 have.)"""
+    joints = {r.term.place.joint for r in asked} | {None}
+    return [r for r in short_list(ranking, joints) if r.gain > tau][:most]
+
+
 def _contained(best: Mapping[tuple, Ranked], listed: Sequence[Ranked]) -> list[Ranked]:
     """The simpler effects that those of the list are at special values: what does not differ from them is
     theirs. (AIRBOT: friction under load that drives and brakes alike was told as one that differs.)"""
@@ -147,7 +165,7 @@ def _where(place: Place) -> tuple:
 def _weigh(
     metrics: Sequence[Metric],
     trials: Sequence[tuple[Term, dict[int, np.ndarray]]],
-    bests: Sequence[dict[tuple, Ranked]],
+    bests: Ranking,
 ) -> None:
     """Keep the best shape of every hypothesis in each metric; the columns may go."""
     for m, best in zip(metrics, bests):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ident.diagnosis.candidates import Library, Ranked, screen
+from ident.diagnosis.candidates import Library, Ranked, elsewhere, ranked, short_list
 from ident.diagnosis.events import Event, best_event, still_holds
 from ident.diagnosis.evidence import Evidence, weigh
 from ident.diagnosis.halves import by_halves
@@ -115,7 +115,7 @@ def trace(
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
     event, loads, on_time = None, True, False
-    weighed = None
+    rounds: list[Weighed] = []
     progress("what the study left out", 0.15)
     whole = left_out(state, library, tau)
     if whole is not None:
@@ -124,7 +124,8 @@ def trace(
     while len(steps) < max_steps:
         done, step = 0.15 + 0.75 * (1 - 0.75 ** len(steps)), f"step {len(steps) + 1}"
         progress(f"{step}: what could be missing", done)
-        listed = screen(state, library, frozenset(closed))
+        ranking = ranked(state, library, frozenset(closed))
+        listed = short_list(ranking)
         progress(f"{step}: weighing it", done)
         weighed = compared(state, listed, tau, alpha)
         if not weighed.passed and not on_time:
@@ -145,30 +146,26 @@ def trace(
             steps.append(Step(r.term, event.evidence, rivals))
             state = with_found(state, Found(r.term, r.columns, r.sizes))
             continue
-        if not weighed.passed:
-            hidden = by_halves(state, weighed, tau, alpha) or by_common(state, weighed, tau, alpha)
-            if hidden is not None:
-                r, e, others = hidden
-                steps.append(Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others)))
-                state = refined_together(with_found(state, Found(r.term, r.columns, r.sizes)))
-                continue
-            held = _doubtful(state, weighed, tau, alpha)
-            told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
-            end = None if held is not None else _at_an_end(state, weighed, told, tau, alpha)
-            if end is not None:
-                r, e = end
-                c = main_channel(e, r.term, state)
-                read = tuple(sorted(signals_read(r.term) or ()))
-                share = explained_share(state, c, r.columns[c] @ r.sizes)
-                unnamed.append(Unnamed(c, read, e.log_e, e.gain, share, Equivalent(r.term, e.log_e)))
-                closed.add(state.model.channels[c].joint)
-                state = with_found(state, Found(None, r.columns, r.sizes, read))
-                continue
-            if held is None:
+        rounds, unclear = [weighed], None
+        told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
+        while not weighed.passed:
+            unclear = _unclear(state, weighed, told, tau, alpha)
+            listed += (further := elsewhere(ranking, listed, tau, BUDGET - len(listed)))
+            if unclear is not None or not further:
                 break
-            taken, evidence, state, same = held
-            steps.append(Step(taken.term, evidence, same, could_stand(weighed, taken, tau)))
+            progress(f"{step}: asking the other joints", done)
+            weighed = compared(state, further, tau, alpha)
+            rounds.append(weighed)
+        if unclear is not None:
+            state, what = unclear
+            if isinstance(what, Step):
+                steps.append(what)
+            else:
+                unnamed.append(what)
+                closed.add(state.model.channels[what.channel].joint)
             continue
+        if not weighed.passed:
+            break
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
         if best.term.effect.shifts_time and best.term.place.joint is not None:
@@ -211,7 +208,8 @@ def trace(
     state, steps, left = leftovers(state, steps, unnamed, tau, alpha)
     there = {term.key for term in state.terms}  # what is found itself is no other explanation of the rest
     steps = [replace(s, equivalent=tuple(e for e in s.equivalent if e.term.key not in there)) for s in steps]
-    near = () if weighed is None or steps or unnamed or left or state.found else nearly(weighed, tau, alpha)
+    silent_end = not (steps or unnamed or left or state.found)
+    near = [its for weighed in rounds for its in nearly(weighed, tau, alpha)] if silent_end else []
     hints = tuple(Step(r.term, e, beside) for r, e, beside in near)
     return Outcome(first, state, tuple(steps), (*unnamed, *left), tau, hints=hints)
 
@@ -232,6 +230,31 @@ def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: fl
         for o, _ in likely
         if set(o.columns) & set(r.columns)
     )
+
+
+def _unclear(
+    state: State, weighed: Weighed, told: Collection[tuple], tau: float, alpha: float
+) -> tuple[State, Step | Unnamed] | None:
+    """Where nothing passed as it is: the state with what holds in other rows, or once it was settled in, or
+    with what a shape at the end of its range stands for; None: nothing. told: as of `_at_an_end`."""
+    hidden = by_halves(state, weighed, tau, alpha) or by_common(state, weighed, tau, alpha)
+    if hidden is not None:
+        r, e, others = hidden
+        step = Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others))
+        return refined_together(with_found(state, Found(r.term, r.columns, r.sizes))), step
+    held = _doubtful(state, weighed, tau, alpha)
+    if held is not None:
+        r, e, settled, same = held
+        return settled, Step(r.term, e, same, could_stand(weighed, r, tau))
+    end = _at_an_end(state, weighed, told, tau, alpha)
+    if end is None:
+        return None
+    r, e = end
+    c = main_channel(e, r.term, state)
+    read = tuple(sorted(signals_read(r.term) or ()))
+    share = explained_share(state, c, r.columns[c] @ r.sizes)
+    what = Unnamed(c, read, e.log_e, e.gain, share, Equivalent(r.term, e.log_e))
+    return with_found(state, Found(None, r.columns, r.sizes, read)), what
 
 
 def _doubtful(

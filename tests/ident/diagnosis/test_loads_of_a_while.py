@@ -9,7 +9,7 @@ import pytest
 import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import loop
-from ident.diagnosis.candidates import Library, screen
+from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.events import Event, _gains, best_event, crossed, whole
 from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
@@ -100,7 +100,7 @@ def test_a_law_of_the_whole_study_takes_a_loads_place(arm, monkeypatch):
     begun = opened(prepare_study(arm("base_tilt:roll=0.02,pitch=0.004")))
     tilt, force = catalogue()["base_tilt"], catalogue()["external_force"]
     library = Library([tilt, force], begun.layout)
-    weighed = compared(begun.state, screen(begun.state, library, frozenset()), tau, ALPHA)
+    weighed = compared(begun.state, short_list(ranked(begun.state, library, frozenset())), tau, ALPHA)
     weighed = replace(weighed, passed=())
     place = replace(next(iter(force.places(begun.layout))), recording="run1", start=1.0)
     load = refine(

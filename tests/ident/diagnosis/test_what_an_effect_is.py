@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from small_arm import ARM
 
-from ident.diagnosis.candidates import Library, Ranked, _contained, screen
+from ident.diagnosis.candidates import Library, Ranked, _contained, ranked, short_list
 from ident.diagnosis.evidence import stacked, weigh
 from ident.diagnosis.last_fit import _ended, _study_term
 from ident.diagnosis.loop import threshold
@@ -138,8 +138,12 @@ def test_what_a_study_left_out_is_asked_of_every_joint(tmp_path_factory):
     study = load_study(write_simulation(made, folder / "out")).with_(without=("viscous_friction",))
     begun = opened(prepare_study(study))
     library = Library(list(catalogue().values()), begun.layout)
-    listed = {(r.term.effect.name, r.term.place.joint) for r in screen(begun.state, library, frozenset())}
-    assert {("viscous_friction", joint) for joint in range(3)} <= listed
+    listed = {
+        (r.term.effect.name, r.term.place.joint)
+        for r in short_list(ranked(begun.state, library, frozenset()))
+    }
+    places = {(r.term.effect.name, r.term.place.joint) for r in listed}
+    assert {("viscous_friction", joint) for joint in range(3)} <= places
 
 
 def test_what_is_not_beaten_is_told_beside_it(tmp_path_factory):
