@@ -64,7 +64,8 @@ def verdict(document: Mapping[str, Any]) -> str:
         hints = [hint_sentence(document, hint) for hint in document.get("hints") or ()]
         nothing = "The model lacks nothing that these recordings show."
         unsure = "These recordings do not confirm that the model lacks anything, nor that it lacks nothing."
-        sentences = [unsure if hints else nothing, *hints, left_in_words(document)]
+        quiet = not (hints or _above_noise(document) or worse_elsewhere(document))
+        sentences = [nothing if quiet else unsure, *hints, left_in_words(document)]
     return " ".join([*sentences, *worse_elsewhere(document)])
 
 
@@ -83,6 +84,13 @@ def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:
     )
 
 
+def _above_noise(document: Mapping[str, Any]) -> list[str]:
+    """Channels whose error on the fitted runs is more than noise, the worst first."""
+    after, floor = document["error_percent"]["after"]["identify"], document["noise_floor_percent"]
+    above = (n for n in after if n != "total" and floor.get(n) and (after[n] or 0.0) > NOISY * floor[n])
+    return sorted(above, key=lambda n: -after[n] / floor[n])
+
+
 def left_in_words(document: Mapping[str, Any]) -> str:
     """What the last fit leaves of the fitted runs, against the noise floor where there is one."""
     after, floor = document["error_percent"]["after"]["identify"], document["noise_floor_percent"]
@@ -93,7 +101,7 @@ def left_in_words(document: Mapping[str, Any]) -> str:
             f"{percent(after['total'])} of the torque is left on the fitted runs; whether that is noise is "
             "not known: no noise floor can be read off these recordings."
         )
-    above = sorted((n for n in seen if after[n] > NOISY * floor[n]), key=lambda n: -after[n] / floor[n])
+    above = _above_noise(document)
     if not above and len(seen) == len(channels):
         return "What is left looks like noise: no torque keeps more than 1.5 times its noise floor."
     if not above:

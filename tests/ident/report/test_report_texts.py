@@ -133,9 +133,9 @@ def test_nothing_found_is_called_noise_only_where_the_floor_says_so():
         "What is left looks like noise: no torque keeps more than 1.5 times its noise floor."
     )
     assert plain(nothing({"tau_m1": 8.1, "tau_m2": 2.0}, {"tau_m1": 1.6, "tau_m2": 1.9})) == (
-        "The model lacks nothing that these recordings show. 8.1 % of tau_m1 is left on the fitted runs "
-        "where noise alone would leave 1.6 %: 7.9 % of the torque is above that floor. Slow noise "
-        "is not in it."
+        "These recordings do not confirm that the model lacks anything, nor that it lacks nothing. "
+        "8.1 % of tau_m1 is left on the fitted runs where noise alone would leave 1.6 %: 7.9 % of the "
+        "torque is above that floor. Slow noise is not in it."
     )
     without = plain(nothing({"tau_m1": 8.1}, {}))
     assert "whether that is noise is not known" in without and "looks like" not in without
@@ -143,6 +143,7 @@ def test_nothing_found_is_called_noise_only_where_the_floor_says_so():
     assert "What is left of tau_m1 looks like noise; for tau_m2 no noise floor is known." in half
     far = plain(nothing({"tau_m1": 2.0}, {"tau_m1": 1.8}, test=9.0))
     assert "The error on test runs is 4.5 times that of the fitted ones" in far
+    assert far.startswith("These recordings do not confirm that the model lacks anything, nor")
 
 
 def test_what_too_few_blocks_confirm_is_a_hint_and_not_nothing():
