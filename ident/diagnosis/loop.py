@@ -168,7 +168,7 @@ def trace(
             break
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
-        if best.term.effect.shifts_time and best.term.place.joint is not None:
+        if best.term.effect.shifts_time:
             late = in_time(state, library.places, best.term.place, tau, alpha)
             if late is not None:
                 taken, evidence, state, beside = late
