@@ -12,6 +12,7 @@ import numpy as np
 from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
 from ident.diagnosis.last_fit import is_told, same
+from ident.diagnosis.leading import OWN_COURSE
 from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
@@ -28,7 +29,6 @@ from ident.recordings.study import Study
 from modelgen.effects import catalogue
 
 FAR_OFF = 3.0  # times what noise and parameters explain: an error of judged rows that is no noise
-OWN_COURSE = 5.0  # times what is new from row to row: an error that its past foretells is no drive's noise
 ESTABLISHED, PARTLY = "established", "partly"
 
 

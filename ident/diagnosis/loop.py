@@ -199,8 +199,7 @@ def trace(
                 state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
                 continue
         rivals = rivals_of(weighed, best, evidence, tau, alpha)
-        stand = (*could_stand(weighed, best, tau), *as_late(best.term, library.places))
-        steps.append(Step(best.term, evidence, rivals, tuple({t.key: t for t in stand}.values())))
+        steps.append(Step(best.term, evidence, rivals, could_stand(weighed, best, tau)))
         state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, tau, alpha)
@@ -208,6 +207,7 @@ def trace(
     state, steps, left = leftovers(state, steps, unnamed, tau, alpha)
     there = {term.key for term in state.terms}  # what is found itself is no other explanation of the rest
     steps = [replace(s, equivalent=tuple(e for e in s.equivalent if e.term.key not in there)) for s in steps]
+    steps = [replace(s, passed=(*s.passed, *as_late(s.term, library.places, s.passed))) for s in steps]
     silent_end = not (steps or unnamed or left or state.found)
     near = [its for weighed in rounds for its in nearly(weighed, tau, alpha)] if silent_end else []
     hints = tuple(Step(r.term, e, beside) for r, e, beside in near)

@@ -3,7 +3,7 @@ beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -90,7 +90,7 @@ def _afresh(state: State, r: Refined, joint: int | None) -> State:
 
 
 def in_time(
-    state: State, places: Collection[tuple[Effect, Place]], near: Place, tau: float, alpha: float
+    state: State, places: Iterable[tuple[Effect, Place]], near: Place, tau: float, alpha: float
 ) -> tuple[Refined, Evidence, State, tuple[Term, ...]] | None:
     """The torque of all joints, or of one place, recorded late or smoothed: of those that fit best, each with
     dry friction's turn-over taken anew beside it, the one that says most, and all that were tried. A
@@ -114,10 +114,7 @@ def in_time(
         held = _holding(state, refined_together(trial), term, tau, alpha)
         if held is not None and (out is None or held[1].log_e > out[1].log_e):
             out = held
-    if out is None:
-        return None
-    seen = {term.key: term for term in as_late(out[0].term, places)} | seen
-    return (*out, tuple(seen.values()))
+    return None if out is None else (*out, tuple(seen.values()))
 
 
 def late_as_a_whole(
@@ -135,15 +132,16 @@ def late_as_a_whole(
     return in_time(state, asked, Place(), tau, alpha)
 
 
-def as_late(term: Term, places: Iterable[tuple[Effect, Place]]) -> tuple[Term, ...]:
-    """What else makes the torque of the same place as late: beside a turn-over that was settled with one of
-    them the others look worse than they are. (Of 7 ms of delay at three times the noise a lag was told, and
-    nothing beside it.)"""
+def as_late(term: Term, places: Iterable[tuple[Effect, Place]], known: Iterable[Term]) -> tuple[Term, ...]:
+    """What else, beside the `known`, makes the torque of the same place as late: beside a turn-over that was
+    settled with one of them the others look worse than they are. (Of 7 ms of delay at three times the noise a
+    lag was told, and nothing beside it.)"""
     if not term.effect.shifts_time:
         return ()
-    where = (term.place.joint, term.place.side)
+    where, keys = (term.place.joint, term.place.side), {t.key for t in known}
     alike = (its for its in places if its[0].shifts_time and (its[1].joint, its[1].side) == where)
-    return tuple(Term(effect, place, {}, term.size) for effect, place in alike)
+    trials = (Term(effect, place, {}, term.size) for effect, place in alike)
+    return tuple(trial for trial in trials if trial.key not in keys)
 
 
 def _late(state: State, term: Term) -> tuple[float, Term, State]:

@@ -56,10 +56,10 @@ def test_what_is_as_late_is_compared_in_the_end(late):
     lag = next(
         Term(e, place, {}, (0.007,)) for e, place in places if e.name == "torque_lag" and place.joint == 1
     )
-    alike = {(t.effect.name, t.place.joint, t.size) for t in as_late(lag, places)}
+    alike = {(t.effect.name, t.place.joint, t.size) for t in as_late(lag, places, ())}
     assert alike == {("time_delay", 1, (0.007,)), ("torque_lag", 1, (0.007,))}
     spring = next(Term(e, place, {}, (1.0,)) for e, place in places if e.name == "spring")
-    assert as_late(spring, places) == ()
+    assert as_late(lag, places, [lag, replace(lag, effect=E)]) == () == as_late(spring, places, ())
 
 
 def test_a_delay_of_all_torques_is_settled_with_dry_friction_taken_anew(late, monkeypatch):
