@@ -1,10 +1,13 @@
 """Helpers of several tests are modules of tests/support: `from pinocchio_robot import PinocchioRobot`."""
 
+import os
 import sys
 from pathlib import Path
 
 import pytest
 
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(name, "1")  # two workers on two cores: more threads wait for each other
 sys.path.insert(0, str(Path(__file__).parent / "support"))
 
 

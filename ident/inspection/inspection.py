@@ -169,7 +169,10 @@ def _tried(inspection: Inspection, sources: Sequence[Source], folder: Path, prog
         inspection = replace(inspection, excitation=shown, excitation_refusal="", of_fit=limits)
         if not inspection.questions:
             progress("examining the torques")
-            inspection = replace(inspection, of_fit=(*limits, *examine_fit(prepared)))
+            from threadpoolctl import threadpool_limits
+
+            with threadpool_limits(1, "blas"):  # thousands of small fits: threads wait for each other
+                inspection = replace(inspection, of_fit=(*limits, *examine_fit(prepared)))
     except IdentError as error:
         inspection = replace(inspection, excitation_refusal=str(error))
     return inspection
