@@ -11,6 +11,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager
 from itertools import islice
 from typing import TypeVar
 
@@ -35,6 +36,14 @@ def in_order(function: Callable[[Item], Result], items: Iterable[Item]) -> Itera
             result = begun.popleft().result()
             begun.extend(pool.submit(function, item) for item in islice(rest, 1))
             yield result
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """BLAS on one thread meanwhile: small matrices' threads wait for each other, and several processes share
+    a machine better so."""
+    from threadpoolctl import threadpool_limits  # not at start-up: not every command computes
+
+    return threadpool_limits(1, "blas")
 
 
 def available() -> int:

@@ -13,6 +13,7 @@ import gc
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from ident.cores import one_blas_thread
 from ident.diagnosis.approximated import moved
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.findings import (
@@ -91,11 +92,9 @@ def diagnose_study(
     alpha: rate of false findings in the whole study (the study's own where not given). memory [bytes]: what
     the process may take (half of what is free where not given).
     """
-    from threadpoolctl import threadpool_limits
-
     gc.freeze()  # what is imported is not searched again for garbage whenever memory is given back
     try:
-        with threadpool_limits(1, "blas"):
+        with one_blas_thread():
             return _diagnose(study, thrifty(progress), study.alpha if alpha is None else alpha, memory)
     finally:
         gc.unfreeze()

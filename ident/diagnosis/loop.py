@@ -150,9 +150,12 @@ def trace(
         told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
         while not weighed.passed:
             unclear = _unclear(state, weighed, told, tau, alpha)
-            listed += (further := elsewhere(ranking, listed, tau, BUDGET - len(listed)))
-            if unclear is not None or not further:
+            if unclear is not None:
                 break
+            further = elsewhere(ranking, listed, tau, BUDGET - len(listed))
+            if not further:
+                break
+            listed += further
             progress(f"{step}: asking the other joints", done)
             weighed = compared(state, further, tau, alpha)
             rounds.append(weighed)

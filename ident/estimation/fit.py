@@ -15,6 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ident import distributions
+from ident.cores import one_blas_thread
 from ident.equations.build import build
 from ident.equations.columns import Columns
 from ident.equations.comparison import Fitted, FullRate, compare_torques
@@ -142,11 +143,8 @@ def fit_study(study: Study, *, progress: Progress = silent, known: Examined | No
     """Identify a study. Raises IdentError with one sentence, FitFailedError when no parameter comes out.
 
     known: of this study where it was opened before.
-    BLAS runs on one thread: the matrices are small, and several processes share a machine better so.
     """
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, "blas"):
+    with one_blas_thread():
         if study.drive_gains == "identify" and not study.payload_mass:
             if study.model == "A":
                 return _with_gains_of(study, "C" if study.estimator != "tls" else "D", progress)

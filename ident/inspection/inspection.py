@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from ident.cores import one_blas_thread
 from ident.errors import IdentError, StudyError
 from ident.examination.check import Check, worst_first
 from ident.inspection.excitation import Excitation, excitation
@@ -169,9 +170,7 @@ def _tried(inspection: Inspection, sources: Sequence[Source], folder: Path, prog
         inspection = replace(inspection, excitation=shown, excitation_refusal="", of_fit=limits)
         if not inspection.questions:
             progress("examining the torques")
-            from threadpoolctl import threadpool_limits
-
-            with threadpool_limits(1, "blas"):  # thousands of small fits: threads wait for each other
+            with one_blas_thread():
                 inspection = replace(inspection, of_fit=(*limits, *examine_fit(prepared)))
     except IdentError as error:
         inspection = replace(inspection, excitation_refusal=str(error))

@@ -49,7 +49,7 @@ def verdict(document: Mapping[str, Any]) -> str:
     found = [f for f in document["findings"] if not _by_examination(f)]
     sure = [f for f in found if f.get("grade") != "partly"]
     partly = [f for f in found if f.get("grade") == "partly"]
-    sentences = []
+    sentences, worse = [], worse_elsewhere(document)
     if told:
         sentences.append(f"The data are not what the study says: {_named(told)}.")
     if sure:
@@ -64,9 +64,9 @@ def verdict(document: Mapping[str, Any]) -> str:
         hints = [hint_sentence(document, hint) for hint in document.get("hints") or ()]
         nothing = "The model lacks nothing that these recordings show."
         unsure = "These recordings do not confirm that the model lacks anything, nor that it lacks nothing."
-        quiet = not (hints or _above_noise(document) or worse_elsewhere(document))
+        quiet = not (hints or _above_noise(document) or worse)
         sentences = [nothing if quiet else unsure, *hints, left_in_words(document)]
-    return " ".join([*sentences, *worse_elsewhere(document)])
+    return " ".join([*sentences, *worse])
 
 
 def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ident.cores import one_blas_thread
 from ident.equations.build import build
 from ident.equations.columns import Columns
 from ident.equations.observation import DecimatedSegment, GrowingFactor, RecordingSystem
@@ -134,9 +135,7 @@ def summarise(study: Study, key: str = "", progress: Progress = silent) -> Summa
     An automatic cut-off is 0.08 times that of the positions (the paper's 0.8 Hz for 10): one that is chosen
     from the data would differ from recording to recording, and their factors could not be added.
     """
-    from threadpoolctl import threadpool_limits
-
-    with threadpool_limits(1, "blas"):
+    with one_blas_thread():
         prepared = prepare_study(study, progress)
         asked = study.filter.decimation_cutoff_hz
         cutoff = 0.08 * study.filter.position_cutoff_hz if asked == "auto" else asked
