@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -126,7 +126,8 @@ def compared_exactly(
             fit, _ = extended(known, other, base, alpha, silent)
             if is_told(fit, rival):
                 tried.append((other, fit))
-        nats = [_nats(outcome.last, fit) for _, fit in tried]
+        own_rows = step.term.place.rows(outcome.last.model.channels)
+        nats = [_nats(outcome.last, fit, own_rows) for _, fit in tried]
         equal = [k for k, n in enumerate(nats) if n > max(nats) - outcome.tau]
         best = min(equal, key=lambda k: (*simplicity(tried[k][0].steps[at].term), -nats[k]))
         own = step.evidence.log_e
@@ -144,13 +145,16 @@ def is_told(fit: FitResult, term: Term) -> bool:
     return any(same(told, term) for told in fit.terms)
 
 
-def _nats(state: State, fit: FitResult) -> float:
-    """Of the error of the runs that chose nothing, each row as much as it is news in the state's noise."""
+def _nats(state: State, fit: FitResult, own: Collection[int]) -> float:
+    """Of the error of the runs that chose nothing, each row as much as it is news in the state's noise; of
+    the channels that the explanation acts in, or all. (Of a rokae's second joint 20 ms late a lag was told
+    alone: the seventh, of which no fit there predicts half, went 59 % wrong with a delay, 39 with a lag.)"""
     error = _judged(fit)
     counts = [
         float((use & state.rows.judged).sum()) * w.news for use, w in zip(state.rows.use, state.whiteners)
     ]
-    return -float(sum(n * np.log(error[name]) for n, name in zip(counts, fit.columns.channels)))
+    named = list(zip(counts, fit.columns.channels))
+    return -float(sum(n * np.log(error[name]) for c, (n, name) in enumerate(named) if c in own or not own))
 
 
 def _possible(term: StudyTerm) -> bool:

@@ -15,16 +15,19 @@ import numpy as np
 
 from ident.diagnosis.candidates import Library, Ranked, elsewhere, ranked, short_list
 from ident.diagnosis.events import Event, best_event, still_holds
-from ident.diagnosis.evidence import Evidence, weigh
+from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common, shown_by_fitted
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.nameless import Flexible
+from ident.diagnosis.nameless_beside import beside_nameless
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import (
     as_late,
     in_time,
+    late_alone,
     late_as_a_whole,
+    late_joints,
     place_of,
     refined_together,
     settled_anew,
@@ -58,6 +61,7 @@ from ident.progress import Progress, silent
 
 BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
 STEPS = 14  # effects at most
+LATE = 2  # joints of which it is asked whether their torque comes late where nothing else is told
 LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
 
@@ -168,14 +172,24 @@ def trace(
                 closed.add(state.model.channels[what.channel].joint)
             continue
         if not weighed.passed:
-            break
+            progress(f"{step}: whether a joint's torque is late", done)
+            where = late_joints(state, ranking, tau)[:LATE]
+            late = late_alone(state, library.places, where, tau, alpha)
+            if late is None:
+                break
+            taken, evidence, state, beside = late
+            steps.append(Step(taken.term, evidence, (), beside))
+            continue
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
-        if best.term.effect.shifts_time:
-            late = in_time(state, library.places, best.term.place, tau, alpha)
-            if late is not None:
+        where = [p for p in late_joints(state, ranking, tau) if p.joint == best.term.place.joint]
+        if best.term.effect.shifts_time or where:
+            shifts = best.term.effect.shifts_time
+            late = in_time(state, library.places, best.term.place if shifts else where[0], tau, alpha)
+            if late is not None and (shifts or late[1].log_e > evidence.log_e + tau):
                 taken, evidence, state, beside = late
-                steps.append(Step(taken.term, evidence, (), beside))
+                others = could_stand(weighed, best, tau)
+                steps.append(Step(taken.term, evidence, (), beside if shifts else (*beside, *others)))
                 continue
         flex = sufficiency(state, weighed.metric, best, c, tau)
         if flex is not None and not sufficient(best.term, evidence, flex, tau):
@@ -303,10 +317,13 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
     what was missing then can have made one explanation look better than it is, or a simpler one too poor."""
     for number, f in enumerate(state.found):
         at = next((k for k, s in enumerate(steps) if f.term is not None and s.term.key == f.term.key), None)
-        if f.term is None or at is None or not any(t.key != f.term.key for t in steps[at].passed):
+        if f.term is None or at is None:
+            continue
+        beside = {t.key: t for t in (*steps[at].passed, *(e.term for e in steps[at].equivalent))}
+        if not set(beside) - {f.term.key}:
             continue
         others = state.but(number)
-        trials = [f.term if t.key == f.term.key else t for t in steps[at].passed]
+        trials = list({**beside, f.term.key: f.term}.values())
         weighed = compared(others, [Ranked(t, 0.0) for t in trials], tau, alpha)
         if not weighed.passed:
             continue
@@ -364,6 +381,41 @@ def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[S
         state = without(state, weak[1])
 
 
+def overrated(state: State, steps: list[Step], tau: float) -> tuple[State, list[Step], dict[int, Unnamed]]:
+    """Leave out, one after the other, what does not stand beside functions without a name; with it {channel:
+    what was left out there}."""
+    doubtful: dict[int, Unnamed] = {}
+    while named := [(k, f) for k, f in enumerate(state.found) if f.term is not None and _is_a_law(f.term)]:
+        spoken = np.flatnonzero((state.rows.use & state.rows.judged).any(axis=1))
+        asked = {int(c): ask(state, state.metric, int(c), tau) for c in spoken}
+        functions = {c: flex for c, flex in asked.items() if flex and flex.evidence.log_e < tau}
+        says = [(beside_nameless(state.but(k), f, functions, tau), k) for k, f in named]
+        log_e, weakest = min(says)
+        if log_e > tau:
+            break
+        others, f = state.but(weakest), state.found[weakest]
+        assert f.term is not None
+        e = weigh(others.metric, f.columns)
+        near = [c for c in functions if e.per_channel[c] > 0 or c in f.columns]
+        c = max(near, key=lambda c: (c in f.columns, functions[c].prior_evidence))
+        doubtful[c] = _fitted_alone(c, functions[c], state.metric, Equivalent(f.term, e.log_e))
+        steps = [s for s in steps if s.term.key != f.term.key]
+        state = without(state, weakest)
+    return state, steps, doubtful
+
+
+def _fitted_alone(c: int, flex: Flexible, m: Metric, near: Equivalent | None) -> Unnamed:
+    """What does not carry over: its share is that of the rows that it was learned on, whitened."""
+    told = flex.evidence
+    wide = float(1 - np.exp(-2 * told.gain / m.fitted.free[c]))
+    return Unnamed(c, flex.variables, told.log_e, told.gain, wide, near, carries_over=False)
+
+
+def _is_a_law(term: Term) -> bool:
+    """Not a load of one run, nor what the study itself left out, which is there whatever else is."""
+    return term.place.recording is None and not term.effect.replaces
+
+
 def asked_for(others: State, f: Found, tau: float) -> float:
     """log E of what was found on the judged rows of a state without it; infinite where these cannot show it
     and the fitted ones beside them ask for it."""
@@ -377,6 +429,7 @@ def leftovers(
     """What functions of everything still explain, channel by channel; names beside it must hold alone. What
     does not carry over is told where nothing else is, `unnamed` included."""
     out: list[Unnamed] = []
+    state, steps, doubtful = overrated(state, steps, tau)
     for c in range(state.rows.channels):
         if not (state.rows.use[c] & state.rows.judged).any():
             continue
@@ -384,10 +437,11 @@ def leftovers(
         if flex is None:
             continue
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
-            wide = 1 - np.exp(-2 * flex.evidence.gain / m.fitted.free[c])
-            if wide > LEAST and flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels):
-                told = flex.evidence  # its share is that of the rows that it was learned on, whitened
-                out.append(Unnamed(c, flex.variables, told.log_e, told.gain, wide, None, carries_over=False))
+            near = doubtful[c].nearest if c in doubtful else None
+            alone = _fitted_alone(c, flex, m, near)
+            enough = flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
+            if near is not None or (alone.share > LEAST and enough):
+                out.append(alone)
             continue
         share = explained_share(state, c, flex.column)
         column = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
@@ -396,13 +450,16 @@ def leftovers(
                 continue
             others = state.but(number)
             learned = ask(others, others.metric, c, tau)
-            if learned is None:
-                continue
+            if learned is None or sufficient(f.term, weigh(others.metric, f.columns), learned, tau):
+                continue  # a law still; what is left is told beside it
             beside = solved(others.plus(replace(column, columns={c: learned.column[:, None]})))
             if asked_for(beside, f, tau) < tau:
                 steps = [s for s in steps if s.term.key != f.term.key]
                 state = without(state, number)
-        out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share))
+        near = doubtful[c].nearest if c in doubtful else None
+        out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share, near))
+    there = {u.channel for u in out}
+    out += [u for c, u in doubtful.items() if c not in there]
     if steps or unnamed or any(u.carries_over for u in out):
-        out = [u for u in out if u.carries_over]
+        out = [u for u in out if u.carries_over or u.nearest is not None]
     return state, steps, out

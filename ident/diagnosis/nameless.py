@@ -13,7 +13,7 @@ is one column; what that says on the judged rows is compared with what an effect
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 
 import numpy as np
@@ -26,6 +26,7 @@ LAMBDAS = np.geomspace(1e-4, 1e6, 41)
 HATS = 13
 BENDS = 20  # degree of polynomials: some five waves over the range
 SHORT = 60_000  # fine samples, five minutes: up to there what is made is kept, and two cores share the work
+UNSEEN = 1e-9  # share of a column's squares on the fitted rows
 WAVES = 3  # peaks of the residual's spectrum over the position
 
 
@@ -40,14 +41,16 @@ class Signals:
 
 @dataclass(frozen=True, slots=True)
 class Flexible:
-    """The best function found: its signals, its column (M,) as learned, what it says; and what functions of
-    the same signal of other joints say (their names, nats), where that was asked."""
+    """The best function found: its signals, its column (M,) as learned, what it says; what functions of the
+    same signal of other joints say (their names, nats), where that was asked; the columns (M, k) that it is
+    made of, each at the size that the prior gives it."""
 
     variables: tuple[str, ...]
     column: np.ndarray
     prior_evidence: float  # nats on the fitted rows, its own size paid for
     evidence: Evidence
     others: tuple[tuple[str, float], ...] = ()
+    room: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:
@@ -245,14 +248,15 @@ def flexible(
         groups.append(((name, f"dq{joint + 1}"), partial(on_rows, with_rate)))
     asked = [group for group in groups if only is None or set(group[0]) <= only]
     told = (in_order if short else map)(lambda group: _ridge(m, channel, group[1]()), asked)
-    best: tuple[float, tuple[str, ...], np.ndarray] | None = None
-    for (variables, _), (value, column) in zip(asked, told):
+    best: tuple[float, tuple[str, ...], np.ndarray, np.ndarray] | None = None
+    for (variables, _), (value, column, room) in zip(asked, told):
         if best is None or value > best[0]:
-            best = (value, variables, column)
+            best = (value, variables, column, room)
     if best is None or best[0] < wanted:
         return None
-    value, variables, column = best
-    return Flexible(variables, column, value, weigh(m, {channel: column[:, None]}, np.ones(1)))
+    value, variables, column, room = best
+    evidence = weigh(m, {channel: column[:, None]}, np.ones(1))
+    return Flexible(variables, column, value, evidence, room=room)
 
 
 def imitation(
@@ -304,10 +308,15 @@ def _spread(m: Metric, channel: int, joint: int, segments: Sequence[FineSegment]
     return out
 
 
-def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray]:
-    """Evidence of a group on the fitted rows and its posterior mean (M,)."""
+def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
+    """Evidence of a group on the fitted rows, its posterior mean (M,), the columns (M, k) of its prior."""
     on = m.fitted.mask & m.rows.use[channel]
-    here = np.where(on[:, None], m.whiteners[channel] @ Z, 0.0)
+    white = m.whiteners[channel] @ Z
+    here = np.where(on[:, None], white, 0.0)
+    seen = np.sum(here**2, axis=0) > UNSEEN * np.sum(white**2, axis=0)  # others have no size to be learned
+    Z, here = Z[:, seen], here[:, seen]
+    if not seen.any():
+        return 0.0, np.zeros(len(Z)), Z
     places, values = m.X[channel]
     cross = m.fitted.basis[places].T @ (values.T @ here)
     own = here.T @ here
@@ -318,10 +327,10 @@ def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray]:
     keep = s > 1e-9
     s, U = s[keep], U[:, keep]
     if not len(s):
-        return 0.0, np.zeros(len(Z))
+        return 0.0, np.zeros(len(Z)), np.zeros((len(Z), 0))
     h = (U.T @ g) ** 2
     spread = LAMBDAS[:, None] * s[None, :]
     values_ = 0.5 * np.sum(h * LAMBDAS[:, None] / (1 + spread) - np.log1p(spread), axis=1)
     k = int(np.argmax(values_))
     a = U @ ((U.T @ g) * LAMBDAS[k] / (1 + LAMBDAS[k] * s)) / scale
-    return float(values_[k]), Z @ a
+    return float(values_[k]), Z @ a, Z @ (U / scale[:, None] * np.sqrt(LAMBDAS[k]))

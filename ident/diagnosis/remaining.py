@@ -33,8 +33,10 @@ def remaining(outcome: Outcome, last: FitResult, refused: Collection[tuple], alp
         steps = [step for step in steps if untrue is None or step.term.key != untrue.key]
         state = without(state, weak)
     steps = [_weighed_again(state, step) for step in steps]
-    first = [u for u in outcome.unnamed if u.nearest is not None]  # in the model; the others were left over
+    first = [u for u in outcome.unnamed if u.nearest is not None]  # asked for; the others were left over
     state, steps, left = leftovers(state, steps, first, tau, alpha)
+    here = {(u.channel, u.variables) for u in first}
+    left = [u for u in left if (u.channel, u.variables) not in here]
     return replace(outcome, last=state, steps=tuple(steps), unnamed=(*first, *left))
 
 

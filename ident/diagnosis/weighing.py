@@ -202,12 +202,20 @@ def rivals_of(
     return tuple(
         Equivalent(r.term, e.log_e)
         for r, e in weighed.possible
-        if set(r.columns) & set(best.columns)
-        and r.term.key != best.term.key
+        if r.term.key != best.term.key
         and (r.term.free <= best.term.free or e.log_e > own or r.term.key in weighed.turning)
         and not evidence.beats(e, tau, alpha)
         and not _stays_beside(weighed.metric, (best, evidence), (r, e), tau, alpha)
+        and (set(r.columns) & set(best.columns) or _same(weighed.metric, (best, evidence), (r, e), tau))
     )
+
+
+def _same(m: Metric, best: tuple[Refined, Evidence], other: tuple[Refined, Evidence], tau: float) -> bool:
+    """Whether two explanations on different channels are two of one thing: each alone says something, and
+    beside the other neither does. (Of two torques whose factors differ either may be the wrong one.)"""
+    (r, e), (its, x) = best, other
+    together = weigh(m, side_by_side(r, its)).log_e
+    return min(e.log_e, x.log_e) > tau and together - max(e.log_e, x.log_e) < tau
 
 
 def nearly(

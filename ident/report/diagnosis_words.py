@@ -284,7 +284,12 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     if item.get("carries_over") is False:
         text += " It is in the fitted runs and does not carry over to the judged runs."
     near = item.get("nearest")
-    if near is not None:
+    if near is not None and item.get("carries_over") is False:
+        text += (
+            f" {effect_name(near['effect']).capitalize()} on {place(near['joints'])} says something of the "
+            f"judged runs (log E {number(near['log_e'], 3)}), and not enough beside this to be named."
+        )
+    elif near is not None:
         own, its = item.get("log_e"), near.get("log_e")
         known = own is not None and its is not None
         against = f" (log E {number(its, 3)}, {number(own - its, 3)} short of it)" if known else ""

@@ -55,12 +55,26 @@ def test_the_evidence_pays_for_its_columns(tiny):
     rows = tiny["rows"](rng.normal(size=(M, 3)), rng.normal(size=M))
     m = tiny["metric"](rows)
     Z = rng.normal(size=(M, 40))
-    value, _ = _ridge(m, 0, Z)
+    value, _, _ = _ridge(m, 0, Z)
     assert value < 3.0
     strong = tiny["rows"](rows.base[0][1], rows.Y[0] + 0.5 * Z[:, 0])
-    value, column = _ridge(tiny["metric"](strong), 0, Z)
+    value, column, room = _ridge(tiny["metric"](strong), 0, Z)
     assert value > 10.0
     assert np.corrcoef(column, Z[:, 0])[0, 1] > 0.8
+    assert np.linalg.lstsq(room, column, rcond=None)[1].sum() < 1e-9 * np.sum(column**2)
+
+
+def test_what_the_fitted_rows_never_saw_has_no_size(tiny):
+    """A hat over an end that only judged rows reach: of one unit there it was made 1e140."""
+    rng = np.random.default_rng(1)
+    M = 1200
+    rows = tiny["rows"](rng.normal(size=(M, 3)), rng.normal(size=M))
+    m = tiny["metric"](rows)
+    Z = rng.normal(size=(M, 5))
+    Z[:, 0] *= 1 - rows.fitted
+    _, column, room = _ridge(m, 0, Z)
+    assert np.abs(column).max() < 10 and np.abs(room).max() < 100
+    assert _ridge(m, 0, Z[:, :1])[0] == 0.0
 
 
 def test_a_wave_over_the_position_has_its_line(clean_arm):
