@@ -20,7 +20,7 @@ import numpy as np
 import scipy.stats
 
 from ident.diagnosis.evidence import BLOCK_S, FEWEST, rarely
-from ident.diagnosis.loop import threshold
+from ident.diagnosis.outcome import threshold
 
 ALPHA = 0.01
 PATIENCE = 3600.0  # s of motion that nobody asks of a robot; only words depend on it

@@ -32,8 +32,9 @@ from ident.diagnosis.findings import (
 )
 from ident.diagnosis.floor import noise_floor
 from ident.diagnosis.last_fit import compared_exactly, extended, finer, replaced
-from ident.diagnosis.loop import Outcome, trace
+from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import Outcome
 from ident.diagnosis.remaining import remaining
 from ident.diagnosis.room import thrifty
 from ident.diagnosis.visible import Visible, smallest_visible

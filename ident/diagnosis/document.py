@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.diagnosis.diagnosis import Diagnosis
 from ident.diagnosis.findings import Alternative, Finding, Hint, Unexplained
-from ident.diagnosis.loop import Step
+from ident.diagnosis.outcome import Step
 from ident.diagnosis.requests import own_effects_of, robot_of, separable, separating_command
 from ident.report.joints import joints_of
 

@@ -13,7 +13,7 @@ from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
 from ident.diagnosis.last_fit import is_told, same
 from ident.diagnosis.leading import OWN_COURSE
-from ident.diagnosis.loop import BUDGET, Outcome, Step, Unnamed
+from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.settling import place_of, without_terms

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.loop import BUDGET, Outcome, swapped
 from ident.diagnosis.opening import Opened
+from ident.diagnosis.outcome import BUDGET, Outcome
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
+from ident.diagnosis.weighed_again import swapped
 from ident.diagnosis.weighing import Equivalent, simplicity
 from ident.equations.placing import entry_of
 from ident.equations.terms import Term as StudyTerm

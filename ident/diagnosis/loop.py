@@ -8,19 +8,20 @@ the same signals may be sufficient together. What is left in the end is asked fo
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.candidates import Library, Ranked, elsewhere, ranked, short_list
+from ident.diagnosis.candidates import Library, elsewhere, ranked, short_list
 from ident.diagnosis.events import Event, best_event, still_holds
-from ident.diagnosis.evidence import Evidence, Metric, weigh
+from ident.diagnosis.evidence import Evidence, weigh
 from ident.diagnosis.halves import by_halves
-from ident.diagnosis.in_common import by_common, shown_by_fitted
+from ident.diagnosis.in_common import by_common
 from ident.diagnosis.left_out import left_out
+from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.nameless import Flexible
-from ident.diagnosis.nameless_beside import beside_nameless
+from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import (
     as_late,
@@ -28,23 +29,20 @@ from ident.diagnosis.settling import (
     late_alone,
     late_as_a_whole,
     late_joints,
-    place_of,
     refined_together,
     settled_anew,
     settled_in,
 )
-from ident.diagnosis.state import Found, State, solved, with_found, without
+from ident.diagnosis.state import Found, State, solved, with_found
 from ident.diagnosis.sufficiency import (
-    ask,
     explained_share,
-    heard,
     margin,
     move_alike,
     signals_read,
     sufficiency,
     sufficient,
 )
-from ident.diagnosis.terms import Term
+from ident.diagnosis.weighed_again import pruned, reconsidered
 from ident.diagnosis.weighing import (
     Equivalent,
     Weighed,
@@ -58,55 +56,10 @@ from ident.diagnosis.weighing import (
     simplest,
 )
 from ident.progress import Progress, silent
+from modelgen.effects.place import Place
 
-BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
 STEPS = 14  # effects at most
 LATE = 2  # joints of which it is asked whether their torque comes late where nothing else is told
-LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
-GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
-
-
-@dataclass(frozen=True)
-class Step:
-    """An effect taken in: what it said then, and what could not be rejected beside it."""
-
-    term: Term
-    evidence: Evidence
-    equivalent: tuple[Equivalent, ...]
-    passed: tuple[Term, ...] = ()  # what else could have been taken in then, on its channels
-
-
-@dataclass(frozen=True)
-class Unnamed:
-    """Structure of a channel that no effect explains: its signals, what it says, the nearest effect."""
-
-    channel: int
-    variables: tuple[str, ...]
-    log_e: float
-    gain: float
-    share: float  # of the channel's residual variance on the judged rows
-    nearest: Equivalent | None = None
-    carries_over: bool = True
-    alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
-
-
-@dataclass(frozen=True)
-class Outcome:
-    first: State
-    last: State
-    steps: tuple[Step, ...]
-    unnamed: tuple[Unnamed, ...]
-    tau: float
-    notes: tuple[str, ...] = field(default=())
-    hints: tuple[Step, ...] = ()  # where nothing is told: what may be, of which too few blocks agree
-
-    def with_step(self, at: int, step: Step) -> Outcome:
-        """Another step in the place of one."""
-        return replace(self, steps=(*self.steps[:at], step, *self.steps[at + 1 :]))
-
-
-def threshold(alpha: float) -> float:
-    return float(np.log(BUDGET / alpha))
 
 
 def trace(
@@ -182,14 +135,12 @@ def trace(
             continue
         best, evidence = simplest(weighed, tau)
         c = main_channel(evidence, best.term, state)
-        where = [p for p in late_joints(state, ranking, tau) if p.joint == best.term.place.joint]
-        if best.term.effect.shifts_time or where:
-            shifts = best.term.effect.shifts_time
-            late = in_time(state, library.places, best.term.place if shifts else where[0], tau, alpha)
-            if late is not None and (shifts or late[1].log_e > evidence.log_e + tau):
+        late_at = _late_instead(weighed, best, evidence)
+        if late_at is not None:
+            late = in_time(state, library.places, late_at, tau, alpha)
+            if late is not None and late[1].log_e > evidence.log_e:
                 taken, evidence, state, beside = late
-                others = could_stand(weighed, best, tau)
-                steps.append(Step(taken.term, evidence, (), beside if shifts else (*beside, *others)))
+                steps.append(Step(taken.term, evidence, (), beside))
                 continue
         flex = sufficiency(state, weighed.metric, best, c, tau)
         if flex is not None and not sufficient(best.term, evidence, flex, tau):
@@ -234,6 +185,19 @@ def trace(
 def _first(event: Event, weighed: Weighed) -> bool:
     """A load that says more than every other explanation is taken before them."""
     return not weighed.passed or event.evidence.log_e > max(e.gain + e.log_e for _, e in weighed.passed)
+
+
+def _late_instead(weighed: Weighed, best: Refined, evidence: Evidence) -> Place | None:
+    """Where a torque is told to come late, or where that says more than the best one on its channels and only
+    blocks do not agree: beside a turn-over that was settled without it they seldom do. (At three times the
+    noise 25 ms of a third joint were a coupling to the second.)"""
+    if best.term.effect.shifts_time:
+        return best.term.place
+    late = [
+        (r, e) for r, e in weighed.all if r.term.effect.shifts_time and set(r.columns) & set(best.columns)
+    ]
+    more = [(e.log_e, r.term.place) for r, e in late if e.log_e > evidence.log_e]
+    return max(more, key=lambda its: its[0])[1] if more else None
 
 
 def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: float) -> bool:
@@ -310,156 +274,3 @@ def _pair(
         if together.log_e > asked and together.supported(alpha):
             return other
     return None
-
-
-def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
-    """Each effect weighed again against what could have stood in its place, beside all that was found since:
-    what was missing then can have made one explanation look better than it is, or a simpler one too poor."""
-    for number, f in enumerate(state.found):
-        at = next((k for k, s in enumerate(steps) if f.term is not None and s.term.key == f.term.key), None)
-        if f.term is None or at is None:
-            continue
-        beside = {t.key: t for t in (*steps[at].passed, *(e.term for e in steps[at].equivalent))}
-        if not set(beside) - {f.term.key}:
-            continue
-        others = state.but(number)
-        trials = list({**beside, f.term.key: f.term}.values())
-        weighed = compared(others, [Ranked(t, 0.0) for t in trials], tau, alpha)
-        if not weighed.passed:
-            continue
-        best, evidence = simplest(weighed, tau)
-        rivals = rivals_of(weighed, best, evidence, tau, alpha)
-        if best.term.key == f.term.key:
-            steps[at] = replace(steps[at], equivalent=rivals)
-            continue
-        flex = sufficiency(others, weighed.metric, best, main_channel(evidence, best.term, others), tau)
-        if not sufficient(best.term, evidence, flex, tau):
-            continue
-        steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
-        found = list(state.found)
-        found[number] = Found(best.term, best.columns, best.sizes)
-        state = refined_together(solved(replace(state, found=tuple(found))))
-    return state, steps
-
-
-def swapped(outcome: Outcome, at: int, term: Term) -> Outcome:
-    """Another explanation in the place of a step's, settled beside the rest."""
-    state, step = outcome.last, outcome.steps[at]
-    number = place_of(state, step.term)
-    others = state if number is None else state.but(number)
-    columns = others.scene.columns(term)
-    if number is None or not columns:
-        return outcome
-    state = refined_together(with_found(others, Found(term, columns, np.array(term.size or [1.0]))))
-    if place_of(state, term) is None:
-        return outcome
-    return replace(outcome, last=state).with_step(at, replace(step, term=term))
-
-
-def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
-    """Leave out, one after the other, what the judged rows do not ask for beside the rest."""
-    while True:
-        weak: tuple[float, int] | None = None
-        for number, f in enumerate(state.found):
-            if f.term is None:
-                continue
-            others = state.but(number)
-            if f.term.place.recording is not None:
-                if not still_holds(others, f, tau, alpha):
-                    weak = (-np.inf, number)
-                continue
-            log_e = asked_for(others, f, tau)
-            if log_e >= tau:
-                continue
-            if weak is None or log_e < weak[0]:
-                weak = (log_e, number)
-        if weak is None:
-            return state, steps
-        gone = state.found[weak[1]].term
-        assert gone is not None
-        steps = [s for s in steps if s.term.key != gone.key]
-        state = without(state, weak[1])
-
-
-def overrated(state: State, steps: list[Step], tau: float) -> tuple[State, list[Step], dict[int, Unnamed]]:
-    """Leave out, one after the other, what does not stand beside functions without a name; with it {channel:
-    what was left out there}."""
-    doubtful: dict[int, Unnamed] = {}
-    while named := [(k, f) for k, f in enumerate(state.found) if f.term is not None and _is_a_law(f.term)]:
-        spoken = np.flatnonzero((state.rows.use & state.rows.judged).any(axis=1))
-        asked = {int(c): ask(state, state.metric, int(c), tau) for c in spoken}
-        functions = {c: flex for c, flex in asked.items() if flex and flex.evidence.log_e < tau}
-        says = [(beside_nameless(state.but(k), f, functions, tau), k) for k, f in named]
-        log_e, weakest = min(says)
-        if log_e > tau:
-            break
-        others, f = state.but(weakest), state.found[weakest]
-        assert f.term is not None
-        e = weigh(others.metric, f.columns)
-        near = [c for c in functions if e.per_channel[c] > 0 or c in f.columns]
-        c = max(near, key=lambda c: (c in f.columns, functions[c].prior_evidence))
-        doubtful[c] = _fitted_alone(c, functions[c], state.metric, Equivalent(f.term, e.log_e))
-        steps = [s for s in steps if s.term.key != f.term.key]
-        state = without(state, weakest)
-    return state, steps, doubtful
-
-
-def _fitted_alone(c: int, flex: Flexible, m: Metric, near: Equivalent | None) -> Unnamed:
-    """What does not carry over: its share is that of the rows that it was learned on, whitened."""
-    told = flex.evidence
-    wide = float(1 - np.exp(-2 * told.gain / m.fitted.free[c]))
-    return Unnamed(c, flex.variables, told.log_e, told.gain, wide, near, carries_over=False)
-
-
-def _is_a_law(term: Term) -> bool:
-    """Not a load of one run, nor what the study itself left out, which is there whatever else is."""
-    return term.place.recording is None and not term.effect.replaces
-
-
-def asked_for(others: State, f: Found, tau: float) -> float:
-    """log E of what was found on the judged rows of a state without it; infinite where these cannot show it
-    and the fitted ones beside them ask for it."""
-    log_e = weigh(others.metric, f.columns).log_e
-    return np.inf if log_e < tau and shown_by_fitted(others, f.columns, f.sizes, tau) else log_e
-
-
-def leftovers(
-    state: State, steps: list[Step], unnamed: Sequence[Unnamed], tau: float, alpha: float
-) -> tuple[State, list[Step], list[Unnamed]]:
-    """What functions of everything still explain, channel by channel; names beside it must hold alone. What
-    does not carry over is told where nothing else is, `unnamed` included."""
-    out: list[Unnamed] = []
-    state, steps, doubtful = overrated(state, steps, tau)
-    for c in range(state.rows.channels):
-        if not (state.rows.use[c] & state.rows.judged).any():
-            continue
-        flex, m = heard(state, c, tau)
-        if flex is None:
-            continue
-        if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
-            near = doubtful[c].nearest if c in doubtful else None
-            alone = _fitted_alone(c, flex, m, near)
-            enough = flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
-            if near is not None or (alone.share > LEAST and enough):
-                out.append(alone)
-            continue
-        share = explained_share(state, c, flex.column)
-        column = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
-        for number, f in reversed(list(enumerate(state.found))):
-            if f.term is None or f.term.place.joint is None or c not in f.columns:
-                continue
-            others = state.but(number)
-            learned = ask(others, others.metric, c, tau)
-            if learned is None or sufficient(f.term, weigh(others.metric, f.columns), learned, tau):
-                continue  # a law still; what is left is told beside it
-            beside = solved(others.plus(replace(column, columns={c: learned.column[:, None]})))
-            if asked_for(beside, f, tau) < tau:
-                steps = [s for s in steps if s.term.key != f.term.key]
-                state = without(state, number)
-        near = doubtful[c].nearest if c in doubtful else None
-        out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share, near))
-    there = {u.channel for u in out}
-    out += [u for c, u in doubtful.items() if c not in there]
-    if steps or unnamed or any(u.carries_over for u in out):
-        out = [u for u in out if u.carries_over or u.nearest is not None]
-    return state, steps, out

@@ -34,43 +34,54 @@ def beside_nameless(others: State, f: Found, functions: Functions, tau: float) -
     loud = told.rss / told.free
     rooms = m.whiten({c: flex.room for c, flex in near.items()})
     columns = m.whiten(f.columns)
-    own, right = _left(m, m.fitted, columns, rooms, loud)
+    fitted, judged = (_products(m, side, columns, rooms, loud) for side in (m.fitted, m.judged))
+    own, right = _model_taken(fitted, m.B)
     sizes = np.linalg.lstsq(own, right, rcond=1e-9)[0]
     if 0.5 * float(right @ sizes) < tau:
         return -np.inf
     if told.log_e < tau:
         return np.inf
-    own, right = _left(m, m.judged, columns, rooms, loud)
-    fall = float(sizes @ right - 0.5 * sizes @ own @ sizes)
-    rows = float(told.free[told.per_channel > 0].sum())
-    return 0.5 * rows * float(np.log1p(max(2 * fall / max(rows, 1.0), -0.9)))  # of squares, as a likelihood
+    alone = _fall(judged, m.B, sizes)
+    given = _fall(fitted + judged, m.B, sizes) - _fall(fitted, m.B, sizes)
+    rows = max(float(told.free[told.per_channel > 0].sum()), 1.0)
+    return (
+        0.5 * rows * float(np.log1p(max(2 * max(alone, given) / rows, -0.9)))
+    )  # of squares, as a likelihood
 
 
-def _left(
-    m: Metric, side: Side, columns: Columns, rooms: Columns, loud: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Products of whitened columns (p, p), and with the torque (p,), on the rows of a side: with the model's
-    parameters free and the rooms' functions at their prior; loud: variance (C,) of the whitened noise."""
+def _products(m: Metric, side: Side, columns: Columns, rooms: Columns, loud: np.ndarray) -> np.ndarray:
+    """Products of the model's columns (the first m.B), whitened columns (p) and the torque on the rows of a
+    side, the rooms' functions taken up by their prior; loud: variance (C,) of the whitened noise."""
     p = next(iter(columns.values())).shape[1]
-    first = {}
-    end = m.B
-    for c, room in rooms.items():
-        first[c], end = end, end + room.shape[1]
-    gram = np.zeros((end + p + 1, end + p + 1))
+    B, end = m.B, m.B + p + 1
+    out = np.zeros((end, end))
     for c, (places, values) in enumerate(m.X):
         on = side.mask & m.rows.use[c]
         at, parts = [places], [values[on]]
-        if c in rooms:
-            at.append(first[c] + np.arange(rooms[c].shape[1]))
-            parts.append(rooms[c][on])
         if c in columns:
-            at.append(end + np.arange(p))
+            at.append(B + np.arange(p))
             parts.append(columns[c][on])
-        where = np.concatenate([*at, [end + p]])
-        here = np.column_stack([*parts, m.y[c, on]])
-        gram[np.ix_(where, where)] += here.T @ here / max(loud[c], 1e-300)
-    gram[range(m.B, end), range(m.B, end)] += 1.0
-    basis = orthonormal(gram[:end, :end])
-    cross = basis.T @ gram[:end, end:]
-    left = gram[end:, end:] - cross.T @ cross
-    return left[:p, :p], left[:p, p]
+        where = np.concatenate([*at, [end - 1]])
+        here = np.column_stack([*parts, m.y[c, on]]) / np.sqrt(max(loud[c], 1e-300))
+        products = here.T @ here
+        if c in rooms:
+            room = rooms[c][on] / np.sqrt(max(loud[c], 1e-300))
+            taken = np.linalg.cholesky(room.T @ room + np.eye(room.shape[1]))
+            across = np.linalg.solve(taken, room.T @ here)
+            products -= across.T @ across
+        out[np.ix_(where, where)] += products
+    return out
+
+
+def _model_taken(products: np.ndarray, B: int) -> tuple[np.ndarray, np.ndarray]:
+    """Of the columns (p, p), and with the torque (p,), the model's parameters free."""
+    basis = orthonormal(products[:B, :B])
+    across = basis.T @ products[:B, B:]
+    left = products[B:, B:] - across.T @ across
+    return left[:-1, :-1], left[:-1, -1]
+
+
+def _fall(products: np.ndarray, B: int, sizes: np.ndarray) -> float:
+    """Half the fall of the sum of squares by columns at these sizes."""
+    own, right = _model_taken(products, B)
+    return float(sizes @ right - 0.5 * sizes @ own @ sizes)

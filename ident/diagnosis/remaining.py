@@ -10,10 +10,12 @@ from ident.diagnosis.evidence import Evidence, Metric, weigh
 from ident.diagnosis.in_common import shown_by_fitted
 from ident.diagnosis.last_fit import is_told
 from ident.diagnosis.leading import leading_metric
-from ident.diagnosis.loop import Outcome, Step, leftovers, pruned
+from ident.diagnosis.left_over import leftovers
+from ident.diagnosis.outcome import Outcome, Step
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import place_of, refined_together, without_terms
 from ident.diagnosis.state import Found, State, without
+from ident.diagnosis.weighed_again import pruned
 from ident.diagnosis.weighing import holds
 from ident.estimation.fit import FitResult
 

@@ -103,12 +103,14 @@ def in_time(
             tried += [_late(state, Term(effect, place, {}, (size,))) for size in LATE_S]
     before = _whitened_squares(state, state)
     tried.sort(key=lambda its: its[0])
+    most: dict[tuple, float] = {}  # of each place, whose best is no reason not to ask the other's
     out: tuple[Refined, Evidence, State] | None = None
     seen: dict[tuple, Term] = {}
     for left, term, trial in tried:
-        if before - left < LIKELY * (before - tried[0][0]) or len(seen) == LATEST:
+        least = LIKELY * most.setdefault((term.place.joint, term.place.side), before - left)
+        if len(seen) == LATEST:
             break
-        if term.key in seen:
+        if term.key in seen or before - left < max(least, tau):
             continue
         seen[term.key] = term
         held = _holding(state, refined_together(trial), term, tau, alpha)

@@ -3,6 +3,9 @@ everything."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from types import MappingProxyType
+
 import numpy as np
 
 from ident.diagnosis.evidence import Evidence, Metric, weigh
@@ -106,11 +109,13 @@ def ask(
     return flexible(m, c, joint, state.segments, load, TOP_WAVE, wanted, only)
 
 
-def heard(state: State, c: int, tau: float) -> tuple[Flexible | None, Metric]:
-    """The best function of everything, and the noise that it was heard in: the one at hand, or, where most of
-    the residual can be foretold from its own past and would count as noise, what is left beside the best
-    function of plain rows."""
-    found = ask(state, state.metric, c, tau), state.metric
+def heard(
+    state: State, c: int, tau: float, asked: Mapping[int, Flexible | None] = MappingProxyType({})
+) -> tuple[Flexible | None, Metric]:
+    """The best function of everything (of channels `asked`, it is known), and the noise that it was heard in:
+    the one at hand, or, where most of the residual can be foretold from its own past and would count as
+    noise, what is left beside the best function of plain rows."""
+    found = asked[c] if c in asked else ask(state, state.metric, c, tau), state.metric
     counted = state.rows.use[c] & state.rows.fitted
     power = np.mean(state.residual[c, counted] ** 2) if counted.any() else 0.0
     if state.whiteners[c].sigma ** 2 > FORETOLD * power:

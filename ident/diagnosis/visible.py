@@ -26,7 +26,7 @@ import scipy.stats
 from ident.diagnosis.absorbed import Dryness, dryness, products
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.evidence import Metric, enough, project, weights
-from ident.diagnosis.loop import BUDGET
+from ident.diagnosis.outcome import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect

@@ -8,8 +8,9 @@ import pytest
 import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, LATE_S, Fault, planted
 from ident.diagnosis.candidates import Library, ranked, short_list
-from ident.diagnosis.loop import threshold, trace
+from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import threshold
 from ident.diagnosis.recorded import recorder
 from ident.diagnosis.settling import as_late, in_time, refined_together
 from ident.diagnosis.state import Found, recolumned, with_found

@@ -7,8 +7,8 @@ from small_arm import ARM
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.left_out import left_out
-from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import threshold
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study, study_from
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

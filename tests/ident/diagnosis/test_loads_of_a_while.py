@@ -11,8 +11,8 @@ from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.events import Event, _gains, best_event, crossed, whole
-from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import threshold
 from ident.diagnosis.refine import fit_sizes, refine
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import compared

@@ -10,8 +10,8 @@ from small_arm import ARM
 from ident.diagnosis.candidates import Library, Ranked, _contained, ranked, short_list
 from ident.diagnosis.evidence import stacked, weigh
 from ident.diagnosis.last_fit import _ended, _study_term
-from ident.diagnosis.loop import threshold
 from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import threshold
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import Found, with_found
 from ident.diagnosis.terms import Term

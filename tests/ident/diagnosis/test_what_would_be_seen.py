@@ -8,7 +8,7 @@ import pytest
 from ident.diagnosis.absorbed import dryness, products
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.evidence import weigh
-from ident.diagnosis.loop import threshold
+from ident.diagnosis.outcome import threshold
 from ident.diagnosis.state import solved, turned
 from ident.diagnosis.terms import Term
 from ident.diagnosis.visible import POWER, _root, seen_from, smallest_visible

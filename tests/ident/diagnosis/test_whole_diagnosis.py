@@ -17,7 +17,7 @@ from ident.diagnosis.candidates import (
 )
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.findings import ESTABLISHED, Finding, in_doubt
-from ident.diagnosis.loop import BUDGET, threshold
+from ident.diagnosis.outcome import BUDGET, threshold
 from ident.diagnosis.sufficiency import signals_read
 from ident.diagnosis.terms import Term
 from ident.estimation.fit import fit_study

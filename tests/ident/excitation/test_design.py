@@ -11,7 +11,7 @@ import sympy as sp
 from benchmarks.closing_twice import ARM
 from ident.diagnosis.deciding import seconds_needed
 from ident.diagnosis.evidence import enough
-from ident.diagnosis.loop import threshold
+from ident.diagnosis.outcome import threshold
 from ident.diagnosis.requests import request_of, separating_command
 from ident.equations.terms import Term
 from ident.excitation.diagnosed import split_requests

@@ -11,7 +11,7 @@ import pytest
 from benchmarks.closing_twice import ARM
 from ident.diagnosis.deciding import NOTHING, SoFar
 from ident.diagnosis.evidence import BLOCK_S, FEWEST, enough
-from ident.diagnosis.loop import threshold
+from ident.diagnosis.outcome import threshold
 from ident.excitation.known import ROWS_HZ, as_motion, known_robot, term_of
 from ident.excitation.limits import bounds_of
 from ident.excitation.motion import Basis

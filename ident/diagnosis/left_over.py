@@ -1,0 +1,101 @@
+"""What functions without a name still explain in the end, and what does not stand beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ident.diagnosis.evidence import Metric, weigh
+from ident.diagnosis.nameless import Flexible
+from ident.diagnosis.nameless_beside import beside_nameless
+from ident.diagnosis.outcome import Step, Unnamed
+from ident.diagnosis.state import Found, State, solved, without
+from ident.diagnosis.sufficiency import ask, explained_share, heard, sufficient
+from ident.diagnosis.terms import Term
+from ident.diagnosis.weighed_again import asked_for
+from ident.diagnosis.weighing import Equivalent
+
+LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
+GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for
+
+
+def leftovers(
+    state: State, steps: list[Step], unnamed: Sequence[Unnamed], tau: float, alpha: float
+) -> tuple[State, list[Step], list[Unnamed]]:
+    """What functions of everything still explain, channel by channel; names beside it must hold alone. What
+    does not carry over is told where nothing else is, `unnamed` included."""
+    out: list[Unnamed] = []
+    state, steps, doubtful, asked = overrated(state, steps, tau)
+    for c in range(state.rows.channels):
+        if not (state.rows.use[c] & state.rows.judged).any():
+            continue
+        flex, m = heard(state, c, tau, asked)
+        if flex is None:
+            continue
+        if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
+            near = doubtful[c].nearest if c in doubtful else None
+            alone = _fitted_alone(c, flex, m, near)
+            enough = flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
+            if near is not None or (alone.share > LEAST and enough):
+                out.append(alone)
+            continue
+        share = explained_share(state, c, flex.column)
+        column = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
+        for number, f in reversed(list(enumerate(state.found))):
+            if f.term is None or f.term.place.joint is None or c not in f.columns:
+                continue
+            others = state.but(number)
+            learned = ask(others, others.metric, c, tau)
+            if learned is None or sufficient(f.term, weigh(others.metric, f.columns), learned, tau):
+                continue  # a law still; what is left is told beside it
+            beside = solved(others.plus(replace(column, columns={c: learned.column[:, None]})))
+            if asked_for(beside, f, tau) < tau:
+                steps = [s for s in steps if s.term.key != f.term.key]
+                state = without(state, number)
+        near = doubtful[c].nearest if c in doubtful else None
+        out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share, near))
+    there = {u.channel for u in out}
+    out += [u for c, u in doubtful.items() if c not in there]
+    if steps or unnamed or any(u.carries_over for u in out):
+        out = [u for u in out if u.carries_over or u.nearest is not None]
+    return state, steps, out
+
+
+def overrated(
+    state: State, steps: list[Step], tau: float
+) -> tuple[State, list[Step], dict[int, Unnamed], dict[int, Flexible | None]]:
+    """Leave out, one after the other, what does not stand beside functions without a name; with it {channel:
+    what was left out there} and, where anything was found, {channel: the best function in the end}."""
+    doubtful: dict[int, Unnamed] = {}
+    asked: dict[int, Flexible | None] = {}
+    while named := [(k, f) for k, f in enumerate(state.found) if f.term is not None and _is_a_law(f.term)]:
+        spoken = np.flatnonzero((state.rows.use & state.rows.judged).any(axis=1))
+        asked = {int(c): ask(state, state.metric, int(c), tau) for c in spoken}
+        functions = {c: flex for c, flex in asked.items() if flex and flex.evidence.log_e < tau}
+        says = [(beside_nameless(state.but(k), f, functions, tau), k) for k, f in named]
+        log_e, weakest = min(says)
+        if log_e > tau:
+            break
+        others, f = state.but(weakest), state.found[weakest]
+        assert f.term is not None
+        e = weigh(others.metric, f.columns)
+        near = [c for c in functions if e.per_channel[c] > 0 or c in f.columns]
+        c = max(near, key=lambda c: (c in f.columns, functions[c].prior_evidence))
+        doubtful[c] = _fitted_alone(c, functions[c], state.metric, Equivalent(f.term, e.log_e))
+        steps = [s for s in steps if s.term.key != f.term.key]
+        state, asked = without(state, weakest), {}
+    return state, steps, doubtful, asked
+
+
+def _fitted_alone(c: int, flex: Flexible, m: Metric, near: Equivalent | None) -> Unnamed:
+    """What does not carry over: its share is that of the rows that it was learned on, whitened."""
+    told = flex.evidence
+    wide = float(1 - np.exp(-2 * told.gain / m.fitted.free[c]))
+    return Unnamed(c, flex.variables, told.log_e, told.gain, wide, near, carries_over=False)
+
+
+def _is_a_law(term: Term) -> bool:
+    """Not a load of one run, nor what the study itself left out, which is there whatever else is."""
+    return term.place.recording is None and not term.effect.replaces

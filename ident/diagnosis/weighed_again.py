@@ -1,0 +1,94 @@
+"""What was found, weighed again beside all that was found since."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ident.diagnosis.candidates import Ranked
+from ident.diagnosis.events import still_holds
+from ident.diagnosis.evidence import weigh
+from ident.diagnosis.in_common import shown_by_fitted
+from ident.diagnosis.outcome import Outcome, Step
+from ident.diagnosis.settling import place_of, refined_together
+from ident.diagnosis.state import Found, State, solved, with_found, without
+from ident.diagnosis.sufficiency import sufficiency, sufficient
+from ident.diagnosis.terms import Term
+from ident.diagnosis.weighing import compared, main_channel, rivals_of, simplest
+
+
+def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
+    """Each effect weighed again against what could have stood in its place, beside all that was found since:
+    what was missing then can have made one explanation look better than it is, or a simpler one too poor."""
+    for number, f in enumerate(state.found):
+        at = next((k for k, s in enumerate(steps) if f.term is not None and s.term.key == f.term.key), None)
+        if f.term is None or at is None:
+            continue
+        beside = {t.key: t for t in (*steps[at].passed, *(e.term for e in steps[at].equivalent))}
+        if not set(beside) - {f.term.key}:
+            continue
+        others = state.but(number)
+        trials = list({**beside, f.term.key: f.term}.values())
+        weighed = compared(others, [Ranked(t, 0.0) for t in trials], tau, alpha)
+        if not weighed.passed:
+            continue
+        best, evidence = simplest(weighed, tau)
+        rivals = rivals_of(weighed, best, evidence, tau, alpha)
+        if best.term.key == f.term.key:
+            steps[at] = replace(steps[at], equivalent=rivals)
+            continue
+        flex = sufficiency(others, weighed.metric, best, main_channel(evidence, best.term, others), tau)
+        if not sufficient(best.term, evidence, flex, tau):
+            continue
+        steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
+        found = list(state.found)
+        found[number] = Found(best.term, best.columns, best.sizes)
+        state = refined_together(solved(replace(state, found=tuple(found))))
+    return state, steps
+
+
+def swapped(outcome: Outcome, at: int, term: Term) -> Outcome:
+    """Another explanation in the place of a step's, settled beside the rest."""
+    state, step = outcome.last, outcome.steps[at]
+    number = place_of(state, step.term)
+    others = state if number is None else state.but(number)
+    columns = others.scene.columns(term)
+    if number is None or not columns:
+        return outcome
+    state = refined_together(with_found(others, Found(term, columns, np.array(term.size or [1.0]))))
+    if place_of(state, term) is None:
+        return outcome
+    return replace(outcome, last=state).with_step(at, replace(step, term=term))
+
+
+def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
+    """Leave out, one after the other, what the judged rows do not ask for beside the rest."""
+    while True:
+        weak: tuple[float, int] | None = None
+        for number, f in enumerate(state.found):
+            if f.term is None:
+                continue
+            others = state.but(number)
+            if f.term.place.recording is not None:
+                if not still_holds(others, f, tau, alpha):
+                    weak = (-np.inf, number)
+                continue
+            log_e = asked_for(others, f, tau)
+            if log_e >= tau:
+                continue
+            if weak is None or log_e < weak[0]:
+                weak = (log_e, number)
+        if weak is None:
+            return state, steps
+        gone = state.found[weak[1]].term
+        assert gone is not None
+        steps = [s for s in steps if s.term.key != gone.key]
+        state = without(state, weak[1])
+
+
+def asked_for(others: State, f: Found, tau: float) -> float:
+    """log E of what was found on the judged rows of a state without it; infinite where these cannot show it
+    and the fitted ones beside them ask for it."""
+    log_e = weigh(others.metric, f.columns).log_e
+    return np.inf if log_e < tau and shown_by_fitted(others, f.columns, f.sizes, tau) else log_e
