@@ -199,8 +199,14 @@ def test_unexplained_structure_names_its_signals_and_what_speaks_against_the_nea
     assert unexplained_sentence(DIAGNOSIS["unexplained"][0]).replace("\u00a0", " ") == (
         "Joint 3, tau_m: 55.0 % of what the model leaves there depends on q3 and dq3, and no effect of the "
         "catalogue has that shape. It is in the fitted runs and does not carry over to the judged runs. "
-        "Nearest is spring on joint 3 (log E 12.0, 28.0 short of it)."
+        "Spring on joint 3 says something of the judged runs (log E 12.0), and not enough beside this to be "
+        "named."
     )
+
+
+def test_what_carries_over_is_told_with_what_the_nearest_effect_is_short_of_it():
+    item = DIAGNOSIS["unexplained"][0] | {"carries_over": True}
+    assert unexplained_sentence(item).endswith("Nearest is spring on joint 3 (log E 12.0, 28.0 short of it).")
 
 
 def test_signals_that_move_alike_are_named_beside_the_one_that_was_asked():
