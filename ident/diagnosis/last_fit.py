@@ -154,8 +154,8 @@ def _nats(state: State, fit: FitResult, own: Collection[int]) -> float:
     counts = [
         float((use & state.rows.judged).sum()) * w.news for use, w in zip(state.rows.use, state.whiteners)
     ]
-    named = list(zip(counts, fit.columns.channels))
-    return -float(sum(n * np.log(error[name]) for c, (n, name) in enumerate(named) if c in own or not own))
+    named = enumerate(zip(counts, fit.columns.channels))
+    return -float(sum(n * np.log(error[name]) for c, (n, name) in named if c in own or not own))
 
 
 def _possible(term: StudyTerm) -> bool:

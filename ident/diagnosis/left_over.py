@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.diagnosis.evidence import Metric, weigh
 from ident.diagnosis.nameless import Flexible
-from ident.diagnosis.nameless_beside import beside_nameless
+from ident.diagnosis.nameless_beside import beside_nameless, leaned_on
 from ident.diagnosis.outcome import Step, Unnamed
 from ident.diagnosis.state import Found, State, solved, without
 from ident.diagnosis.sufficiency import ask, explained_share, heard, sufficient
@@ -25,7 +25,7 @@ def leftovers(
     state: State, steps: list[Step], unnamed: Sequence[Unnamed], tau: float, alpha: float
 ) -> tuple[State, list[Step], list[Unnamed]]:
     """What functions of everything still explain, channel by channel; names beside it must hold alone. What
-    does not carry over is told where nothing else is, `unnamed` included."""
+    does not carry over is told where nothing else is, `unnamed` included, or where it kept a name away."""
     out: list[Unnamed] = []
     state, steps, doubtful, asked = overrated(state, steps, tau)
     for c in range(state.rows.channels):
@@ -34,8 +34,8 @@ def leftovers(
         flex, m = heard(state, c, tau, asked)
         if flex is None:
             continue
+        near = doubtful[c].nearest if c in doubtful else None
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
-            near = doubtful[c].nearest if c in doubtful else None
             alone = _fitted_alone(c, flex, m, near)
             enough = flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
             if near is not None or (alone.share > LEAST and enough):
@@ -53,8 +53,7 @@ def leftovers(
             beside = solved(others.plus(replace(column, columns={c: learned.column[:, None]})))
             if asked_for(beside, f, tau) < tau:
                 steps = [s for s in steps if s.term.key != f.term.key]
-                state = without(state, number)
-        near = doubtful[c].nearest if c in doubtful else None
+                state, asked = without(state, number), {}  # those were asked beside it
         out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share, near))
     there = {u.channel for u in out}
     out += [u for c, u in doubtful.items() if c not in there]
@@ -81,7 +80,7 @@ def overrated(
         others, f = state.but(weakest), state.found[weakest]
         assert f.term is not None
         e = weigh(others.metric, f.columns)
-        near = [c for c in functions if e.per_channel[c] > 0 or c in f.columns]
+        near = leaned_on(f, e, functions)
         c = max(near, key=lambda c: (c in f.columns, functions[c].prior_evidence))
         doubtful[c] = _fitted_alone(c, functions[c], state.metric, Equivalent(f.term, e.log_e))
         steps = [s for s in steps if s.term.key != f.term.key]

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Metric, Side, orthonormal, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, orthonormal, weigh
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.state import Found, State
 
@@ -28,7 +28,7 @@ def beside_nameless(others: State, f: Found, functions: Functions, tau: float) -
     where it is not the judged rows that show it. others: the state without it."""
     m = others.metric
     told = weigh(m, f.columns)
-    near = {c: flex for c, flex in functions.items() if told.per_channel[c] > 0 or c in f.columns}
+    near = leaned_on(f, told, functions)
     if not near:
         return np.inf
     loud = told.rss / told.free
@@ -47,6 +47,11 @@ def beside_nameless(others: State, f: Found, functions: Functions, tau: float) -
     return (
         0.5 * rows * float(np.log1p(max(2 * max(alone, given) / rows, -0.9)))
     )  # of squares, as a likelihood
+
+
+def leaned_on(f: Found, told: Evidence, functions: Functions) -> Functions:
+    """The functions of channels that what was found acts in, or says something of."""
+    return {c: flex for c, flex in functions.items() if told.per_channel[c] > 0 or c in f.columns}
 
 
 def _products(m: Metric, side: Side, columns: Columns, rooms: Columns, loud: np.ndarray) -> np.ndarray:

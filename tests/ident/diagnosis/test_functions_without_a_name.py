@@ -48,13 +48,17 @@ def test_only_the_signals_asked_for(odd):
     assert found is None or set(found.variables) <= {"q2", "dq2"}
 
 
-def test_the_evidence_pays_for_its_columns(tiny):
-    """Forty columns of noise explain noise, but no nats are left when their prior is paid for."""
-    rng = np.random.default_rng(0)
+def noise(tiny, seed, columns):
+    """Rows of noise, their metric, and columns (M, k) of noise."""
+    rng = np.random.default_rng(seed)
     M = 1200
     rows = tiny["rows"](rng.normal(size=(M, 3)), rng.normal(size=M))
-    m = tiny["metric"](rows)
-    Z = rng.normal(size=(M, 40))
+    return rows, tiny["metric"](rows), rng.normal(size=(M, columns))
+
+
+def test_the_evidence_pays_for_its_columns(tiny):
+    """Forty columns of noise explain noise, but no nats are left when their prior is paid for."""
+    rows, m, Z = noise(tiny, 0, 40)
     value, _, _ = _ridge(m, 0, Z)
     assert value < 3.0
     strong = tiny["rows"](rows.base[0][1], rows.Y[0] + 0.5 * Z[:, 0])
@@ -66,11 +70,7 @@ def test_the_evidence_pays_for_its_columns(tiny):
 
 def test_what_the_fitted_rows_never_saw_has_no_size(tiny):
     """A hat over an end that only judged rows reach: of one unit there it was made 1e140."""
-    rng = np.random.default_rng(1)
-    M = 1200
-    rows = tiny["rows"](rng.normal(size=(M, 3)), rng.normal(size=M))
-    m = tiny["metric"](rows)
-    Z = rng.normal(size=(M, 5))
+    rows, m, Z = noise(tiny, 1, 5)
     Z[:, 0] *= 1 - rows.fitted
     _, column, room = _ridge(m, 0, Z)
     assert np.abs(column).max() < 10 and np.abs(room).max() < 100
