@@ -135,4 +135,5 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "log_e": u.log_e,
         "nearest": None if u.nearest is None else _alternative(u.nearest),
         "carries_over": u.carries_over,
+        "parameters_change_times_noise": u.times_noise,
     }

@@ -89,6 +89,9 @@ class Unexplained:
     carries_over: bool
     picture: Picture | None = None
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
+    times_noise: float | None = (
+        None  # by which the model's parameters change, where that keeps `nearest` away
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,6 +211,7 @@ def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:
         u.carries_over,
         picture(state, None, u.channel, u.variables),
         u.alike,
+        u.times_noise,
     )
 
 

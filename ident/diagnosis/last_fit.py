@@ -64,10 +64,11 @@ def extended(
             refused.add(keys.pop(at))
             entries.pop(at)
             continue
-        lost = _weakest(told, declared, limit) or _worse(last, base, declared)  # one: two can hide each other
+        lost = _weakest(told, declared, limit)  # one: two can hide each other
         if not lost:
             last = _turned(last, outcome.last, known, progress)
             lost = _weakest(found_effects(last), declared, limit)  # a friction that turns over can do without
+        lost = lost or _worse(last, known, declared)
         if not lost:
             return last, refused
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
@@ -178,18 +179,22 @@ def _judged(fit: FitResult) -> Mapping[str, float]:
     return fit.full_rate_error.get("validate") or fit.full_rate_error["identify"]
 
 
-def _worse(last: FitResult, base: FitResult, declared: int) -> list[int]:
-    """The last finding taken in with which the model predicts none of its channels better than without, or,
-    of a load on one recording, with which it predicts the others worse: as `ident fit` does it, it explains
-    nothing."""
-    after, before = _judged(last), _judged(base)
+def _worse(last: FitResult, known: Examined, declared: int) -> list[int]:
+    """The number of the last finding taken in with which the model predicts none of its channels better than
+    without it alone, or, of a load on one recording, with which it predicts the others worse: as `ident fit`
+    does it, it explains nothing."""
     channels = last.columns.need.channels
     for k in range(len(last.terms) - 1, declared - 1, -1):
-        place = last.terms[k].place
+        place, effects = last.terms[k].place, last.study.effects
         names = [last.columns.channels[c] for c in place.rows(channels)] if place.recording is None else []
+        if not names and place.recording is None:
+            continue
+        without = last.study.with_(effects=(*effects[:k], *effects[k + 1 :]))
+        other = fit_study(without, known=known.again(without))
+        after, before = _judged(last), _judged(other)
         if names and all(after[name] >= before[name] for name in names):
             return [k]
-        if place.recording is not None and _spoilt(last, base):
+        if place.recording is not None and _spoilt(last, other):
             return [k]
     return []
 

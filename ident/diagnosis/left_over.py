@@ -1,4 +1,5 @@
-"""What functions without a name still explain in the end, and what does not stand beside them."""
+"""What functions without a name still explain in the end, and what does not stand beside them, nor beside
+what the model gets wrong from one run to the next."""
 
 from __future__ import annotations
 
@@ -9,10 +10,11 @@ import numpy as np
 
 from ident.diagnosis.evidence import Metric, weigh
 from ident.diagnosis.nameless import Flexible
-from ident.diagnosis.nameless_beside import beside_nameless, leaned_on
+from ident.diagnosis.nameless_beside import Functions, beside_nameless, leaned_on
 from ident.diagnosis.outcome import Step, Unnamed
+from ident.diagnosis.parameters_apart import Changes, beside_changes
 from ident.diagnosis.state import Found, State, solved, without
-from ident.diagnosis.sufficiency import ask, explained_share, heard, sufficient
+from ident.diagnosis.sufficiency import ask, explained_share, heard, signals_read, sufficient
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighed_again import asked_for
 from ident.diagnosis.weighing import Equivalent
@@ -29,12 +31,14 @@ def leftovers(
     out: list[Unnamed] = []
     state, steps, doubtful, asked = overrated(state, steps, tau)
     for c in range(state.rows.channels):
-        if not (state.rows.use[c] & state.rows.judged).any():
+        doubt = doubtful.get(c)
+        changes = doubt is not None and doubt.times_noise is not None  # larger than any function there
+        if changes or not (state.rows.use[c] & state.rows.judged).any():
             continue
         flex, m = heard(state, c, tau, asked)
         if flex is None:
             continue
-        near = doubtful[c].nearest if c in doubtful else None
+        near = None if doubt is None else doubt.nearest
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
             alone = _fitted_alone(c, flex, m, near)
             enough = flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
@@ -57,7 +61,7 @@ def leftovers(
         out.append(Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share, near))
     there = {u.channel for u in out}
     out += [u for c, u in doubtful.items() if c not in there]
-    if steps or unnamed or any(u.carries_over for u in out):
+    if steps or unnamed or any(u.carries_over and u.times_noise is None for u in out):
         out = [u for u in out if u.carries_over or u.nearest is not None]
     return state, steps, out
 
@@ -65,8 +69,9 @@ def leftovers(
 def overrated(
     state: State, steps: list[Step], tau: float
 ) -> tuple[State, list[Step], dict[int, Unnamed], dict[int, Flexible | None]]:
-    """Leave out, one after the other, what does not stand beside functions without a name; with it {channel:
-    what was left out there} and, where anything was found, {channel: the best function in the end}."""
+    """Leave out, one after the other, what does not stand beside functions without a name, or beside what
+    the model's own parameters change by; with it {channel: what was left out there} and, where anything was
+    found, {channel: the best function in the end}."""
     doubtful: dict[int, Unnamed] = {}
     asked: dict[int, Flexible | None] = {}
     while named := [(k, f) for k, f in enumerate(state.found) if f.term is not None and _is_a_law(f.term)]:
@@ -76,16 +81,40 @@ def overrated(
         says = [(beside_nameless(state.but(k), f, functions, tau), k) for k, f in named]
         log_e, weakest = min(says)
         if log_e > tau:
-            break
-        others, f = state.but(weakest), state.found[weakest]
-        assert f.term is not None
-        e = weigh(others.metric, f.columns)
-        near = leaned_on(f, e, functions)
-        c = max(near, key=lambda c: (c in f.columns, functions[c].prior_evidence))
-        doubtful[c] = _fitted_alone(c, functions[c], state.metric, Equivalent(f.term, e.log_e))
-        steps = [s for s in steps if s.term.key != f.term.key]
+            changes = {k: beside_changes(state.but(k), f, tau) for k, f in named}
+            shown = {k: its for k, its in changes.items() if its is not None}
+            weakest = min(shown, key=lambda k: shown[k].log_e, default=-1)
+            if weakest < 0 or shown[weakest].log_e > tau:
+                break
+            what = _like_a_change(state, weakest, shown[weakest])
+        else:
+            what = _leaning(state, weakest, functions)
+        doubtful[what.channel] = what
+        steps = [s for s in steps if what.nearest is None or s.term.key != what.nearest.term.key]
         state, asked = without(state, weakest), {}
     return state, steps, doubtful, asked
+
+
+def _leaning(state: State, number: int, functions: Functions) -> Unnamed:
+    """What was found leans on rows where functions without a name say as much: told is the one that says
+    most there."""
+    others, f = state.but(number), state.found[number]
+    assert f.term is not None
+    e = weigh(others.metric, f.columns)
+    near = leaned_on(f, e, functions)
+    c = max(near, key=lambda c: (c in f.columns, functions[c].prior_evidence))
+    return _fitted_alone(c, functions[c], state.metric, Equivalent(f.term, e.log_e))
+
+
+def _like_a_change(state: State, number: int, beside: Changes) -> Unnamed:
+    """What was found is no more than what the model gets wrong from one run to the next."""
+    others, f = state.but(number), state.found[number]
+    assert f.term is not None
+    e, c = weigh(others.metric, f.columns), beside.channel
+    read = tuple(sorted(signals_read(f.term) or ()))
+    share = explained_share(others, c, f.columns[c] @ f.sizes)
+    near = Equivalent(f.term, e.log_e)
+    return Unnamed(c, read, e.log_e, e.gain, share, near, times_noise=beside.kappa)
 
 
 def _fitted_alone(c: int, flex: Flexible, m: Metric, near: Equivalent | None) -> Unnamed:

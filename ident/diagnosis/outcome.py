@@ -40,6 +40,9 @@ class Unnamed:
     nearest: Equivalent | None = None
     carries_over: bool = True
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
+    times_noise: float | None = (
+        None  # by which the model's parameters change, where that keeps `nearest` away
+    )
 
 
 @dataclass(frozen=True)

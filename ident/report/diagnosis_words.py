@@ -258,6 +258,9 @@ def mind_in_words(finding: Mapping[str, Any]) -> str:
 def unexplained_sentence(item: Mapping[str, Any]) -> str:
     """Signals, share, nearest effect and what speaks against it; that it does not carry over."""
     text = f"{place(item['joints']).capitalize()}, {item['channel']}: "
+    near, times = item.get("nearest"), item.get("parameters_change_times_noise")
+    if near is not None and times is not None:
+        return text + _among_changes(item, near, times)
     if not item["depends_on"]:
         share = item["share_of_residual_percent"]
         if share < 100:
@@ -278,12 +281,9 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
         if alike
         else "and no effect of the catalogue has that shape."
     )
-    share = item["share_of_residual_percent"]
-    part = "a part too small to show" if share < 0.05 else percent(share)
-    text += f"{part} of what the model leaves there depends on {joined(list(item['depends_on']))}, {shape}"
+    text += f"{_depends(item)}, {shape}"
     if item.get("carries_over") is False:
         text += " It is in the fitted runs and does not carry over to the judged runs."
-    near = item.get("nearest")
     if near is not None and item.get("carries_over") is False:
         text += (
             f" {effect_name(near['effect']).capitalize()} on {place(near['joints'])} says something of the "
@@ -295,6 +295,26 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
         against = f" (log E {number(its, 3)}, {number(own - its, 3)} short of it)" if known else ""
         text += f" Nearest is {effect_name(near['effect'])} on {place(near['joints'])}{against}."
     return text
+
+
+def _depends(item: Mapping[str, Any]) -> str:
+    share = item["share_of_residual_percent"]
+    part = "a part too small to show" if share < 0.05 else percent(share)
+    return f"{part} of what the model leaves there depends on {joined(list(item['depends_on']))}"
+
+
+def _among_changes(item: Mapping[str, Any], near: Mapping[str, Any], times: float) -> str:
+    """What is no more than what the model gets wrong from one run to the next."""
+    name = f"{effect_name(near['effect'])} on {place(near['joints'])}"
+    log_e = f"(log E {number(near['log_e'], 3)})"
+    says = f"{_depends(item)}, as {name} would have it {log_e}"
+    if not item["depends_on"]:
+        says = f"{name} says something of the judged runs {log_e}"
+    return (
+        f"{says}; but from the fitted to the judged runs the model's own parameters change "
+        f"{number(times, 2)} times as much as noise makes them (squares), and beside such changes that is "
+        "not enough to name it."
+    )
 
 
 def told(document: Mapping[str, Any]) -> list[str]:

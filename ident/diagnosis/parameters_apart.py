@@ -1,0 +1,80 @@
+"""What was found, in units of what the model itself gets wrong from one run to the next.
+
+log E counts in the noise that the autoregression sees. A model that lacks more than one thing is wrong in
+another way too: fitted to other rows its own parameters come out elsewhere, and further off than noise would
+put them. That is what a smooth torque that nobody has a name for looks like from inside the model, and an
+effect is a smooth torque as well: along such directions the noise is so many times larger as the parameters
+of the two sides are further apart, which the data show (an overdispersion: Wedderburn, Biometrika 61(3),
+1974). Of a Stäubli TX40, two seconds fitted, a cubic friction was told by 20 nats of which 4 are left.
+
+An effect that is there moves them together, and that is evidence as well. Channel by channel, r parameters
+that both sides determine, d the square of their distance in the noise of the channel,
+
+    log E / kappa + r / 2 ln(d without / d with),   kappa = d with / r, one at least
+
+of the regression of this channel alone: its likelihood ratio where parameters of the sides differ at random,
+all directions alike."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ident.diagnosis.evidence import Metric, Side, orthonormal, weigh
+from ident.diagnosis.state import Found, State
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What is left of log E beside such changes [nats]; kappa of the channel that says most."""
+
+    log_e: float
+    kappa: float
+    channel: int
+
+
+def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
+    """None where the judged rows alone do not show it. others: the state without it."""
+    m = others.metric
+    told = weigh(m, f.columns)
+    if told.log_e < tau:
+        return None
+    white = m.whiten(f.columns)
+    nats, kappas = {}, {}
+    for c in f.columns:
+        distance, parameters = _distances(m, c, white[c] @ told.sizes)
+        before, after = (max(d, parameters) for d in distance)
+        kappas[c] = after / parameters if parameters else 1.0
+        closer = 0.5 * parameters * float(np.log(before / after)) if parameters else 0.0
+        nats[c] = float(told.per_channel[c]) / kappas[c] + closer
+    most = max(nats, key=lambda c: told.per_channel[c])
+    return Changes(sum(nats.values()), kappas[most], most)
+
+
+def _distances(m: Metric, c: int, torque: np.ndarray) -> tuple[tuple[float, float], int]:
+    """Squares of the distance of a channel's own parameters from the fitted to the judged rows, in its noise,
+    without a whitened torque (M,) and with it; how many both sides determine."""
+    fitted, judged = (_products(m, c, side, torque) for side in (m.fitted, m.judged))
+    rss = [_left(products) for products in (fitted + judged, fitted, judged)]
+    both, one, other = (ranks for _, ranks in rss)
+    parameters = one + other - both
+    rows = int((m.judged.mask & m.rows.use[c]).sum())
+    noise = max(rss[2][0][1], 1e-300) / max(rows - other, 1)
+    without, with_it = ((rss[0][0][k] - rss[1][0][k] - rss[2][0][k]) / noise for k in range(2))
+    return (float(without), float(with_it)), parameters
+
+
+def _products(m: Metric, c: int, side: Side, torque: np.ndarray) -> np.ndarray:
+    """Of the channel's columns, its torque, and this less the other torque."""
+    _, values = m.X[c]
+    on = side.mask & m.rows.use[c]
+    here = np.column_stack([values[on], m.y[c, on], m.y[c, on] - torque[on]])
+    return np.asarray(here.T @ here)
+
+
+def _left(products: np.ndarray) -> tuple[np.ndarray, int]:
+    """Sums of squares (2,) that the model's columns leave of the last two; how many columns count."""
+    basis = orthonormal(products[:-2, :-2])
+    across = basis.T @ products[:-2, -2:]
+    return np.diag(products)[-2:] - np.sum(across**2, axis=0), basis.shape[1]

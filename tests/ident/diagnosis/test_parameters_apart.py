@@ -1,0 +1,85 @@
+"""What was found, beside what the model gets wrong from one run to the next."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from ident.diagnosis.evidence import Metric, weigh
+from ident.diagnosis.parameters_apart import _distances, beside_changes
+from ident.diagnosis.state import Found
+from ident.report.diagnosis_words import unexplained_sentence
+
+TAU, M, WAVES = 8.3, 2400, 30
+
+
+@dataclass(frozen=True)
+class Others:
+    """The state without what was found, as far as it is asked."""
+
+    metric: Metric
+
+
+def waves(rng, count):
+    """(M, count) smooth columns of unit size, by chance."""
+    t = np.arange(M) / M * 40 * np.pi
+    parts = np.column_stack([f(k * t / WAVES) for k in range(1, WAVES + 1) for f in (np.sin, np.cos)])
+    mixed = parts @ rng.normal(size=(parts.shape[1], count))
+    return mixed / mixed.std(axis=0)
+
+
+def made(tiny, seed, wrong, size):
+    """Twelve smooth columns; what the model lacks: of each side another (wrong), and a column (size)."""
+    rng = np.random.default_rng(seed)
+    X, z = waves(rng, 12), waves(rng, 1)
+    missing = np.where(np.arange(M) < M // 2, *waves(rng, 2).T)
+    y = X @ rng.normal(size=12) + wrong * missing + size * z[:, 0] + rng.normal(size=M)
+    m = tiny["metric"](tiny["rows"](X, y))
+    return m, Found(None, {0: z}, weigh(m, {0: z}).sizes)
+
+
+def test_noise_alone_takes_nothing_away(tiny):
+    for seed in range(10):
+        m, f = made(tiny, seed, 0.0, 0.4)
+        told, beside = weigh(m, f.columns), beside_changes(Others(m), f, TAU)
+        assert told.log_e > 2 * TAU and beside.kappa < 3.0
+        assert beside.log_e > TAU
+
+
+def test_a_smooth_torque_that_nobody_named_is_no_effect(tiny):
+    """Of forty that are not there the split likelihood takes many for effects; beside the changes that
+    the same torque makes of the model's own parameters next to none is left."""
+    overrated = passed = 0
+    for seed in range(40):
+        m, f = made(tiny, 100 + seed, 1.5, 0.0)
+        beside = beside_changes(Others(m), f, TAU)
+        overrated += beside is not None
+        passed += beside is not None and beside.log_e > TAU
+    assert overrated >= 5 and passed <= 1
+
+
+def test_what_is_there_brings_the_sides_together(tiny):
+    kept = 0
+    for seed in range(20):
+        m, f = made(tiny, 300 + seed, 0.3, 1.2)
+        (without, with_it), parameters = _distances(m, 0, f.columns[0] @ f.sizes)
+        assert with_it < without and 10 <= parameters <= 12
+        kept += beside_changes(Others(m), f, TAU).log_e > TAU
+    assert kept >= 18
+
+
+def test_what_the_judged_rows_do_not_show_is_not_asked(tiny):
+    m, f = made(tiny, 7, 0.0, 0.0)
+    assert beside_changes(Others(m), f, TAU) is None
+
+
+@pytest.mark.parametrize("signals", [("dq1",), ()])
+def test_the_sentence_says_what_keeps_the_name_away(signals):
+    item = {
+        "joints": [1], "channel": "tau_m", "depends_on": list(signals), "share_of_residual_percent": 26.1,
+        "log_e": 20.1, "nearest": {"effect": "quadratic_friction", "joints": [1], "log_e": 20.1},
+        "carries_over": True, "parameters_change_times_noise": 4.7,
+    }  # fmt: skip
+    text = unexplained_sentence(item)
+    assert "quadratic friction on joint 1" in text and "log E 20.1" in text and "4.7 times" in text
+    assert ("depends on dq1" in text) == bool(signals)
