@@ -89,9 +89,7 @@ class Unexplained:
     carries_over: bool
     picture: Picture | None = None
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
-    times_noise: float | None = (
-        None  # by which the model's parameters change, where that keeps `nearest` away
-    )
+    times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
 
 
 @dataclass(frozen=True, slots=True)

@@ -183,15 +183,15 @@ def _worse(last: FitResult, known: Examined, declared: int) -> list[int]:
     """The number of the last finding taken in with which the model predicts none of its channels better than
     without it alone, or, of a load on one recording, with which it predicts the others worse: as `ident fit`
     does it, it explains nothing."""
-    channels = last.columns.need.channels
+    channels, effects, after = last.columns.need.channels, last.study.effects, _judged(last)
     for k in range(len(last.terms) - 1, declared - 1, -1):
-        place, effects = last.terms[k].place, last.study.effects
+        place = last.terms[k].place
         names = [last.columns.channels[c] for c in place.rows(channels)] if place.recording is None else []
         if not names and place.recording is None:
             continue
         without = last.study.with_(effects=(*effects[:k], *effects[k + 1 :]))
         other = fit_study(without, known=known.again(without))
-        after, before = _judged(last), _judged(other)
+        before = _judged(other)
         if names and all(after[name] >= before[name] for name in names):
             return [k]
         if place.recording is not None and _spoilt(last, other):

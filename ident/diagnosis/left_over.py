@@ -78,37 +78,36 @@ def overrated(
         spoken = np.flatnonzero((state.rows.use & state.rows.judged).any(axis=1))
         asked = {int(c): ask(state, state.metric, int(c), tau) for c in spoken}
         functions = {c: flex for c, flex in asked.items() if flex and flex.evidence.log_e < tau}
-        says = [(beside_nameless(state.but(k), f, functions, tau), k) for k, f in named]
+        others = {k: state.but(k) for k, _ in named}
+        says = [(beside_nameless(others[k], f, functions, tau), k) for k, f in named]
         log_e, weakest = min(says)
         if log_e > tau:
-            changes = {k: beside_changes(state.but(k), f, tau) for k, f in named}
+            changes = {k: beside_changes(others[k], f, tau) for k, f in named}
             shown = {k: its for k, its in changes.items() if its is not None}
             weakest = min(shown, key=lambda k: shown[k].log_e, default=-1)
             if weakest < 0 or shown[weakest].log_e > tau:
                 break
-            what = _like_a_change(state, weakest, shown[weakest])
+            what = _like_a_change(others[weakest], state.found[weakest], shown[weakest])
         else:
-            what = _leaning(state, weakest, functions)
+            what = _leaning(others[weakest], state.found[weakest], functions, state.metric)
         doubtful[what.channel] = what
         steps = [s for s in steps if what.nearest is None or s.term.key != what.nearest.term.key]
         state, asked = without(state, weakest), {}
     return state, steps, doubtful, asked
 
 
-def _leaning(state: State, number: int, functions: Functions) -> Unnamed:
+def _leaning(others: State, f: Found, functions: Functions, m: Metric) -> Unnamed:
     """What was found leans on rows where functions without a name say as much: told is the one that says
-    most there."""
-    others, f = state.but(number), state.found[number]
+    most there, in the metric `m` of the model with both; others: the state without it."""
     assert f.term is not None
     e = weigh(others.metric, f.columns)
     near = leaned_on(f, e, functions)
     c = max(near, key=lambda c: (c in f.columns, functions[c].prior_evidence))
-    return _fitted_alone(c, functions[c], state.metric, Equivalent(f.term, e.log_e))
+    return _fitted_alone(c, functions[c], m, Equivalent(f.term, e.log_e))
 
 
-def _like_a_change(state: State, number: int, beside: Changes) -> Unnamed:
+def _like_a_change(others: State, f: Found, beside: Changes) -> Unnamed:
     """What was found is no more than what the model gets wrong from one run to the next."""
-    others, f = state.but(number), state.found[number]
     assert f.term is not None
     e, c = weigh(others.metric, f.columns), beside.channel
     read = tuple(sorted(signals_read(f.term) or ()))

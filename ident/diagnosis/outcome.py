@@ -40,9 +40,7 @@ class Unnamed:
     nearest: Equivalent | None = None
     carries_over: bool = True
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
-    times_noise: float | None = (
-        None  # by which the model's parameters change, where that keeps `nearest` away
-    )
+    times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
 
 
 @dataclass(frozen=True)
