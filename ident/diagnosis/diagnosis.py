@@ -31,7 +31,7 @@ from ident.diagnosis.findings import (
     unexplained_of,
 )
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.last_fit import compared_exactly, extended, finer, replaced
+from ident.diagnosis.last_fit import compared_exactly, extended, first_extended, replaced
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome
@@ -130,8 +130,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         notes.append("of long recordings stretches spread over them were looked at")
     library = Library(list(catalogue().values()), begun.layout, begun.room.library)
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
-    again = finer(known, outcome, base, begun)
-    last, refused = extended(again, outcome, base, alpha, _part(progress, 0.85, 0.95))
+    again, last, refused = first_extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
     outcome, last, refused = replaced(again, outcome, base, last, refused, alpha)
     while (rest := remaining(outcome, last, refused, alpha)) is not outcome:
         outcome = rest
@@ -142,7 +141,11 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
     findings = (*told_by_checks(study, mended, checks), *in_doubt(found, checks))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
-    unexplained += tuple(not_fitted(step, outcome) for step in outcome.steps if step.term.key in refused)
+    unexplained += tuple(
+        not_fitted(step, outcome, refused[step.term.key])
+        for step in outcome.steps
+        if step.term.key in refused
+    )
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained)
     unexplained = tuple(u for u in unexplained if not _doubted(u, checks))
     progress("done", 1.0)

@@ -136,4 +136,5 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "nearest": None if u.nearest is None else _alternative(u.nearest),
         "carries_over": u.carries_over,
         "parameters_change_times_noise": u.times_noise,
+        "nearest_by_chance": u.by_chance,
     }

@@ -90,6 +90,7 @@ class Unexplained:
     picture: Picture | None = None
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
     times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
+    by_chance: float | None = None  # p of the sizes of `nearest`, by the stretches, which keeps it away
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,8 +241,8 @@ def as_told(outcome: Outcome, last: FitResult) -> State:
     return without_terms(outcome.last, (t for t in outcome.last.terms if not is_told(last, t)))
 
 
-def not_fitted(step: Step, outcome: Outcome) -> Unexplained:
-    """What the loop found and the last fit could not be made of."""
+def not_fitted(step: Step, outcome: Outcome, by_chance: float | None) -> Unexplained:
+    """What the loop found and the last fit could not be made of, or tells too poorly (by_chance: its p)."""
     state, e, term = outcome.last, step.evidence, step.term
     c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
     joint = int(state.problem.robot.joint_labels[state.model.channels[c].joint])
@@ -253,7 +254,8 @@ def not_fitted(step: Step, outcome: Outcome) -> Unexplained:
     name = _channel(c, state)
     signals = tuple(dict.fromkeys(_signal(v, name) for v in sorted(signals_read(term) or ())))
     shown = picture(state, term, c)
-    return Unexplained((joint,), _side(c, state), signals, share, float(e.log_e), near, True, shown)
+    side, log_e = _side(c, state), float(e.log_e)
+    return Unexplained((joint,), side, signals, share, log_e, near, True, shown, by_chance=by_chance)
 
 
 def beyond_noise(

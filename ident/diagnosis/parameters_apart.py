@@ -17,11 +17,13 @@ all directions alike."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Metric, Side, orthonormal, weigh
+from ident.diagnosis.evidence import Evidence, Metric, Side, orthonormal, weigh
+from ident.diagnosis.halves import halves
+from ident.diagnosis.in_common import all_rows, given_fitted
 from ident.diagnosis.state import Found, State
 
 
@@ -35,11 +37,23 @@ class Changes:
 
 
 def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
-    """None where the judged rows alone do not show it. others: the state without it."""
+    """Of the judged rows, or of what shows it where they alone do not: the halves of the fitted ones, the
+    less of the two, or the judged ones given these; None where nothing shows it. others: the state without
+    it."""
     m = others.metric
     told = weigh(m, f.columns)
-    if told.log_e < tau:
-        return None
+    if told.log_e > tau:
+        return _of(m, f, told)
+    sides = [replace(others, rows=rows).metric for rows in halves(others.rows)]
+    parts = [(side, weigh(side, f.columns)) for side in sides]
+    if all(e.log_e > tau for _, e in parts):
+        return min((_of(side, f, e) for side, e in parts), key=lambda its: its.log_e)
+    given = given_fitted(m, all_rows(m), f.columns, f.sizes).of(told)
+    return _of(m, f, given) if given.log_e > tau else None
+
+
+def _of(m: Metric, f: Found, told: Evidence) -> Changes:
+    """Beside the changes from the fitted to the judged rows of a metric."""
     white = m.whiten(f.columns)
     nats, kappas = {}, {}
     for c in f.columns:
@@ -55,12 +69,14 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
 def _distances(m: Metric, c: int, torque: np.ndarray) -> tuple[tuple[float, float], int]:
     """Squares of the distance of a channel's own parameters from the fitted to the judged rows, in its noise,
     without a whitened torque (M,) and with it; how many both sides determine."""
-    fitted, judged = (_products(m, c, side, torque) for side in (m.fitted, m.judged))
+    sides = (m.fitted, m.judged)
+    fitted, judged = (_products(m, c, side, torque) for side in sides)
     rss = [_left(products) for products in (fitted + judged, fitted, judged)]
     both, one, other = (ranks for _, ranks in rss)
     parameters = one + other - both
-    rows = int((m.judged.mask & m.rows.use[c]).sum())
-    noise = max(rss[2][0][1], 1e-300) / max(rows - other, 1)
+    free = [int((side.mask & m.rows.use[c]).sum()) - ranks for side, (_, ranks) in zip(sides, rss[1:])]
+    at = 1 if free[1] > 0 else 0  # as many parameters as rows leave no noise
+    noise = max(rss[1 + at][0][1], 1e-300) / max(free[at], 1)
     without, with_it = ((rss[0][0][k] - rss[1][0][k] - rss[2][0][k]) / noise for k in range(2))
     return (float(without), float(with_it)), parameters
 

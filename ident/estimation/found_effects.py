@@ -29,7 +29,8 @@ class FoundEffect:
     zero, all at once, in the fit's covariance for coloured noise (Wald), its shapes as found: without
     the effect there are none, so that this is the ratio of the likelihoods, and a shape that is poorly known
     does not make the effect doubtful. p_itself: the same of those sizes without which it would be another
-    effect (all, where none may be left out)."""
+    effect (all, where none may be left out). p_told: of all sizes, by the standard deviations that are told:
+    those of the stretches of the recordings (blocks.py)."""
 
     term: Term
     joint: int | None  # as the robot file numbers it
@@ -39,6 +40,7 @@ class FoundEffect:
     impossible: str | None
     p_value: float = 0.0
     p_itself: float = 0.0
+    p_told: float = 0.0
 
     def document(self) -> dict[str, Any]:
         """As fit.json has it."""
@@ -75,8 +77,9 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     covariance = np.zeros((len(inner), len(inner)))
     free = [i for i, name in enumerate(inner) if name in own]
     at = [own[inner[i]] for i in free]
-    wider = np.ones(len(at)) if result.widened is None else result.widened[at]
-    covariance[np.ix_(free, free)] = result.full_covariance[np.ix_(at, at)] * np.outer(wider, wider)
+    wider = np.ones(len(result.full.chi)) if result.widened is None else result.widened
+    stretches = result.full_covariance * np.outer(wider, wider)
+    covariance[np.ix_(free, free)] = stretches[np.ix_(at, at)]
     values = {**dict(zip(term.linear, term.size)), **term.theta}
     context = {} if result.model is None else effect.context_of(term.place, result.model)
     told = effect.report(values, covariance, context, term.place)
@@ -102,11 +105,12 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
         },
         reasons[0] if reasons else None,
         *(
-            _wald(
-                result.full.chi[some],
-                _given(result.full_covariance, some, [k for k in own.values() if k not in sizes]),
+            _wald(result.full.chi[some], _given(known, some, [k for k in own.values() if k not in sizes]))
+            for some, known in (
+                (sizes, result.full_covariance),
+                (needed, result.full_covariance),
+                (sizes, stretches),
             )
-            for some in (sizes, needed)
         ),
     )
 

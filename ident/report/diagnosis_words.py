@@ -261,6 +261,8 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     near, times = item.get("nearest"), item.get("parameters_change_times_noise")
     if near is not None and times is not None:
         return text + _among_changes(item, near, times)
+    if near is not None and item.get("nearest_by_chance") is not None:
+        return text + _too_poorly_told(item, near, item["nearest_by_chance"])
     if not item["depends_on"]:
         share = item["share_of_residual_percent"]
         if share < 100:
@@ -303,17 +305,29 @@ def _depends(item: Mapping[str, Any]) -> str:
     return f"{part} of what the model leaves there depends on {joined(list(item['depends_on']))}"
 
 
-def _among_changes(item: Mapping[str, Any], near: Mapping[str, Any], times: float) -> str:
-    """What is no more than what the model gets wrong from one run to the next."""
+def _as_nearest(item: Mapping[str, Any], near: Mapping[str, Any]) -> str:
+    """What the nearest effect says of it."""
     name = f"{effect_name(near['effect'])} on {place(near['joints'])}"
     log_e = f"(log E {number(near['log_e'], 3)})"
-    says = f"{_depends(item)}, as {name} would have it {log_e}"
     if not item["depends_on"]:
-        says = f"{name} says something of the judged runs {log_e}"
+        return f"{name} says something of the judged runs {log_e}"
+    return f"{_depends(item)}, as {name} would have it {log_e}"
+
+
+def _too_poorly_told(item: Mapping[str, Any], near: Mapping[str, Any], chance: float) -> str:
+    """What the stretches of the recordings do not tell from nothing."""
     return (
-        f"{says}; but from the fitted to the judged runs the model's own parameters change "
-        f"{number(times, 2)} times as much as noise makes them (squares), and beside such changes that is "
-        "not enough to name it."
+        f"{_as_nearest(item, near)}; but between stretches of the recordings its size changes so much that a "
+        f"fit does not tell it from zero (p {number(chance, 2)}); longer or more varied motion would."
+    )
+
+
+def _among_changes(item: Mapping[str, Any], near: Mapping[str, Any], times: float) -> str:
+    """What is no more than what the model gets wrong from one run to the next."""
+    return (
+        f"{_as_nearest(item, near)}; but from the fitted to the judged runs the model's own parameters "
+        f"change {number(times, 2)} times as much as noise makes them (squares), and beside such changes "
+        "that is not enough to name it."
     )
 
 

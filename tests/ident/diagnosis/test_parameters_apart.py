@@ -1,12 +1,14 @@
 """What was found, beside what the model gets wrong from one run to the next."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from ident.diagnosis.evidence import Metric, weigh
 from ident.diagnosis.parameters_apart import _distances, beside_changes
+from ident.diagnosis.rows import Rows
 from ident.diagnosis.state import Found
 from ident.report.diagnosis_words import unexplained_sentence
 
@@ -17,7 +19,12 @@ TAU, M, WAVES = 8.3, 2400, 30
 class Others:
     """The state without what was found, as far as it is asked."""
 
-    metric: Metric
+    rows: Rows
+    made: Callable[[Rows], Metric]
+
+    @property
+    def metric(self):
+        return self.made(self.rows)
 
 
 def waves(rng, count):
@@ -34,14 +41,14 @@ def made(tiny, seed, wrong, size):
     X, z = waves(rng, 12), waves(rng, 1)
     missing = np.where(np.arange(M) < M // 2, *waves(rng, 2).T)
     y = X @ rng.normal(size=12) + wrong * missing + size * z[:, 0] + rng.normal(size=M)
-    m = tiny["metric"](tiny["rows"](X, y))
-    return m, Found(None, {0: z}, weigh(m, {0: z}).sizes)
+    others = Others(tiny["rows"](X, y), tiny["metric"])
+    return others, Found(None, {0: z}, weigh(others.metric, {0: z}).sizes)
 
 
 def test_noise_alone_takes_nothing_away(tiny):
     for seed in range(10):
-        m, f = made(tiny, seed, 0.0, 0.4)
-        told, beside = weigh(m, f.columns), beside_changes(Others(m), f, TAU)
+        others, f = made(tiny, seed, 0.0, 0.4)
+        told, beside = weigh(others.metric, f.columns), beside_changes(others, f, TAU)
         assert told.log_e > 2 * TAU and beside.kappa < 3.0
         assert beside.log_e > TAU
 
@@ -51,8 +58,8 @@ def test_a_smooth_torque_that_nobody_named_is_no_effect(tiny):
     the same torque makes of the model's own parameters next to none is left."""
     overrated = passed = 0
     for seed in range(40):
-        m, f = made(tiny, 100 + seed, 1.5, 0.0)
-        beside = beside_changes(Others(m), f, TAU)
+        others, f = made(tiny, 100 + seed, 1.5, 0.0)
+        beside = beside_changes(others, f, TAU)
         overrated += beside is not None
         passed += beside is not None and beside.log_e > TAU
     assert overrated >= 5 and passed <= 1
@@ -61,16 +68,36 @@ def test_a_smooth_torque_that_nobody_named_is_no_effect(tiny):
 def test_what_is_there_brings_the_sides_together(tiny):
     kept = 0
     for seed in range(20):
-        m, f = made(tiny, 300 + seed, 0.3, 1.2)
-        (without, with_it), parameters = _distances(m, 0, f.columns[0] @ f.sizes)
+        others, f = made(tiny, 300 + seed, 0.3, 1.2)
+        (without, with_it), parameters = _distances(others.metric, 0, f.columns[0] @ f.sizes)
         assert with_it < without and 10 <= parameters <= 12
-        kept += beside_changes(Others(m), f, TAU).log_e > TAU
+        kept += beside_changes(others, f, TAU).log_e > TAU
     assert kept >= 18
 
 
-def test_what_the_judged_rows_do_not_show_is_not_asked(tiny):
-    m, f = made(tiny, 7, 0.0, 0.0)
-    assert beside_changes(Others(m), f, TAU) is None
+def test_what_no_rows_show_is_not_asked(tiny):
+    others, f = made(tiny, 7, 0.0, 0.0)
+    assert beside_changes(others, f, TAU) is None
+
+
+def test_halves_of_the_fitted_rows_stand_in_for_judged_ones_that_hold_too_little(tiny):
+    """Judged rows without the column in them: the fitted halves show it, and their parameters agree."""
+    rng = np.random.default_rng(11)
+    X, z = waves(rng, 12), waves(rng, 1)
+    rows = tiny["rows"](X, X @ rng.normal(size=12) + 0.8 * z[:, 0] + rng.normal(size=M))
+    z[rows.judged] = 0.0
+    others = Others(rows, tiny["metric"])
+    beside = beside_changes(others, Found(None, {0: z}, np.array([0.8])), TAU)
+    assert beside is not None and beside.log_e > TAU and beside.kappa < 3.0
+
+
+def test_judged_rows_as_few_as_the_parameters_have_no_noise_of_their_own(tiny):
+    rng = np.random.default_rng(12)
+    X, z = waves(rng, 12), waves(rng, 1)
+    rows = tiny["rows"](X, X @ rng.normal(size=12) + rng.normal(size=M))
+    few = replace(rows, judged=rows.judged & (np.cumsum(rows.judged) <= 10))
+    (without, with_it), parameters = _distances(tiny["metric"](few), 0, 0.0 * z[:, 0])
+    assert without == with_it and without < 10 * parameters
 
 
 @pytest.mark.parametrize("signals", [("dq1",), ()])

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import scipy.stats
 import yaml
 from recordings import recording, write_parquet, write_study
 
@@ -52,6 +53,14 @@ def test_truth_inside_its_intervals(result):
             its = found.parameters[name]
             assert abs(its.value - value) < 3.3 * its.std, (found.term.label, name, its)
             assert its.std < 0.03 * max(abs(value), 1.0)
+
+
+def test_a_size_is_told_from_zero_by_the_deviation_that_is_told(folder):
+    """One size and no shape: its chance is that of a normal number so many deviations away."""
+    (spring,) = found_effects(fit_study(study(folder, ["spring:3"])))
+    its = spring.parameters["k"]
+    assert spring.p_told == pytest.approx(2 * scipy.stats.norm.sf(abs(its.value) / its.std), rel=0.05)
+    assert spring.p_told > spring.p_value
 
 
 def test_without_the_effects_the_error_is_larger(folder, result):

@@ -1,0 +1,64 @@
+"""The last fit with what was found: at which cut-off, and what it tells from zero."""
+
+from types import SimpleNamespace
+
+import pytest
+
+from ident.diagnosis import last_fit
+from ident.diagnosis.last_fit import _vague, first_extended
+from ident.report.diagnosis_words import unexplained_sentence
+
+
+def fit(error, cutoff):
+    """A fit as far as it is asked: percent of the runs that chose nothing, both channels alike."""
+    errors = {"validate": {"total": error, "tau_m1": error, "tau_m2": error}}
+    columns = SimpleNamespace(channels=("tau_m1", "tau_m2"))
+    return SimpleNamespace(full_rate_error=errors, columns=columns, cutoff_hz=cutoff)
+
+
+@pytest.mark.parametrize(
+    ("before", "fine", "coarse", "taken"),
+    [
+        (10.0, 6.0, None, 5.0),  # it predicts better: the other cut-off is not asked
+        (10.0, 14.0, 8.0, 2.0),
+        (10.0, 14.0, 15.0, 5.0),
+    ],
+)
+def test_the_study_s_own_cutoff_where_the_finer_one_predicts_worse(monkeypatch, before, fine, coarse, taken):
+    asked = []
+
+    def extended(known, outcome, base, alpha, progress):
+        asked.append(known)
+        return fit({5.0: fine, 2.0: coarse}[known], known), {}
+
+    monkeypatch.setattr(last_fit, "_at", lambda known, outcome, cutoff: cutoff)
+    monkeypatch.setattr(last_fit, "extended", extended)
+    study = SimpleNamespace(filter=SimpleNamespace(position_cutoff_hz=10.0))
+    known = SimpleNamespace(prepared=SimpleNamespace(study=study))
+    begun = SimpleNamespace(cutoff_hz=8.0)
+    again, last, _ = first_extended(known, None, fit(before, 2.0), begun, 0.01, None)
+    assert (again, last.cutoff_hz) == (taken, taken)
+    assert asked == ([5.0] if coarse is None else [5.0, 2.0])
+
+
+def found(p_told, replaces=False):
+    return SimpleNamespace(p_told=p_told, term=SimpleNamespace(effect=SimpleNamespace(replaces=replaces)))
+
+
+def test_an_interval_that_holds_zero_names_nothing():
+    """The one told least well goes first; the study's own effects and what it left out stay."""
+    told = [found(0.5), found(1e-5), found(0.03), found(0.2), found(0.4, replaces=True)]
+    assert _vague(told, 1, 0.01) == [3]
+    assert _vague(told[:2], 1, 0.01) == []
+    assert _vague(told[4:], 0, 0.01) == []
+
+
+def test_the_sentence_says_that_the_size_is_not_told_from_zero():
+    item = {
+        "joints": [4], "channel": "tau_m", "depends_on": ["q4"], "share_of_residual_percent": 56.0,
+        "log_e": 110.2, "nearest": {"effect": "spring", "joints": [4], "log_e": 110.2},
+        "carries_over": True, "nearest_by_chance": 0.0328,
+    }  # fmt: skip
+    text = unexplained_sentence(item)
+    assert "of what the model leaves there depends on q4, as spring on joint 4 would have it" in text
+    assert "does not tell it from zero (p 0.033)" in text
