@@ -1,0 +1,75 @@
+"""docs/diagnosis_json.md names every key of diagnosis.json, and none that is not there."""
+
+import re
+from pathlib import Path
+
+import pytest
+from recordings import recording, write_parquet, write_study
+
+import ident
+from ident.diagnosis.document import _hint, _unexplained
+from ident.diagnosis.findings import Alternative, Hint, Unexplained
+
+ROOT = Path(__file__).parents[3]
+PAGE = (ROOT / "docs" / "diagnosis_json.md").read_text(encoding="utf-8")
+
+
+def described():
+    """Keys of the page, those of a nested list or table by the key that holds them."""
+    keys = set()
+    for row in (line.split(" | ", 1) for line in PAGE.splitlines() if line.startswith("| `")):
+        holders = re.findall(r"`([^`]+)`", row[0])
+        keys |= set(holders)
+        keys |= {f"{holder}.{name}" for holder in holders for name in re.findall(r"`([^`]+)`", row[1])}
+    return {key.removesuffix("[]") for key in keys}
+
+
+def paths(value, at=""):
+    if isinstance(value, dict):
+        for name, its in value.items():
+            yield from paths(its, f"{at}.{name}" if at else name)
+    else:
+        yield at
+        for its in value if isinstance(value, list) else ():
+            if isinstance(its, dict):
+                yield from paths(its, f"{at}[]")
+
+
+def general(path):
+    """With * for names of channels and parameters, and no further than the page goes."""
+    path = re.sub(r"\.parameters\..+", ".parameters.*", path)
+    path = re.sub(r"^(explainable|noise_floor_percent)\.[^.]+", r"\1.*", path)
+    return re.sub(r"^(error_percent\w*\.(before|after))\..+", r"\1", path)
+
+
+@pytest.fixture(scope="module")
+def documents(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("keys")
+    columns, _ = recording("A", seconds=20, rate=200)
+    columns["tau_m3"] = columns["tau_m3"] + 8.0 * columns["q3"]
+    write_parquet(folder / "run.parquet", columns)
+    near = Alternative("spring", (3,), 9.0, 1.0)
+    loose = _unexplained(Unexplained((3,), "tau_m", ("q3",), 10.0, 9.0, near, True))
+    hint = _hint(Hint(near, "tau_m3", 2, 9, (near,)))
+    found = ident.diagnose(write_study(folder, [{"file": "run.parquet"}])).document()
+    assert [f["effect"] for f in found["findings"]] == ["spring"]
+    return [found, {"unexplained": [loose]}, {"hints": [hint]}]
+
+
+def test_every_key_is_described(documents):
+    known = described()
+    there = {general(path) for document in documents for path in paths(document)}
+    assert not {path for path in there - known if not path.startswith("hints[].equivalent[].")}
+    assert len(there) > 40
+
+
+def test_every_described_key_is_one_of_the_code():
+    code = "".join(
+        path.read_text(encoding="utf-8")
+        for folder in ("diagnosis", "examination", "excitation", "studies")
+        for path in (ROOT / "ident" / folder).glob("*.py")
+    ) + "".join(path.read_text(encoding="utf-8") for path in (ROOT / "modelgen" / "effects").glob("*.py"))
+    for row in (line.split(" | ", 1)[0] for line in PAGE.splitlines() if line.startswith("| `")):
+        for key in re.findall(r"`([^`]+)`", row):
+            name = key.removesuffix(".*").removesuffix("[]").split(".")[-1]
+            assert re.search(rf"""["']{name}["']|\b{name}:""", code), key
