@@ -8,6 +8,7 @@ must not speak against it, and it must foretell them better."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -58,8 +59,14 @@ def holds_by_halves(state: State, columns: Columns, sizes: np.ndarray, tau: floa
     """Whether what the judged rows of a state cannot show is asked for by both halves of the fitted ones."""
     if not unseen(state.metric, columns, sizes, tau):
         return False
-    sides = (replace(state, rows=rows) for rows in halves(state.rows))
-    return all(weigh(side.metric, columns).log_e > tau for side in sides)
+    return all(e.log_e > tau for _, e in on_halves(state, columns))
+
+
+def on_halves(state: State, columns: Columns) -> Iterator[tuple[Metric, Evidence]]:
+    """What each half of the fitted rows says of columns as the other has them; state: without them."""
+    for rows in halves(state.rows):
+        m = replace(state, rows=rows).metric
+        yield m, weigh(m, columns)
 
 
 def halves(rows: Rows) -> tuple[Rows, Rows]:

@@ -17,12 +17,12 @@ all directions alike."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ident.diagnosis.evidence import Evidence, Metric, Side, orthonormal, weigh
-from ident.diagnosis.halves import halves
+from ident.diagnosis.halves import on_halves
 from ident.diagnosis.in_common import all_rows, given_fitted
 from ident.diagnosis.state import Found, State
 
@@ -44,8 +44,7 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
     told = weigh(m, f.columns)
     if told.log_e > tau:
         return _of(m, f, told)
-    sides = [replace(others, rows=rows).metric for rows in halves(others.rows)]
-    parts = [(side, weigh(side, f.columns)) for side in sides]
+    parts = list(on_halves(others, f.columns))
     if all(e.log_e > tau for _, e in parts):
         return min((_of(side, f, e) for side, e in parts), key=lambda its: its.log_e)
     given = given_fitted(m, all_rows(m), f.columns, f.sizes).of(told)
