@@ -1,5 +1,6 @@
 """What `ident` takes: fit, diagnose, simulate, demo. Heavy imports wait until a command needs them."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -17,30 +18,26 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 
+argument = partial(typer.Argument, show_default=False)
+option = partial(typer.Option, show_default=False)  # without a default, or with one that its help tells
+ROBOT = "Built-in name, robot file (YAML) or URDF."
+
 Study = Annotated[
-    Path,
-    typer.Argument(
-        metavar="STUDY", help="Study file (YAML): which robot, model and recordings.", show_default=False
-    ),
+    Path, argument(metavar="STUDY", help="Study file (YAML): which robot, model and recordings.")
 ]
+Robot = Annotated[str, argument(metavar="ROBOT", help=ROBOT, autocompletion=robot_names)]
 Output = Annotated[
     Path,
-    typer.Option(
+    option(
         "-o",
         "--output",
         parser=folder,
         metavar="FOLDER",
         help="Folder for the results: new, empty, or written by this program before.",
-        show_default=False,
     ),
 ]
 Fit = Annotated[
-    Path,
-    typer.Argument(
-        metavar="FIT",
-        help="Folder that ident fit or ident diagnose wrote, or its fit.json.",
-        show_default=False,
-    ),
+    Path, argument(metavar="FIT", help="Folder that ident fit or ident diagnose wrote, or its fit.json.")
 ]
 Exact = Annotated[bool, typer.Option("--exact", help="A URDF's angles and lengths as they are written.")]
 Overwrite = Annotated[
@@ -67,9 +64,7 @@ def fit(
     output: Output,
     models: Annotated[
         str | None,
-        typer.Option(
-            "--models", help="Fit several models and compare them, for example A,B,C,D.", show_default=False
-        ),
+        option("--models", help="Fit several models and compare them, for example A,B,C,D."),
     ] = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
@@ -91,11 +86,10 @@ def diagnose(
     output: Output,
     memory: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--memory",
             metavar="SIZE",
             help="Keep below this, for example 2GB; half of what is free by default.",
-            show_default=False,
         ),
     ] = None,
     overwrite: Overwrite = False,
@@ -117,15 +111,7 @@ def diagnose(
     "Then: [bold]ident diagnose twin/study.yaml -o out[/bold]"
 )
 def simulate(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT",
-            help="Built-in name, robot file (YAML) or URDF.",
-            autocompletion=robot_names,
-            show_default=False,
-        ),
-    ],
+    robot: Robot,
     output: Output,
     model: Annotated[
         str,
@@ -135,36 +121,33 @@ def simulate(
     ] = "A",
     effect: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--effect",
             help="NAME:JOINT[:param=value,...], may be repeated; the study does not declare it.",
             autocompletion=effect_names,
-            show_default=False,
         ),
     ] = None,
     payload: Annotated[
         float | None,
-        typer.Option("--payload", help="Mass in kg carried in a further run.", show_default=False),
+        option("--payload", help="Mass in kg carried in a further run."),
     ] = None,
     parameters: Annotated[
         Path | None,
-        typer.Option("--parameters", help="YAML of true parameters, as Iam1: 3.19.", show_default=False),
+        option("--parameters", help="YAML of true parameters, as Iam1: 3.19."),
     ] = None,
     exact: Exact = False,
     seed: Annotated[int, typer.Option("--seed", help="The same seed gives the same files, bit for bit.")] = 0,
     duration: Annotated[
         float | None,
-        typer.Option("--duration", help="Seconds of every run; 60 and 90 by default.", show_default=False),
+        option("--duration", help="Seconds of every run; 60 and 90 by default."),
     ] = None,
     rate: Annotated[
         float | None,
-        typer.Option("--rate", help="Samples a second; 1000 by default.", show_default=False),
+        option("--rate", help="Samples a second; 1000 by default."),
     ] = None,
     noise: Annotated[
         float | None,
-        typer.Option(
-            "--noise", help="Noise of the torques, percent of their rms; 1 by default.", show_default=False
-        ),
+        option("--noise", help="Noise of the torques, percent of their rms; 1 by default."),
     ] = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
@@ -192,17 +175,15 @@ def simulate(
 @app.command(epilog="Example: [bold]ident predict out monday.parquet -o monday[/bold]")
 def predict(
     fit: Fit,
-    recording: Annotated[
-        Path, typer.Argument(metavar="RECORDING", help="A log of the same robot.", show_default=False)
-    ],
+    recording: Annotated[Path, argument(metavar="RECORDING", help="A log of the same robot.")],
     output: Output,
     payload: Annotated[
         str | None,
-        typer.Option("--payload", help="Label of a payload of the fit that is carried.", show_default=False),
+        option("--payload", help="Label of a payload of the fit that is carried."),
     ] = None,
     episode: Annotated[
         int | None,
-        typer.Option("--episode", help="Which episode of a table that has several.", show_default=False),
+        option("--episode", help="Which episode of a table that has several."),
     ] = None,
     overwrite: Overwrite = False,
     verbose: Verbose = False,
@@ -230,9 +211,7 @@ def export(
         typer.Option("--c", parser=folder, metavar="FOLDER", help="C with numbers into this folder."),
     ] = None,
     float32: Annotated[bool, typer.Option("--float32", help="C that computes in float.")] = False,
-    name: Annotated[
-        str | None, typer.Option("--name", help="Start of the C names and files.", show_default=False)
-    ] = None,
+    name: Annotated[str | None, option("--name", help="Start of the C names and files.")] = None,
     urdf: Annotated[
         Path | None, typer.Option("--urdf", metavar="FILE", help="A physically consistent URDF.")
     ] = None,
@@ -257,35 +236,28 @@ def export(
 def inspect(
     recordings: Annotated[
         list[Path],
-        typer.Argument(
+        argument(
             metavar="RECORDING...",
             help="Parquet, CSV, NPZ, MAT, HDF5, ROS bags (file or folder) of one robot.",
-            show_default=False,
         ),
     ],
     robot: Annotated[
         str | None,
-        typer.Option(
-            "--robot",
-            help="Built-in name, robot file or URDF.",
-            autocompletion=robot_names,
-            show_default=False,
-        ),
+        option("--robot", help="Built-in name, robot file or URDF.", autocompletion=robot_names),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
+        option(
             "-o",
             "--output",
             parser=folder,
             metavar="FILE",
             help="First study (YAML), and a page (HTML) beside it.",
-            show_default=False,
         ),
     ] = None,
     topic: Annotated[
         str | None,
-        typer.Option("--topic", help="Topic to read of bags with several joint states.", show_default=False),
+        option("--topic", help="Topic to read of bags with several joint states."),
     ] = None,
     exact: Exact = False,
     overwrite: Overwrite = False,
@@ -305,15 +277,7 @@ def inspect(
     "Two suspects: [bold]ident excite ur10e --separate stribeck_friction:2,hysteresis:2 -o motion[/bold]"
 )
 def excite(
-    robot: Annotated[
-        str,
-        typer.Argument(
-            metavar="ROBOT",
-            help="Built-in name, robot file or URDF.",
-            autocompletion=robot_names,
-            show_default=False,
-        ),
-    ],
+    robot: Robot,
     output: Output,
     model: Annotated[
         str, typer.Option("--model", help="Torques that are recorded.", autocompletion=model_names)
@@ -330,58 +294,48 @@ def excite(
     motion: Annotated[str, typer.Option("--motion", help="fourier or point_to_point.")] = "fourier",
     limit: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--limit",
             help="q, dq, ddq, jerk, tau: KEY[:JOINT]=VALUE, as dq:2=1.5 or q=-1..1; may be repeated.",
-            show_default=False,
         ),
     ] = None,
     start: Annotated[
         str | None,
-        typer.Option("--start", help="Where it starts and ends, as 0,-1.5,1.5,0,0,0.", show_default=False),
+        option("--start", help="Where it starts and ends, as 0,-1.5,1.5,0,0,0."),
     ] = None,
     keep_out: Annotated[
         list[str] | None,
-        typer.Option(
+        option(
             "--keep-out",
             help="A box that points stay out of, as table=-1..1,-1..1,-1..0 [m]; or a YAML file.",
-            show_default=False,
         ),
     ] = None,
     point: Annotated[
         list[str] | None,
-        typer.Option(
-            "--point",
-            help="A point of a link, as tool=7:0,0,0.12 [m]; else the last one's origin.",
-            show_default=False,
-        ),
+        option("--point", help="A point of a link, as tool=7:0,0,0.12 [m]; else the last one's origin."),
     ] = None,
     self_collision: Annotated[
         bool, typer.Option("--self-collision", help="A URDF's shapes never touch (extra: collision).")
     ] = False,
     separate: Annotated[
         str | None,
-        typer.Option(
-            "--separate", help="NAME:JOINT,NAME:JOINT,...: tell these effects apart.", show_default=False
-        ),
+        option("--separate", help="NAME:JOINT,NAME:JOINT,...: tell these effects apart."),
     ] = None,
     from_: Annotated[
         Path | None,
-        typer.Option("--from", help="Folder of ident diagnose: its suspects, its noise.", show_default=False),
+        option("--from", help="Folder of ident diagnose: its suspects, its noise."),
     ] = None,
     evaluate: Annotated[
         Path | None,
-        typer.Option("--evaluate", help="Say what this recording shows instead.", show_default=False),
+        option("--evaluate", help="Say what this recording shows instead."),
     ] = None,
     parameters: Annotated[
         Path | None,
-        typer.Option("--parameters", help="The robot's parameters: YAML, or a fit.json.", show_default=False),
+        option("--parameters", help="The robot's parameters: YAML, or a fit.json."),
     ] = None,
     effects_folder: Annotated[
         Path | None,
-        typer.Option(
-            "--effects-folder", help="Folder of your own effects, one file each.", show_default=False
-        ),
+        option("--effects-folder", help="Folder of your own effects, one file each."),
     ] = None,
     noise: Annotated[float, typer.Option("--noise", help="Percent of the torques' rms.")] = 1.0,
     rate: Annotated[float, typer.Option("--rate", help="Samples a second of the files.")] = 1000.0,
@@ -434,9 +388,7 @@ def robot(
     ],
     output: Annotated[
         Path,
-        typer.Option(
-            "-o", "--output", parser=folder, metavar="FILE", help="Robot file (YAML).", show_default=False
-        ),
+        option("-o", "--output", parser=folder, metavar="FILE", help="Robot file (YAML)."),
     ],
     exact: Exact = False,
     overwrite: Overwrite = False,
@@ -454,33 +406,28 @@ def robot(
 def fleet(
     source: Annotated[
         str,
-        typer.Argument(
+        argument(
             metavar="PATTERN|TABLE",
             help="Recordings, {robot} and {day} in their path (also s3://, gs://); a CSV: file, robot, day.",
-            show_default=False,
         ),
     ],
     robot: Annotated[
         str,
-        typer.Option(
-            "--robot",
-            help="Built-in name, robot file or URDF of all of them.",
-            autocompletion=robot_names,
-            show_default=False,
+        option(
+            "--robot", help="Built-in name, robot file or URDF of all of them.", autocompletion=robot_names
         ),
     ],
     output: Output,
     study: Annotated[
         Path | None,
-        typer.Option("--study", help="Study whose other keys hold for every recording.", show_default=False),
+        option("--study", help="Study whose other keys hold for every recording."),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(
+        option(
             "--scheduler",
             metavar="ADDRESS|local",
             help="Dask scheduler, or local for workers on this machine; this process by default.",
-            show_default=False,
         ),
     ] = None,
     diagnose: Annotated[

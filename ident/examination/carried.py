@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.examination.check import Check
-from ident.examination.hypothesis import signal_of
-from ident.examination.quick import Assignment, Fit, Quick, gain_of
+from ident.examination.hypothesis import Asked
+from ident.examination.quick import Assignment, Quick, gain_of
 from ident.examination.rivals import Rival, rivals
 from ident.examination.signs import evidence
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
@@ -37,18 +37,18 @@ def carried(before: np.ndarray, after: np.ndarray, held: np.ndarray | None, now:
     return gain_of(before, after) + gain_of(held, now)
 
 
-def carried_faults(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> list[Carried]:
+def carried_faults(asked: Asked) -> list[Carried]:
     """Faults that one number describes, each with the number with which validate is predicted best, where the
     best of them is so by far: it, and those that stretch by stretch are not rejected beside it.
 
     One fit of what is fitted and what judges has to contradict itself without the fault, but for chance that
     confirms one of all that are asked: a KR 300's slow motion does not foretell the other recording, nothing
     in the two together speaks for the factor of 40 with which it happened to."""
-    whole = all_rows(quick)
-    plain = Explained(whole, whole.fit(how), how)
-    others = list(rivals(whole, how, currents))
+    whole, how = all_rows(asked.quick), asked.how
+    plain = Explained.by(whole, how)
+    others = list(rivals(whole, how, asked.currents))
     rate = ODD / (len(others) + len(how.order))
-    told = [*_scales(quick, fit, how, currents, whole), *_others(quick, fit, how, others)]
+    told = [*_scales(asked, whole), *_others(asked, others)]
     told = [its for its in told if steadily(plain, its[1], rate)]
     if not told:
         return []
@@ -60,8 +60,9 @@ def carried_faults(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> l
 Told = tuple[Carried, Explained]  # and what fits all recordings with it undone
 
 
-def _scales(quick: Quick, fit: Fit, how: Assignment, currents: bool, whole: Quick) -> Iterator[Told]:
-    for c in np.flatnonzero(quick.identify.rows > 10).tolist():
+def _scales(asked: Asked, whole: Quick) -> Iterator[Told]:
+    quick, fit, how = asked.quick, asked.fit, asked.how
+    for c in asked.seen:
         tried = []
         for factor in (sign * f for f in np.geomspace(1 / ABSURD, ABSURD, 61) for sign in (1, -1)):
             other = quick.fit(how.times([c], factor))
@@ -70,12 +71,13 @@ def _scales(quick: Quick, fit: Fit, how: Assignment, currents: bool, whole: Quic
         taken = how.times([c], factor)
         alone = max(its[0] for its in tried if abs(its[1]) in (ABSURD, 1 / ABSURD))  # as if no other felt it
         if value > max(CARRIED, alone + BEHIND) and not evidence(quick, quick.fit(taken), taken).against(c):
-            its = Carried(value, f"{signal_of(quick.columns, c, currents)} times {factor:.2g}")
+            its = Carried(value, f"{asked.name(c)} times {factor:.2g}")
             if _kept(quick, how, quick, taken, quick):
-                yield its, Explained(whole, whole.fit(taken), taken)
+                yield its, Explained.by(whole, taken)
 
 
-def _others(quick: Quick, fit: Fit, how: Assignment, others: Sequence[Rival]) -> Iterator[Told]:
+def _others(asked: Asked, others: Sequence[Rival]) -> Iterator[Told]:
+    quick, fit, how = asked.quick, asked.fit, asked.how
     roles = [s.role for s in quick.samples if s.role != "test"]
     for rival in others:
         samples = [replace(s, role=role) for s, role in zip(rival.explained.quick.samples, roles)]

@@ -9,32 +9,31 @@ they contradict each other.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from ident.examination.check import Check, turned_sign
-from ident.examination.quick import CLUSTERS, Fit, Quick, Sample
+from ident.examination.hypothesis import Asked
+from ident.examination.quick import CLUSTERS, Fit, Sample
 from ident.examination.signs import SURE
 
 
-def motor_signs(quick: Quick, fit: Fit, maps: Mapping[str, Any], kind: str) -> Iterator[Check]:
-    """Checks of the motor signals; `kind` is the study's name of them, "i" or "tau_m"."""
-    columns = quick.columns
-    seen = np.flatnonzero(quick.identify.rows > 10)
-    known = np.abs(np.einsum("cii->i", quick.identify.G[seen])) > 0 if len(seen) else np.zeros(0, bool)
+def motor_signs(asked: Asked) -> Iterator[Check]:
+    """Checks of the motor signals."""
+    quick, columns, seen = asked.quick, asked.quick.columns, asked.seen
+    known = np.abs(np.einsum("cii->i", quick.identify.G[seen])) > 0 if seen else np.zeros(0, bool)
     for c, gain in columns.gain_columns.items():
         slopes = [
-            _slope([s for s in quick.samples if s.role == role], fit, c, gain, known)
+            _slope([s for s in quick.samples if s.role == role], asked.fit, c, gain, known)
             for role in ("identify", "validate")
         ]
         if slopes[0] is None or slopes[0] > -SURE or (slopes[1] is not None and slopes[1] > -1.0):
             continue
         joint = columns.need.joints[int(columns.joint_of[c])]
-        name = f"{kind}{joint}"
+        name = f"{'i' if asked.currents else 'tau_m'}{joint}"
         why = f"it falls where the torque that the sensors show at joint {joint} rises"
-        yield turned_sign((name,), f"{name} has the other sign: {why}", maps)
+        yield turned_sign((name,), f"{name} has the other sign: {why}", asked.maps)
 
 
 def _slope(samples: Sequence[Sample], fit: Fit, c: int, gain: int, known: np.ndarray) -> float | None:

@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import Hypothesis, signal_of
+from ident.examination.hypothesis import Asked, Hypothesis
 from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, alone, gain_of, solve
 from ident.examination.stretches import confirmed
 
@@ -24,35 +24,25 @@ OWN, HELD, TOGETHER = 0.5, 0.25, 0.35  # gain of one channel's own error, on val
 LEAST_S = 0.05
 
 
-def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[Hypothesis]:
+def delays(asked: Asked) -> Iterator[Hypothesis]:
     """One torque, or all of them, at another time than their positions."""
+    quick, fit, how = asked.quick, asked.fit, asked.how
     seen = np.flatnonzero(np.isfinite(fit.error)).tolist()
-    asked = [[c] for c in seen if fit.error[c] > SPOILED]
-    if asked and len(seen) > 1:
-        asked.append(seen)
-    for which in asked:
+    groups = [[c] for c in seen if fit.error[c] > SPOILED]
+    if groups and len(seen) > 1:
+        groups.append(seen)
+    for which in groups:
         if not _worth_asking(quick, fit, how, which):
             continue
         fits = [_at(quick, how, which, k) for k in range(len(LAGS))]
         best = int(np.argmax([other.gain_over(fit) for other in fits]))
-        other, each = fits[best], OWN if len(which) == 1 else TOGETHER
+        other, lag, each = fits[best], LAGS[best], OWN if len(which) == 1 else TOGETHER
         own = gain_of(fit.error[which], other.error[which]) / len(which)
         held = own
         if fit.validate is not None and other.validate is not None:
             held = gain_of(fit.validate[which], other.validate[which]) / len(which)
-        if abs(LAGS[best]) < LEAST_S or own < each or held < HELD or other.gain_over(fit) < 0.8 * own:
+        if abs(lag) < LEAST_S or own < each or held < HELD or other.gain_over(fit) < 0.8 * own:
             continue
-        names = tuple(signal_of(quick.columns, c, currents) for c in which)
-        word = "after" if LAGS[best] > 0 else "before"
-        before, after = (100 * float(np.sqrt(np.mean(x.error[which] ** 2))) for x in (fit, other))
-        told = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(LAGS[best]):g} s"
-        check = Check(
-            "channel_delay",
-            names,
-            f"{told} {word} the positions{' or smoothed as much' if LAGS[best] > 0 else ''}: "
-            f"so moved, the error falls from {before:.0f} to {after:.0f} %",
-            "record torques and positions with one clock; ident diagnose fits the delay",
-        )
         samples = []
         for s in quick.samples:
             Y = s.Y.copy()
@@ -60,9 +50,20 @@ def delays(quick: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
                 Y[:, how.order[c]] = s.late[best][:, how.order[c]]
             samples.append(replace(s, Y=Y))
         moved = quick.of(samples)
-        if confirmed(quick, how, moved, how, len(seen)):
-            words = f"{told} {word} the positions"
-            yield Hypothesis(other.gain_over(fit), how, check, moved, words)
+        if not confirmed(quick, how, moved, how, len(seen)):
+            continue
+        names = asked.names(which)
+        before, after = (100 * float(np.sqrt(np.mean(x.error[which] ** 2))) for x in (fit, other))
+        words = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(lag):g} s "
+        words += f"{'after' if lag > 0 else 'before'} the positions"
+        check = Check(
+            "channel_delay",
+            names,
+            f"{words}{' or smoothed as much' if lag > 0 else ''}: so moved, the error falls from "
+            f"{before:.0f} to {after:.0f} %",
+            "record torques and positions with one clock; ident diagnose fits the delay",
+        )
+        yield Hypothesis(other.gain_over(fit), how, check, moved, words)
 
 
 def _worth_asking(quick: Quick, fit: Fit, how: Assignment, which: Sequence[int]) -> bool:

@@ -25,10 +25,10 @@ from ident.examination.carried import CARRIED, Carried, ambiguous, carried_fault
 from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.hypothesis import EXPLAINED, NOTHING, Hypothesis, signal_of
+from ident.examination.hypothesis import EXPLAINED, NOTHING, Asked, Hypothesis, signal_of
 from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.places import other_orders, swapped, swapped_positions
-from ident.examination.quick import Assignment, Fit, Quick, Sample, gain_of, quick_of, take
+from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.scales import scales, too_large
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
@@ -69,53 +69,49 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     quick = quick_of(columns, samples)
     if not (quick.identify.rows > 10).any():
         return ()
-    maps, currents = dict(prepared.study.columns), reads_currents(prepared)
-    how, at_an_end = quick.plain(), False
+    how, currents = quick.plain(), reads_currents(prepared)
+    gains = _gains(prepared, currents)
+    asked = Asked(quick, how, quick.fit(how), dict(prepared.study.columns), currents, gains)
+    at_an_end = False
     found: list[Check] = []
     best: Hypothesis | None = None
     alike: list[Hypothesis] = []
-    gained, halfway = 0.0, list(changed_within(quick, how, currents))
-    turned = halfway[-1][1].fit(how).gain_over(quick.fit(how)) if halfway else -np.inf
+    gained, halfway = 0.0, list(changed_within(asked))
+    turned = halfway[-1][1].fit(how).gain_over(asked.fit) if halfway else -np.inf
     for _ in range(FAULTS):
-        fit = quick.fit(how)
-        asked = _believable(prepared, quick, fit, how, maps, currents)
+        told = _believable(prepared, asked)
         if best is not None and alike:  # asked again with the last one undone: no other name of it
-            again = {(h.check.check, h.check.signals) for h in asked}
+            again = {(h.check.check, h.check.signals) for h in told}
             alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(alike).check
-        best = max(asked, key=lambda h: h.gain, default=None)
+        best = max(told, key=lambda h: h.gain, default=None)
         if best is None:
             break
         found.append(best.check)
-        alike = _alike(quick, how, best, asked)
+        alike = _alike(asked, best, told)
         gained += best.gain
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
             refuse(stream.file, [*examine_tables(prepared), *found])
-        at_an_end = best.how == how and best.quick is None
+        at_an_end = best.how == asked.how and best.quick is None
         if at_an_end:  # nothing here that later questions could stand on
             break
-        how, quick = best.how, best.quick or quick
+        asked = asked.after(best)
     if halfway and (not found or turned > gained):  # what else is odd is its shadow, or it is theirs
         return tuple(check for check, _ in halfway)
     if at_an_end:
         return tuple(found)
-    last = quick.fit(how)
     doubted = any(check.hint for stream in prepared.streams for check in stream.checks)
-    alone = [] if found or doubted else list(recordings_apart(quick, how, currents))
-    found += motor_signs(quick, last, maps, "i" if currents else "tau_m")
-    beside = alone or list(unexplained(quick, last, currents))
-    if (
-        not found
-        and not beside
-        and last.validate is not None
-        and gain_of(last.validate, last.error) > CARRIED
-    ):
-        scaled = carried_faults(quick, last, how, currents)
-        beside += [ambiguous(last.validate, scaled)] if scaled else []
+    alone = [] if found or doubted else list(recordings_apart(asked))
+    found += motor_signs(asked)
+    beside = alone or list(unexplained(asked))
+    held = asked.fit.validate
+    if not found and not beside and held is not None and gain_of(held, asked.fit.error) > CARRIED:
+        scaled = carried_faults(asked)
+        beside += [ambiguous(held, scaled)] if scaled else []
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
-        beside += _unseen(prepared, quick, how)
-    return (*_joined(found, maps), *beside)
+        beside += _unseen(prepared, asked)
+    return (*_joined(found, asked.maps), *beside)
 
 
 def _unclipped(prepared: Prepared, samples: list[Sample]) -> list[Sample]:
@@ -134,102 +130,87 @@ def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
     return tuple(Check(check, (), text) for text in texts)
 
 
-def _alike(quick: Quick, how: Assignment, best: Hypothesis, asked: list[Hypothesis]) -> list[Hypothesis]:
+def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypothesis]:
     """Hypotheses with a name that stretch by stretch are not rejected beside the best one."""
 
     def explained(h: Hypothesis) -> Explained:
-        whole = all_rows(h.quick or quick)
-        return Explained(whole, whole.fit(h.how), h.how)
+        return Explained.by(all_rows(h.quick or asked.quick), h.how)
 
-    others = [h for h in asked if h is not best and h.words]
-    if not others or (best.how == how and best.quick is None):
+    others = [h for h in told if h is not best and h.words]
+    if not others or (best.how == asked.how and best.quick is None):
         return []
     its = explained(best)
     return [h for h in others if not steadily(explained(h), its, RARE)]
 
 
-def _believable(
-    prepared: Prepared, quick: Quick, fit: Fit, how: Assignment, maps: Mapping[str, Any], currents: bool
-) -> list[Hypothesis]:
+def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     """What would explain torques that the model as it is does not; one where nothing else is to be asked."""
-    names = dict(maps)
-    everything = all_signs(quick, fit, how, names, currents)
+    everything = all_signs(asked)
     if everything is not None:
-        turned = _positions(quick, fit, how, names, currents)
-        right = [h for h in turned if _believed(quick, fit, h) and not _mirrored(h, how, names, currents)]
+        right = [h for h in _positions(asked) if _believed(asked, h) and not _mirrored(asked, h)]
         return right or [everything]
     doubted = [c for s in prepared.streams for c in s.checks if c.check == "torque_scale" and c.hint]
-    large = too_large(quick, how, names, currents, {name for c in doubted for name in c.signals})
-    believed = next((h for h in large if _believed(quick, fit, h)), None)
+    large = too_large(asked, {name for c in doubted for name in c.signals})
+    believed = next((h for h in large if _believed(asked, h)), None)
     if believed is not None:
         return [believed]
-    error, gains = fit.error[np.isfinite(fit.error)], _gains(prepared, currents)
-    found = [*one_turned(quick, fit, how, names, currents)]
+    error = asked.fit.error[np.isfinite(asked.fit.error)]
+    found = [*one_turned(asked)]
     if not prepared.study.without:  # a torque that misses a term of the model looks scaled
-        found += scales(quick, fit, how, names, currents)
+        found += scales(asked)
     if error.max() > DOUBTFUL:
-        found += several_signs(quick, fit, how, names, currents)
-        found += swapped(quick, fit, how, names, currents, gains)
-        found += degrees(quick, fit, how, names)
+        found += [*several_signs(asked), *swapped(asked), *degrees(asked)]
     bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
     if bad:
-        found += _positions(quick, fit, how, names, currents)
-        found += scaled_positions(quick, fit, how, names)
-        found += other_orders(quick, fit, how, names, currents, gains)
-    found += delays(quick, fit, how, currents)
-    found = [h for h in _once(found) if _believed(quick, fit, h)]
+        found += [*_positions(asked), *scaled_positions(asked), *other_orders(asked)]
+    found += delays(asked)
+    once = {(h.check.check, h.check.signals): h for h in found}  # what was asked in two ways
+    found = [h for h in once.values() if _believed(asked, h)]
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        for its in _geometry(prepared, quick, fit, how, best, currents, axes=bad):
+        for its in _geometry(prepared, asked, best, axes=bad):
             if isinstance(its, Tilt):
-                found = [h for h in found if h.gain > its.gain or _beside(prepared, quick, how, h, its)]
+                found = [h for h in found if h.gain > its.gain or _beside(prepared, asked, h, its)]
             else:
                 found.append(its)
     return found
 
 
-def _once(found: Iterable[Hypothesis]) -> list[Hypothesis]:
-    """Without what was asked in two ways."""
-    return list({(h.check.check, h.check.signals): h for h in found}.values())
-
-
-def _positions(
-    quick: Quick, fit: Fit, how: Assignment, maps: dict[str, Any], currents: bool
-) -> list[Hypothesis]:
+def _positions(asked: Asked) -> list[Hypothesis]:
     """Positions turned or swapped; without those of a mirrored arm, all of whose torques are then turned,
     where another one is not."""
-    found = [*swapped_positions(quick, fit, how, maps), *turned_positions(quick, fit, how, maps)]
-    return [h for h in found if not _mirrored(h, how, maps, currents)] or found
+    found = [*swapped_positions(asked), *turned_positions(asked)]
+    return [h for h in found if not _mirrored(asked, h)] or found
 
 
-def _mirrored(h: Hypothesis, how: Assignment, maps: dict[str, Any], currents: bool) -> bool:
-    quick = h.quick
-    return quick is not None and all_signs(quick, quick.fit(how), how, maps, currents) is not None
+def _mirrored(asked: Asked, h: Hypothesis) -> bool:
+    return h.quick is not None and all_signs(asked.after(h)) is not None
 
 
-def _beside(prepared: Prepared, quick: Quick, how: Assignment, h: Hypothesis, tilt: Tilt) -> bool:
+def _beside(prepared: Prepared, asked: Asked, h: Hypothesis, tilt: Tilt) -> bool:
     """Whether a hypothesis explains beside a small tilt, which explains more, most of what it does without
     it: a UR10e's first torque looked three times too small where the base was tilted by 6 degrees."""
-    made = [_parts(prepared, quick, how), _parts(prepared, h.quick or quick, h.how)]
+    made = [_parts(prepared, asked), _parts(prepared, asked.after(h))]
     before, after = (errors(m[3], None, tilt.gravity)[0] for m in made if m is not None)
     return gain_of(before, after) > 0.5 * h.gain
 
 
-def _believed(quick: Quick, before: Fit, h: Hypothesis) -> bool:
+def _believed(asked: Asked, h: Hypothesis) -> bool:
     """Whether the model explains, and predicts, the signals that the hypothesis blames once it is taken; all
     of them where it blames positions, which stand in every torque, and clearly better than before where it
     is one position alone: where something large is missing in the model (a cable over two joints, gravity
     elsewhere), one wrong sign or order may leave less than another without being the cause. A torque that no
     other contradicts is known by its friction, whatever else is missing."""
-    taken = h.quick or quick
-    fit = taken.fit(h.how)
-    joints = [str(joint) for joint in quick.columns.need.joints]
+    before, taken = asked.fit, asked.after(h)
+    fit, joints = taken.fit, asked.joints
     motion = any(name.startswith("q") for name in h.check.signals) and not h.own
     blamed = set(joints) if motion else {"".join(filter(str.isdigit, name)) for name in h.check.signals}
     its = [
-        c for c, j in enumerate(quick.columns.joint_of) if joints[j] in blamed and np.isfinite(fit.error[c])
+        c
+        for c, j in enumerate(asked.quick.columns.joint_of)
+        if joints[j] in blamed and np.isfinite(fit.error[c])
     ]
-    if h.quick is None and len(fit.error) == 1 and evidence(taken, fit, h.how).friction[0] > SURE:
+    if h.quick is None and len(fit.error) == 1 and evidence(taken.quick, fit, h.how).friction[0] > SURE:
         return bool(fit.error[0] < NOTHING)
     explained = bool((fit.error[its] <= EXPLAINED).all())
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
@@ -254,56 +235,54 @@ def _rms(fit: Fit) -> float:
     return float(np.sqrt(np.nanmean(fit.error**2)))
 
 
-def _geometry(
-    prepared: Prepared, quick: Quick, fit: Fit, how: Assignment, prior: float, currents: bool, axes: bool
-) -> Iterable[Hypothesis | Tilt]:
+def _geometry(prepared: Prepared, asked: Asked, prior: float, axes: bool) -> Iterable[Hypothesis | Tilt]:
     """Gravity and the axes of the table; asked last because they cost most."""
-    made = _parts(prepared, quick, how)
+    made = _parts(prepared, asked)
     if made is None:
         return
     table, samples, gravity, identify, validate = made
-    columns = prepared.columns
+    columns, how = prepared.columns, asked.how
 
     def rivals() -> list[Carried]:
-        return carried_faults(quick, fit, how, currents)
+        return carried_faults(asked)
 
     def stretches() -> tuple[Parts, list[Parts]]:
-        whole = all_rows(quick.of(samples))
+        whole = all_rows(asked.quick.of(samples))
         parts = [parts_of(table, columns, [s.rows(k)], how) for s in whole.samples for k in pieces(whole, s)]
         one = parts_of(table, columns, whole.samples, how)
         assert one is not None
         return one, [its for its in parts if its is not None]
 
-    alone = prior == 0 and how == quick.plain()
+    alone = prior == 0 and how == asked.quick.plain()
     tilted = list(base_orientation(identify, validate, gravity, how, rivals if alone else None, stretches))
     yield from tilted
     if axes and not any(isinstance(its, Hypothesis) for its in tilted):
         prior = max([prior, *(its.gain for its in tilted)])
-        yield from joint_axes(table, prepared.columns, samples, gravity, how, prior)
+        yield from joint_axes(table, columns, samples, gravity, how, prior)
 
 
-def _unseen(prepared: Prepared, quick: Quick, how: Assignment) -> Iterable[Check]:
-    made = _parts(prepared, quick, how)
+def _unseen(prepared: Prepared, asked: Asked) -> Iterable[Check]:
+    made = _parts(prepared, asked)
     return () if made is None else unseen(made[3], made[4], made[2])
 
 
-def _parts(prepared: Prepared, quick: Quick, how: Assignment) -> tuple[Any, ...] | None:
+def _parts(prepared: Prepared, asked: Asked) -> tuple[Any, ...] | None:
     """Table, samples of the usual load, gravity (3,) as the study has it, parts of identify and validate."""
     from modelgen.geometry.kinematics import Geometry
 
-    study, columns = prepared.study, prepared.columns
+    study, columns, everything = prepared.study, prepared.columns, asked.quick.samples
     table = Geometry.of(columns.model.geometry)
-    loads = [s.payload for s in quick.samples]
+    loads = [s.payload for s in everything]
     usual = max(set(loads), key=loads.count)
-    samples = [s for s in quick.samples if s.payload == usual]
+    samples = [s for s in everything if s.payload == usual]
     fitted, held = ([s for s in samples if s.role == role] for role in ("identify", "validate"))
-    if not fitted or len([row for row in table.rows if row.sigma != 2]) != quick.samples[0].q.shape[1]:
+    if not fitted or len([row for row in table.rows if row.sigma != 2]) != everything[0].q.shape[1]:
         return None
     gravity = np.array(study.gravity if study.gravity is not None else [float(g) for g in table.gravity])
-    identify = parts_of(table, columns, fitted, how)
+    identify = parts_of(table, columns, fitted, asked.how)
     if identify is None:
         return None
-    return table, samples, gravity, identify, parts_of(table, columns, held, how)
+    return table, samples, gravity, identify, parts_of(table, columns, held, asked.how)
 
 
 def _joined(found: list[Check], maps: Mapping[str, Any]) -> list[Check]:

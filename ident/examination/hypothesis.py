@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.check import Check
+from ident.examination.check import Check, column_line
 from ident.examination.quick import Assignment, Fit, Quick
 
 CLEARLY = 0.7  # gain: one channel's error is halved
 EXPLAINED = 0.5  # error of a torque above which no fault of it is believed: something else is missing
 NOTHING = 0.85  # error of a channel that the model does not explain
+SWAPPED = 1.4  # gain by other positions
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,60 @@ class Hypothesis:
             remedy=self.check.remedy + (f"  # or {' or '.join(lines)}, where it is that" if lines else ""),
         )
         return replace(self, check=check)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What is asked for faults: recordings, what is undone of their torques already, the fit of both; the
+    study's columns, whether it reads currents, and N m per unit of what is recorded of a channel (C,)."""
+
+    quick: Quick
+    how: Assignment
+    fit: Fit
+    maps: Mapping[str, Any]
+    currents: bool
+    gains: np.ndarray
+
+    def after(self, its: Hypothesis) -> Asked:
+        """The same once this one is undone."""
+        quick = its.quick or self.quick
+        return replace(self, quick=quick, how=its.how, fit=quick.fit(its.how))
+
+    @property
+    def seen(self) -> list[int]:
+        """Channels of which there are rows."""
+        return np.flatnonzero(self.quick.identify.rows > 10).tolist()
+
+    @property
+    def joints(self) -> list[str]:
+        return [str(joint) for joint in self.quick.columns.need.joints]
+
+    def name(self, c: int) -> str:
+        return signal_of(self.quick.columns, c, self.currents)
+
+    def names(self, channels: Iterable[int]) -> tuple[str, ...]:
+        return tuple(self.name(c) for c in channels)
+
+    def line(self, changes: Mapping[str, Mapping[str, Any]]) -> str:
+        """The study's `columns:` line with these changes."""
+        return column_line(self.maps, changes)
+
+    def better(self, other: Fit, least: float) -> bool:
+        return other.gain_over(self.fit) > least and other.holds_over(self.fit) > 0.5 * least
+
+    def along(
+        self,
+        moved: Quick,
+        told: Callable[[Fit], Check],
+        words: str = "",
+        how: Assignment | None = None,
+        least: float = SWAPPED,
+    ) -> Iterator[Hypothesis]:
+        """Other positions, where they explain so much more."""
+        taken = how or self.how
+        other = moved.fit(taken)
+        if self.better(other, least):
+            yield Hypothesis(other.gain_over(self.fit), taken, told(other), moved, words)
 
 
 def signal_of(columns: Columns, c: int, currents: bool) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -71,15 +72,6 @@ class Sample:
     def ddq(self) -> np.ndarray:
         return self.thin.ddq
 
-    @property
-    def sign(self) -> np.ndarray:
-        return self.thin.sign_dq
-
-    @property
-    def motion(self) -> tuple[np.ndarray, ...]:
-        """q, dq, ddq, sign (N, n) each."""
-        return self.q, self.dq, self.ddq, self.sign
-
     def rows(self, pick: slice | np.ndarray) -> Sample:
         """Some of its rows."""
         thin = picked(self.thin, np.arange(len(self.t))[pick])
@@ -91,10 +83,14 @@ class Sample:
         return np.stack([W @ chi for W in self.W], axis=1)
 
     def moved(
-        self, columns: Columns, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: np.ndarray
+        self, columns: Columns, order: Sequence[int] | None = None, factor: Any = 1.0, offset: Any = 0.0
     ) -> Sample:
-        """The same torques along another motion."""
-        thin = replace(self.thin, q=q, dq=dq, ddq=ddq, sign_dq=sign)
+        """The same torques along other positions: joint j with that of joint order[j], times its factor (n,),
+        from another zero (n,)."""
+        its, joints = self.thin, slice(None) if order is None else list(order)
+        q, dq, ddq = (x[:, joints] * factor for x in (its.q, its.dq, its.ddq))
+        sign = its.sign_dq[:, joints] * np.sign(factor)
+        thin = replace(its, q=q + offset, dq=dq, ddq=ddq, sign_dq=sign)
         return replace(self, thin=thin, W=_observation(columns, self.payload, thin))
 
 
@@ -219,6 +215,10 @@ class Quick:
 
     def of(self, samples: Sequence[Sample]) -> Quick:
         return quick_of(self.columns, samples)
+
+    def moved(self, order: Sequence[int] | None = None, factor: Any = 1.0, offset: Any = 0.0) -> Quick:
+        """Along other positions: `Sample.moved`."""
+        return self.of([s.moved(self.columns, order, factor, offset) for s in self.samples])
 
 
 def quick_of(columns: Columns, samples: Sequence[Sample]) -> Quick:

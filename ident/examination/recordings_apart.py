@@ -19,7 +19,8 @@ import numpy as np
 
 from ident.examination.bodies import standard
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import EXPLAINED, signal_of
+from ident.examination.hypothesis import EXPLAINED, Asked
+from ident.examination.places import exchanged
 from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, solve
 from ident.examination.rivals import rivals
 from ident.examination.stretches import ODD as ODD_ONE
@@ -35,6 +36,7 @@ AS_OTHERS, ENOUGH = 1.7, 0.15  # a cause leaves the usual error times this, or t
 LEAST_LAG, LARGE = 0.05, 2.5
 OFFSETS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2, np.pi)  # rad
 RARE = 1e-3  # rate at which chance may confirm one of some fifty causes
+OWN = "give this recording a columns: of its own in the study"
 CLEAR = 0.3  # gain of the others' prediction by which one recording that is fitted is told from them
 
 
@@ -98,10 +100,11 @@ class Cause:
     alike: bool = False  # something ordinary (a load) looks alike: it has to leave what is usual in the mean
 
 
-def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[Check]:
+def recordings_apart(asked: Asked) -> Iterator[Check]:
     """A warning for each recording that stands apart, with its cause where one explains it."""
-    for apart in _apart(quick, how):
-        causes = [*_torques(quick, apart, currents), *_positions(quick, apart)]
+    quick = asked.quick
+    for apart in _apart(quick, asked.how):
+        causes = [*_torques(asked, apart), *_positions(quick, apart)]
         causes = [
             cause
             for cause in causes
@@ -111,7 +114,7 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
         ]
         here, there = (100 * float(np.nanmax(e[list(apart.odd)])) for e in (apart.error, apart.usual))
         if causes:
-            instead = _instead(quick, how, apart, causes, currents)
+            instead = _instead(asked, apart, causes)
             left = [float(np.nansum(np.log(apart.left(cause.sample)))) for cause in causes]
             best, least = causes[int(np.argmin(left))], min(left)
             body = _body(quick, apart) if best.alike else None
@@ -124,7 +127,7 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
             said += f"so taken {100 * float(np.nanmax(apart.left(best.sample)[list(apart.odd)])):.0f} %)"
             yield _check(best.check, apart, best.signals, said, best.remedy)
         elif unlike := [c for c in apart.odd if _unlike(apart, c)]:
-            names = tuple(signal_of(quick.columns, c, currents) for c in unlike)
+            names = asked.names(unlike)
             yield _check(
                 "wrong_robot"
                 if len(unlike) > 1 and len(unlike) > len(apart.error) / 2
@@ -138,22 +141,21 @@ def recordings_apart(quick: Quick, how: Assignment, currents: bool) -> Iterator[
             )
 
 
-def _instead(
-    quick: Quick, how: Assignment, apart: Apart, causes: Sequence[Cause], currents: bool
-) -> list[str]:
+def _instead(asked: Asked, apart: Apart, causes: Sequence[Cause]) -> list[str]:
     """The fault that one number describes which stretch by stretch of all recordings explains more than every
     cause, if there is one: a rokae's torque a third too large in another recording was a zero here."""
-    samples = [_thinned(_assigned(replace(s, role="identify"), how)) for s in quick.samples]
+    quick = asked.quick
+    samples = [_thinned(_assigned(replace(s, role="identify"), asked.how)) for s in quick.samples]
     plain, place = quick.plain(), [s.label for s in samples].index(apart.sample.label)
 
     def explained(sample: Sample) -> Explained:
         its = quick.of([*samples[:place], replace(sample, role="identify"), *samples[place + 1 :]])
-        return Explained(its, its.fit(plain), plain)
+        return Explained.by(its, plain)
 
     made, before = [explained(cause.sample) for cause in causes], explained(samples[place]).fit
     others = [
         rival
-        for rival in rivals(quick.of(samples), plain, currents)
+        for rival in rivals(quick.of(samples), plain, asked.currents)
         if all(agreed(its, rival.explained, ODD_ONE) for its in made)
     ]
     others.sort(key=lambda rival: -rival.explained.fit.gain_over(before))
@@ -273,16 +275,22 @@ def _correlation(apart: Apart, c: int) -> float:
     return float(abs((w * x) @ y) / np.sqrt(max(((w * x) @ x) * ((w * y) @ y), 1e-300)))
 
 
-def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
+def _torques(asked: Asked, apart: Apart) -> Iterator[Cause]:
     """Torques turned, scaled, swapped, late."""
     s, odd = apart.sample, list(apart.odd)
-    names = tuple(signal_of(quick.columns, c, currents) for c in odd)
-    are = f"{listed(names)} {'has' if len(odd) == 1 else 'have'}"
-    own = "give this recording a columns: of its own in the study with"
-    Y = s.Y.copy()
-    Y[:, odd] *= -1
-    lines = ", ".join(f"{name}: {{sign: -1}}" for name in names)
-    yield Cause(replace(s, Y=Y), "torque_sign", names, f"{are} the other sign", f"{own} {{{lines}}}")
+    names = asked.names(odd)
+    has, is_ = ("has", "is") if len(odd) == 1 else ("have", "are")
+
+    def cause(Y: np.ndarray, check: str, signals: tuple[str, ...], words: str, lines: Sequence[str]) -> Cause:
+        return Cause(replace(s, Y=Y), check, signals, words, f"{OWN} with {{{', '.join(lines)}}}")
+
+    def times(factor: np.ndarray | float) -> np.ndarray:
+        Y = s.Y.copy()
+        Y[:, odd] *= factor
+        return Y
+
+    turned = [f"{name}: {{sign: -1}}" for name in names]
+    yield cause(times(-1), "torque_sign", names, f"{listed(names)} {has} the other sign", turned)
     predicted = s.predicted(apart.chi)
     w = s.weight
 
@@ -292,30 +300,27 @@ def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
 
     factor = scale(s.Y[:, odd], odd)
     if (np.abs(np.log(np.abs(factor))) > np.log(LARGE)).all() and (factor > 0).all():
-        Y = s.Y.copy()
-        Y[:, odd] *= factor
         size = ", ".join(f"{1 / f:.3g}" for f in factor)
-        lines = ", ".join(f"{name}: {{scale: {f:.3g}}}" for name, f in zip(names, factor))
-        words = f"{listed(names)} {'is' if len(odd) == 1 else 'are'} {size} times what the others say"
-        yield Cause(replace(s, Y=Y), "torque_scale", names, words, f"{own} {{{lines}}}")
-    channels = quick.columns.need.channels
+        lines = [f"{name}: {{scale: {f:.3g}}}" for name, f in zip(names, factor)]
+        words = f"{listed(names)} {is_} {size} times what the others say"
+        yield cause(times(factor), "torque_scale", names, words, lines)
+    channels = asked.quick.columns.need.channels
     for a, b in combinations(range(len(channels)), 2):
         if channels[a].side == channels[b].side and (a in odd or b in odd):
             Y = s.Y.copy()
             for c, d in ((a, b), (b, a)):
-                own_gain = float(scale(s.Y[:, d], c)) if currents else 1.0
+                own_gain = float(scale(s.Y[:, d], c)) if asked.currents else 1.0
                 Y[:, c] = s.Y[:, d] * (own_gain if 1 / LARGE < own_gain < LARGE else 1.0)
-            pair = tuple(signal_of(quick.columns, c, currents) for c in (a, b))
-            words = f"{pair[0]} and {pair[1]} look swapped"
-            line = f"{{{pair[0]}: {pair[1]}, {pair[1]}: {pair[0]}}}"
-            yield Cause(replace(s, Y=Y), "swapped_signals", pair, words, f"{own} {line}")
+            one, other = pair = (asked.name(a), asked.name(b))
+            lines = [f"{one}: {other}", f"{other}: {one}"]
+            yield cause(Y, "swapped_signals", pair, f"{one} and {other} look swapped", lines)
     for which in (odd, list(range(len(channels)))):
         shifted = [np.where(np.isin(np.arange(len(channels)), which), late, s.Y) for late in s.late]
         moved = [replace(s, Y=Y) for Y in shifted]
         k = int(np.argmin([np.nansum(np.log(apart.left(its))) for its in moved]))
         lag = LAGS[k]
         if LEAST_LAG <= abs(lag) < max(LAGS):  # the largest is no lag that was found: more would be better
-            late = tuple(signal_of(quick.columns, c, currents) for c in which)
+            late = asked.names(which)
             words = f"{listed(late)} {'is' if len(late) == 1 else 'are'} recorded about {abs(lag):g} s "
             words += f"{'after' if lag > 0 else 'before'} the positions"
             yield Cause(moved[k], "channel_delay", late, words, "record both with one clock")
@@ -324,36 +329,27 @@ def _torques(quick: Quick, apart: Apart, currents: bool) -> Iterator[Cause]:
 def _positions(quick: Quick, apart: Apart) -> Iterator[Cause]:
     """Positions turned, swapped (alone, or joint for joint with their torques), from another zero."""
     s, columns = apart.sample, quick.columns
-    labels = [str(j) for j in columns.need.joints]
-    n, turning = len(labels), [str(j) not in columns.model.prismatic for j in columns.need.joints]
-    own = "give this recording a columns: of its own in the study"
-
-    def moved(order: np.ndarray, sign: np.ndarray, offset: np.ndarray) -> Sample:
-        q, *rest = (x[:, order] * sign for x in s.motion)
-        return s.moved(columns, q + offset, *rest)
-
-    none, same, ones = np.zeros(n), np.arange(n), np.ones(n)
-    for j, label in enumerate(labels):
-        sign = np.where(same == j, -1.0, 1.0)
-        words = f"q{label} has the other sign"
-        line = f"{own} with {{q{label}: {{sign: -1}}}}"
-        yield Cause(moved(same, sign, none), "position_sign", (f"q{label}",), words, line)
-        for offset in [x for size in OFFSETS for x in (size, -size) if turning[j]]:
-            words = f"q{label} starts from another zero, about {-offset:.2g} rad off"
-            line = f"{own} with {{q{label}: {{offset: {offset:.3g}}}}}"
-            made = moved(same, ones, np.where(same == j, offset, 0.0))
-            yield Cause(made, "position_zero", (f"q{label}",), words, line, alike=True)
+    labels = [f"q{j}" for j in columns.need.joints]
+    n = len(labels)
+    for j, name in enumerate(labels):
+        its = np.arange(n) == j
+        made = s.moved(columns, factor=np.where(its, -1.0, 1.0))
+        line = f"{OWN} with {{{name}: {{sign: -1}}}}"
+        yield Cause(made, "position_sign", (name,), f"{name} has the other sign", line)
+        turning = str(columns.need.joints[j]) not in columns.model.prismatic
+        for offset in [x for size in OFFSETS for x in (size, -size) if turning]:
+            words = f"{name} starts from another zero, about {-offset:.2g} rad off"
+            line = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"
+            made = s.moved(columns, offset=np.where(its, offset, 0.0))
+            yield Cause(made, "position_zero", (name,), words, line, alike=True)
     for a, b in combinations(range(n), 2):
-        order = same.copy()
-        order[[a, b]] = b, a
-        made = moved(order, ones, none)
-        pair = (f"q{labels[a]}", f"q{labels[b]}")
-        words = f"{pair[0]} and {pair[1]} look swapped"
-        line = f"{own} with {{{pair[0]}: {pair[1]}, {pair[1]}: {pair[0]}}}"
-        yield Cause(made, "swapped_signals", pair, words, line)
-        exchange = _exchanged(quick, made, a, b)
-        words = f"joints {labels[a]} and {labels[b]} look swapped, positions and torques"
-        yield Cause(exchange, "swapped_signals", pair, words, f"{own} that exchanges their signals")
+        made = s.moved(columns, exchanged(n, a, b))
+        one, other = pair = (labels[a], labels[b])
+        line = f"{OWN} with {{{one}: {other}, {other}: {one}}}"
+        yield Cause(made, "swapped_signals", pair, f"{one} and {other} look swapped", line)
+        words = f"joints {one[1:]} and {other[1:]} look swapped, positions and torques"
+        line = f"{OWN} that exchanges their signals"
+        yield Cause(_exchanged(quick, made, a, b), "swapped_signals", pair, words, line)
 
 
 def _body(quick: Quick, apart: Apart) -> Sample | None:
@@ -379,8 +375,6 @@ def _exchanged(quick: Quick, s: Sample, a: int, b: int) -> Sample:
     """The torques of two joints in each other's place, side by side."""
     joint, side = quick.columns.joint_of, [c.side for c in quick.columns.need.channels]
     place = {(int(j), w): c for c, (j, w) in enumerate(zip(joint, side))}
-    order = np.arange(len(side))
-    for (j, w), c in place.items():
-        other = place.get((b if j == a else a if j == b else j, w))
-        order[c] = c if other is None else other
+    to = exchanged(len(quick.columns.need.joints), a, b)
+    order = [place.get((to[j], w), c) for (j, w), c in place.items()]
     return replace(s, Y=s.Y[:, order], late=s.late[:, :, order])

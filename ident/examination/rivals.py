@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from ident.examination.stretches import Explained
 
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
-Motion = tuple[np.ndarray, ...]
+Motion = dict[str, Any]  # what `Quick.moved` takes
 Signal = Callable[[int, Sample], np.ndarray]  # (N,) of a recording, by its number
 
 
@@ -124,29 +125,28 @@ def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         if not any(np.ptp(s.q[:, j]) for s in whole.samples):
             continue
 
-        def times(s: Sample, x: float, its: np.ndarray = its) -> Motion:
-            factor = np.where(its, 1.0 + x, 1.0)
-            return s.q * factor, s.dq * factor, s.ddq * factor, s.sign
+        def times(x: float, its: np.ndarray = its) -> Motion:
+            return {"factor": np.where(its, 1.0 + x, 1.0)}
 
-        def moved(s: Sample, x: float, its: np.ndarray = its) -> Motion:
-            return s.q + np.where(its, x, 0.0), s.dq, s.ddq, s.sign
+        def zero(x: float, its: np.ndarray = its) -> Motion:
+            return {"offset": np.where(its, x, 0.0)}
 
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
         x, explained = _solved(whole, fit, how, times)
         factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
         yield Rival(f"q{label} is {factor:.3g} times too {word}", explained)
-        x, explained = _solved(whole, fit, how, moved)
+        x, explained = _solved(whole, fit, how, zero)
         yield Rival(f"q{label} starts from another zero, {-x:.2g} {unit} off", explained)
 
 
 def _solved(
-    whole: Quick, fit: Fit, how: Assignment, motion: Callable[[Sample, float], Motion]
+    whole: Quick, fit: Fit, how: Assignment, motion: Callable[[float], Motion]
 ) -> tuple[float, Explained]:
     """The number with which the torques are explained best along such motions, by the linear steps from the
     motion as it is that explain more each."""
-    columns, x, best = whole.columns, 0.0, Explained(whole, fit, how)
+    x, best = 0.0, Explained(whole, fit, how)
     for _ in range(STEPS):
-        its, near = best.quick, [s.moved(columns, *motion(s, x + SMALL)) for s in whole.samples]
+        its, near = best.quick, whole.moved(**motion(x + SMALL)).samples
         chi, inverse = best.fit.chi, best.fit.inverse
         zz = zr = 0.0
         zW = np.zeros(len(chi))
@@ -161,12 +161,11 @@ def _solved(
         step = zr / max(zz - zW @ inverse @ zW, 1e-300)
         if not -0.9 < x + step < MOST:
             break
-        tried = whole.of([s.moved(columns, *motion(s, x + step)) for s in whole.samples])
-        after = tried.fit(how)
-        gained = after.gain_over(best.fit)
+        after = Explained.by(whole.moved(**motion(x + step)), how)
+        gained = after.fit.gain_over(best.fit)
         if not gained > 0:
             break
-        x, best = x + step, Explained(tried, after, how)
+        x, best = x + step, after
         if gained < 1e-3:
             break
     return x, best

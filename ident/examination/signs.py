@@ -14,7 +14,7 @@ from itertools import product
 import numpy as np
 
 from ident.examination.check import listed, turned_sign
-from ident.examination.hypothesis import CLEARLY, Hypothesis, falls, signal_of
+from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
 from ident.examination.quick import Assignment, Fit, Quick, functionals, model_columns, regressor
 from modelgen.geometry.names import ParameterName
 
@@ -82,55 +82,49 @@ def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
     return Evidence(friction, inertia)
 
 
-def all_signs(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Hypothesis | None:
+def all_signs(asked: Asked) -> Hypothesis | None:
     """Every torque of one side with the other sign: the fit is as good, and everything comes out negative."""
-    seen = evidence(quick, fit, how)
-    rows = np.flatnonzero(quick.identify.rows > 10).tolist()
+    seen, rows, columns = evidence(asked.quick, asked.fit, asked.how), asked.seen, asked.quick.columns
     against = [c for c in rows if seen.against(c)]
     speaking = [c for c in rows if seen.speaks_for(c)]
     if len(rows) < 2 or speaking or len(against) < max(min(3, len(rows)), 0.55 * len(rows)):
         return None
-    which = [c for c in range(len(how.order)) if c not in quick.columns.gain_columns]
-    flipped = how.times(which, -1.0)
-    names = tuple(signal_of(quick.columns, c, currents) for c in which)
+    which = [c for c in range(len(asked.how.order)) if c not in columns.gain_columns]
     check = turned_sign(
-        names,
+        asked.names(which),
         f"all torques have the other sign: friction or inertia of joints "
-        f"{listed(quick.columns.channels[c][5:] for c in against)} come out negative",
-        maps,
+        f"{listed(columns.channels[c][5:] for c in against)} come out negative",
+        asked.maps,
     )
-    return Hypothesis(np.inf, flipped, check)
+    return Hypothesis(np.inf, asked.how.times(which, -1.0), check)
 
 
-def several_signs(
-    quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool
-) -> Iterator[Hypothesis]:
+def several_signs(asked: Asked) -> Iterator[Hypothesis]:
     """Two torques or more with the other sign: turning one alone may only move the contradiction.
 
     A pattern of signs fits as well as its opposite; which of the two is meant inertia and friction say, and
     without them the fewer torques."""
-    seen = np.flatnonzero(quick.identify.rows > 10).tolist()
+    seen, quick, how = asked.seen, asked.quick, asked.how
     if not 3 <= len(seen) <= MOST_SIGNS:
         return
     patterns = [
         [c for c, turned in zip(seen[1:], bits) if turned] for bits in product((0, 1), repeat=len(seen) - 1)
     ]
     fits = [quick.fit(how.times(which, -1.0)) for which in patterns]
-    gains = np.array([other.gain_over(fit) for other in fits])
+    gains = np.array([other.gain_over(asked.fit) for other in fits])
     best = int(np.argmax(gains))
     other, which = fits[best], patterns[best]
     opposite = [c for c in seen if c not in which]
-    if min(len(which), len(opposite)) < 2 or other.holds_over(fit) < CLEARLY:
+    if min(len(which), len(opposite)) < 2 or not asked.better(other, 2 * CLEARLY):
         return
     others = [k for k, its in enumerate(patterns) if len(set(its) ^ set(which)) in (1, len(seen) - 1)]
-    if gains[best] < 2 * CLEARLY or gains[best] - gains[others].max() < 0.5 * CLEARLY:
+    if gains[best] - gains[others].max() < 0.5 * CLEARLY:
         return
     told = evidence(quick, other, how.times(which, -1.0))
     speaking = sum(told.speaks_for(c) for c in seen) - sum(told.against(c) for c in seen)
     if speaking < 0 or (speaking == 0 and len(opposite) < len(which)):
         which = opposite
-    names = tuple(signal_of(quick.columns, c, currents) for c in which)
-    beside = listed(signal_of(quick.columns, c, currents) for c in seen if c not in which)
-    message = f"{listed(names)} have the other sign than {beside}: turned, {falls(fit, other)}"
-    check = turned_sign(names, message, maps)
+    names, beside = asked.names(which), listed(asked.name(c) for c in seen if c not in which)
+    message = f"{listed(names)} have the other sign than {beside}: turned, {falls(asked.fit, other)}"
+    check = turned_sign(names, message, asked.maps)
     yield Hypothesis(float(gains[best]), how.times(which, -1.0), check)

@@ -33,6 +33,10 @@ class Explained:
     recorded: Quick | None = None
 
     @classmethod
+    def by(cls, quick: Quick, how: Assignment) -> Explained:
+        return cls(quick, quick.fit(how), how)
+
+    @classmethod
     def less(cls, quick: Quick, how: Assignment, recorded: Quick) -> Explained:
         """Recordings from whose torques something is taken."""
         fit = quick.fit(how)
@@ -98,6 +102,4 @@ def beyond_chance(gains: np.ndarray, rate: float) -> bool:
 def confirmed(quick: Quick, how: Assignment, other: Quick, its: Assignment, asked: int) -> bool:
     """Whether stretch by stretch what fits and what judges is explained better by one of so many hypotheses
     that were asked."""
-    rows = (all_rows(quick), all_rows(other))
-    before, after = (Explained(q, q.fit(h), h) for q, h in zip(rows, (how, its)))
-    return agreed(before, after, ODD / asked)
+    return agreed(Explained.by(all_rows(quick), how), Explained.by(all_rows(other), its), ODD / asked)

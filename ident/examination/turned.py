@@ -11,85 +11,73 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ident.examination.check import Check, column_line, turned_sign
-from ident.examination.hypothesis import CLEARLY, Hypothesis, falls, signal_of
-from ident.examination.places import SWAPPED
-from ident.examination.quick import Assignment, Fit, Quick
+from ident.examination.check import Check, turned_sign
+from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.signs import Evidence, evidence
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 WORSE = 0.05  # loss at which a sign is not asked further
 
 
-def one_turned(quick: Quick, fit: Fit, how: Assignment, maps: dict, currents: bool) -> Iterator[Hypothesis]:
+def one_turned(asked: Asked) -> Iterator[Hypothesis]:
     """One torque with the other sign, or its joint's position where that explains as much or more."""
+    quick, fit, how = asked.quick, asked.fit, asked.how
     seen: Evidence | None = None
-    for c in np.flatnonzero(quick.identify.rows > 10).tolist():
+    for c in asked.seen:
         flipped = how.times([c], -1.0)
         other = quick.fit(flipped)
-        gain, holds = other.gain_over(fit), other.holds_over(fit)
+        gain = other.gain_over(fit)
         if gain < -WORSE:
             continue
         seen = seen or evidence(quick, fit, how)
         after = evidence(quick, other, flipped)
-        contradicts = gain > CLEARLY and holds > 0.5 * CLEARLY and not after.against(c)
         alone = seen.against(c) and after.speaks_for(c)
-        if not contradicts and not alone:
+        if not alone and (not asked.better(other, CLEARLY) or after.against(c)):
             continue
-        name, joint = signal_of(quick.columns, c, currents), quick.columns.channels[c][5:]
+        name, joint = asked.name(c), quick.columns.channels[c][5:]
         why = (
             f"friction or inertia of joint {joint} comes out negative"
             if seen.against(c)
             else f"turned, the error of joint {joint}'s torque falls from "
             f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %"
         )
-        its = Hypothesis(
-            gain + (1.0 if alone else 0.0),
-            flipped,
-            turned_sign((name,), f"{name} has the other sign: {why}", maps),
-            words=f"{name} has the other sign",
-            own=alone,
-        )
-        yield _which(quick, fit, how, c, its, maps)
+        said = f"{name} has the other sign"
+        check = turned_sign((name,), f"{said}: {why}", asked.maps)
+        its = Hypothesis(gain + (1.0 if alone else 0.0), flipped, check, words=said, own=alone)
+        yield _which(asked, c, its)
 
 
-def _which(quick: Quick, fit: Fit, how: Assignment, c: int, torque: Hypothesis, maps: dict) -> Hypothesis:
+def _which(asked: Asked, c: int, torque: Hypothesis) -> Hypothesis:
     """A torque turned, its joint's position in its place, or the torque with the position named beside it."""
-    position = turned_position(quick, fit, how, int(quick.columns.joint_of[c]), maps, torque.own)
+    position = turned_position(asked, int(asked.quick.columns.joint_of[c]), torque.own)
     assert position.quick is not None
-    one, other = (
-        Explained(whole, whole.fit(its), its)
-        for whole, its in ((all_rows(quick), torque.how), (all_rows(position.quick), how))
-    )
+    one = Explained.by(all_rows(asked.quick), torque.how)
+    other = Explained.by(all_rows(position.quick), asked.how)
     if steadily(other, one, RARE):
         return torque
     return position if steadily(one, other, RARE) else torque.beside([position])
 
 
-def turned_positions(quick: Quick, fit: Fit, how: Assignment, maps: dict) -> Iterator[Hypothesis]:
+def turned_positions(asked: Asked) -> Iterator[Hypothesis]:
     """One position with the other sign, by what all torques say of it."""
-    for j in range(len(quick.columns.need.joints)):
-        its = turned_position(quick, fit, how, j, maps)
-        assert its.quick is not None
-        if its.gain > SWAPPED and its.quick.fit(how).holds_over(fit) > 0.5 * SWAPPED:
+    for j in range(len(asked.joints)):
+        its = turned_position(asked, j)
+        if asked.better(asked.after(its).fit, SWAPPED):
             yield its
 
 
-def turned_position(
-    quick: Quick, fit: Fit, how: Assignment, j: int, maps: dict, own: bool = False
-) -> Hypothesis:
+def turned_position(asked: Asked, j: int, own: bool = False) -> Hypothesis:
     """The position of a joint, by its place among them, with the other sign. own: its friction says so."""
-    label, sign = str(quick.columns.need.joints[j]), np.ones(len(quick.columns.need.joints))
-    sign[j] = -1.0
-    turned = quick.of([s.moved(quick.columns, *(x * sign for x in s.motion)) for s in quick.samples])
-    other = turned.fit(how)
+    label = asked.joints[j]
+    turned = asked.quick.moved(factor=np.where(np.arange(len(asked.joints)) == j, -1.0, 1.0))
+    other = turned.fit(asked.how)
     check = Check(
         "position_sign",
         (f"q{label}",),
         f"the position of joint {label} looks recorded with the other sign, or its axis in the robot file "
-        f"points the other way: turned, {falls(fit, other)}",
-        column_line(maps, {f"q{label}": {"sign": -1}}),
+        f"points the other way: turned, {falls(asked.fit, other)}",
+        asked.line({f"q{label}": {"sign": -1}}),
     )
-    gain = other.gain_over(fit) + (1.0 if own else 0.0)
+    gain = other.gain_over(asked.fit) + (1.0 if own else 0.0)
     words = f"q{label} has the other sign (or its axis in the robot file)"
-    return Hypothesis(gain, how, check, turned, words, own)
+    return Hypothesis(gain, asked.how, check, turned, words, own)

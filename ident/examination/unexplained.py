@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import NOTHING, signal_of
-from ident.examination.quick import Fit, Quick
+from ident.examination.hypothesis import NOTHING, Asked
+from ident.examination.quick import Quick
 
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', from which it is said
@@ -23,14 +23,15 @@ def _without(quick: Quick, which: Sequence[int]) -> str:
     return f"channels: [{', '.join(n for c, n in enumerate(quick.columns.channels) if c not in which)}]"
 
 
-def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
+def unexplained(asked: Asked) -> Iterator[Check]:
     """Channels, or all of them, of which the model explains nothing; validate runs that nothing predicts."""
+    quick, fit = asked.quick, asked.fit
     seen = np.flatnonzero(np.isfinite(fit.error))
     if not len(seen):
         return
     error = fit.error[seen]
     empty = [int(c) for c in seen if fit.error[c] > NOTHING]
-    everything = tuple(signal_of(quick.columns, c, currents) for c in range(len(quick.columns.channels)))
+    everything = asked.names(range(len(quick.columns.channels)))
     nothing = np.median(error) > 0.6 and error.min() > UNLIKE and len(seen) > 1
     if nothing or (len(seen) == 1 and error[0] > NOTHING):
         yield Check(
@@ -43,7 +44,7 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         )
         return
     if empty and len(seen) > 1:
-        names = tuple(signal_of(quick.columns, c, currents) for c in empty)
+        names = asked.names(empty)
         yield _unrelated(
             names,
             f"the model explains nothing of {listed(names)}: noise, another signal, a sign that "
@@ -59,7 +60,7 @@ def unexplained(quick: Quick, fit: Fit, currents: bool) -> Iterator[Check]:
         and (fit.validate is None or not fit.validate[c] < PARTLY)
     ]
     if some and len(seen) > 2:
-        names = tuple(signal_of(quick.columns, c, currents) for c in some)
+        names = asked.names(some)
         yield _unrelated(
             names,
             f"the model explains only a part of {listed(names)} (errors of "

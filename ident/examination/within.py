@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.examination.check import Check
-from ident.examination.hypothesis import CLEARLY, EXPLAINED, signal_of
+from ident.examination.hypothesis import CLEARLY, EXPLAINED, Asked
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample, gain_of, solve
 from ident.examination.stretches import RARE, Explained, steadily
 
@@ -40,8 +40,9 @@ class Change:
         return replace(sample, Y=Y, late=late)
 
 
-def changed_within(quick: Quick, how: Assignment, currents: bool) -> Iterator[tuple[Check, Quick]]:
+def changed_within(asked: Asked) -> Iterator[tuple[Check, Quick]]:
     """Checks, each with the recordings as they are without what it says."""
+    quick, how = asked.quick, asked.how
     tried = max(len(how.order) * len(quick.samples), 1)
     for which in range(len(quick.samples)):
         for _ in how.order:
@@ -49,7 +50,7 @@ def changed_within(quick: Quick, how: Assignment, currents: bool) -> Iterator[tu
             change = _change(sample, how, float(np.log(tried / RATE)))
             if change is None or _all_along(quick, sample, change, how):
                 break
-            name, t = signal_of(quick.columns, change.c, currents), sample.t[change.at]
+            name, t = asked.name(change.c), sample.t[change.at]
             quick = quick.of([change.undone(s) if k == which else s for k, s in enumerate(quick.samples)])
             check = Check(
                 "torque_sign",
@@ -98,8 +99,7 @@ def _all_along(quick: Quick, sample: Sample, change: Change, how: Assignment) ->
     a Barrett with its second torque turned was told to have the first one turned after half a second.)"""
 
     def explained(its: Change) -> Explained:
-        alone = quick.of([replace(its.undone(sample), role="identify")])
-        return Explained(alone, alone.fit(how), how)
+        return Explained.by(quick.of([replace(its.undone(sample), role="identify")]), how)
 
     told = explained(change)
     turned = [explained(Change(c, 0)) for c in np.flatnonzero(quick.identify.rows > 10).tolist()]

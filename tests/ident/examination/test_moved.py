@@ -18,10 +18,10 @@ class TestOnRecordings:
         columns = prepared.columns
         sample = take(prepared.streams, prepared.banks, columns, "identify")[0]
         turned = np.where(np.arange(len(columns.need.joints)) == 4, -1.0, 1.0)
-        moved = sample.moved(columns, *(signal * turned for signal in sample.motion))
+        moved = sample.moved(columns, factor=turned)
         kinds = [ParameterName.of(name).kind for name in columns.parameters]
         for kind in ("Iac", "Fvc"):
             k = kinds.index(kind)
             assert np.allclose(moved.W[4, :, k], sample.W[4, :, k]) and np.abs(sample.W[5, :, k]).max() > 0
             assert np.allclose(moved.W[5, :, k], -sample.W[5, :, k])
-        assert np.allclose(sample.moved(columns, *sample.motion).W, sample.W)
+        assert np.allclose(sample.moved(columns).W, sample.W)
