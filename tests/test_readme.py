@@ -160,11 +160,11 @@ def test_the_effect_in_contributing_is_one(tmp_path):
 def test_every_command_is_in_the_table_of_commands():
     import typer
 
-    from ident.command_line.app import app
+    from ident.command_line.cli import commands
 
     table = README[README.index("## Commands") : README.index("## Measured robots")]
     shown = set(re.findall(r"^\| `ident (\w+)", table, re.M))
-    assert shown == set(typer.main.get_command(app).commands)
+    assert shown == set(typer.main.get_command(commands()).commands)
 
 
 def test_every_key_of_a_study_is_in_its_table():

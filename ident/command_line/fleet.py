@@ -2,21 +2,56 @@
 
 import sys
 from pathlib import Path
+from typing import Annotated
 
+import typer
+
+from ident.command_line.app import Output, Overwrite, Verbose, app, argument, option
 from ident.command_line.terminal import print_table, progress_bar
+from modelgen.command_line import robot_names
 
 
+@app.command(
+    epilog="Example: [bold]ident fleet 'logs/{robot}/{day}.parquet' --robot kuka_lwr4p -o night[/bold]\n\n"
+    "Needs the extra [bold]fleet[/bold]: pip install 'dynident\\[fleet]'"
+)
 def fleet(
-    source: str,
-    robot: str,
-    study: Path | None,
-    output: Path,
-    scheduler: str | None,
-    diagnose: bool,
-    overwrite: bool,
-    verbose: bool,
+    source: Annotated[
+        str,
+        argument(
+            metavar="PATTERN|TABLE",
+            help="Recordings, {robot} and {day} in their path (also s3://, gs://); a CSV: file, robot, day.",
+        ),
+    ],
+    robot: Annotated[
+        str,
+        option(
+            "--robot", help="Built-in name, robot file or URDF of all of them.", autocompletion=robot_names
+        ),
+    ],
+    output: Output,
+    study: Annotated[
+        Path | None, option("--study", help="Study whose other keys hold for every recording.")
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        option(
+            "--scheduler",
+            metavar="ADDRESS|local",
+            help="Dask scheduler, or local for workers on this machine; this process by default.",
+        ),
+    ] = None,
+    diagnose: Annotated[
+        bool, typer.Option(help="Diagnose the last recording of each robot that changed.")
+    ] = True,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Check, mark the folder as ours, work, write, say what came."""
+    """Many robots, many days: one table, and what changed in which joint.
+
+    Every recording is summarised once; a run that was stopped, or is repeated with more recordings, goes on
+    where it was. Writes fleet.parquet (one row a robot and 15 min), report.html and summaries/.
+    """
     try:
         import fsspec  # noqa: F401
     except ImportError:

@@ -1,22 +1,51 @@
 """`ident inspect`: tables on the terminal, a first study and a page beside it."""
 
 import sys
-from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
+from ident.command_line.app import Exact, Overwrite, Verbose, app, argument, option
 from ident.command_line.terminal import print_table, progress_bar
+from modelgen.command_line import folder, robot_names
 
 
+@app.command(
+    epilog="Example: [bold]ident inspect monday.mcap --robot arm.urdf -o study.yaml[/bold]\n\n"
+    "What a JointState's effort is, by driver: Universal Robots motor_current; Franka, KUKA LBR, Kinova Gen3 "
+    "joint_torque; simulators motor_torque. The study says it (effort:), nothing guesses it."
+)
 def inspect(
-    recordings: Sequence[Path],
-    robot: str | None,
-    output: Path | None,
-    topic: str | None,
-    exact: bool,
-    overwrite: bool,
-    verbose: bool,
+    recordings: Annotated[
+        list[Path],
+        argument(
+            metavar="RECORDING...",
+            help="Parquet, CSV, NPZ, MAT, HDF5, ROS bags (file or folder) of one robot.",
+        ),
+    ],
+    robot: Annotated[
+        str | None, option("--robot", help="Built-in name, robot file or URDF.", autocompletion=robot_names)
+    ] = None,
+    output: Annotated[
+        Path | None,
+        option(
+            "-o",
+            "--output",
+            parser=folder,
+            metavar="FILE",
+            help="First study (YAML), and a page (HTML) beside it.",
+        ),
+    ] = None,
+    topic: Annotated[
+        str | None, option("--topic", help="Topic to read of bags with several joint states.")
+    ] = None,
+    exact: Exact = False,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
 ) -> None:
-    """Look, say what was seen, write the study (and its page) where a file is named."""
+    """Look into logs before anything is fitted: signals, clock, what is wrong, what the motion shows.
+
+    Writes a first study in which what could not be known is marked FILL IN; ident fit waits until it is.
+    """
     from ident.inspection import page as shown
     from ident.inspection.inspection import inspect_recordings
     from ident.output import OutputError, beside, write_file

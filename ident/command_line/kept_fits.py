@@ -1,27 +1,39 @@
-"""What `ident predict` and `ident export` do with a fit's folder: read, call, write, say what came out."""
-
-from __future__ import annotations
+"""`ident predict` and `ident export`: what is done with a fit's folder."""
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+import typer
+
+from ident.command_line.app import Fit, Output, Overwrite, Verbose, app, argument, option
 from ident.command_line.terminal import print_table, progress_bar
-from ident.output import beside, staged, write_file
-from ident.report.joints import joints_of_robot, named, names_in, names_of, with_names
+from modelgen.command_line import folder
 
 
+@app.command(epilog="Example: [bold]ident predict out monday.parquet -o monday[/bold]")
 def predict(
-    fit: Path,
-    recording: Path,
-    output: Path,
-    payload: str | None,
-    episode: int | None,
-    overwrite: bool,
-    verbose: bool,
+    fit: Fit,
+    recording: Annotated[Path, argument(metavar="RECORDING", help="A log of the same robot.")],
+    output: Output,
+    payload: Annotated[
+        str | None, option("--payload", help="Label of a payload of the fit that is carried.")
+    ] = None,
+    episode: Annotated[
+        int | None, option("--episode", help="Which episode of a table that has several.")
+    ] = None,
+    overwrite: Overwrite = False,
+    verbose: Verbose = False,
 ) -> None:
-    """`ident predict`: torque on a new log, its error, and where the log leaves the fit's band."""
+    """Predict the torque of a new log: its error, and where and when it leaves the fit's own band.
+
+    Writes predict.json, predict.csv, predict.parquet and a plot. A contact, a payload that is not declared,
+    wear and a changed drive leave the band; what the fit was always wrong by does not. Of a log without
+    torques the predicted torque alone is written, with its band.
+    """
     from ident.export.saved import load_fit
+    from ident.output import staged
+    from ident.report.joints import named, names_of, with_names
 
     saved = load_fit(fit)
     from ident.prediction.files import channel_table, excursion_table, write_prediction
@@ -55,18 +67,33 @@ def predict(
     print(f"wrote {output / 'predict.json'}")
 
 
+@app.command(
+    epilog="Example: [bold]ident export out --c controller --urdf arm_identified.urdf[/bold]\n\n"
+    "URDF and MJCF need the extra [bold]export[/bold]: pip install 'dynident\\[export]'; where the extra "
+    "[bold]mujoco[/bold] is installed, MuJoCo reads the MJCF before it is written"
+)
 def export(
-    fit: Path,
-    c: Path | None,
-    float32: bool,
-    name: str | None,
-    urdf: Path | None,
-    mjcf: Path | None,
-    overwrite: bool,
+    fit: Fit,
+    c: Annotated[
+        Path | None,
+        typer.Option("--c", parser=folder, metavar="FOLDER", help="C with numbers into this folder."),
+    ] = None,
+    float32: Annotated[bool, typer.Option("--float32", help="C that computes in float.")] = False,
+    name: Annotated[str | None, option("--name", help="Start of the C names and files.")] = None,
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", metavar="FILE", help="A physically consistent URDF.")
+    ] = None,
+    mjcf: Annotated[Path | None, typer.Option("--mjcf", metavar="FILE", help="The same for MuJoCo.")] = None,
+    overwrite: Overwrite = False,
 ) -> None:
-    """`ident export`: C with numbers, and physically consistent URDF and MJCF files."""
+    """Write an identified robot as C with numbers, or as a URDF or MJCF that a simulator accepts.
+
+    C holds the fit as it is. In a URDF or MJCF every body is one that can exist: where no such robot has the
+    identified parameters, the nearest one that can be is written, and what that costs is said.
+    """
     from ident.export.combination import ExportError
     from ident.export.saved import load_fit
+    from ident.output import staged
 
     if not (c or urdf or mjcf):
         raise ExportError("nothing to write; name what you want: --c FOLDER, --urdf FILE or --mjcf FILE")
@@ -92,6 +119,8 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
     from ident.export.mjcf import is_checked, write_mjcf
     from ident.export.urdf import write_urdf
     from ident.export.urdf_template import fill_urdf
+    from ident.output import beside, write_file
+    from ident.report.joints import joints_of_robot, named, names_in, with_names
 
     found = consistent(saved, robot)
     for path, form in ((urdf, "urdf"), (mjcf, "mjcf")):

@@ -1,11 +1,12 @@
 """What the command line shows: a progress bar on a terminal, tables, and nothing of either in a pipe."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 from modelgen.terminal import progress as progress_bar
 
-__all__ = ["print_table", "progress_bar"]
+__all__ = ["print_table", "progress_bar", "say_checks", "say_notes", "say_warnings", "show"]
 
 
 def print_table(
@@ -26,3 +27,31 @@ def print_table(
     for row in rows:
         table.add_row(*row)
     Console().print(table)
+
+
+def show(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """A table whose first column is a name and whose others are numbers, but for a unit and remarks."""
+    words = ("unit", "physics", "joint")
+    print_table(title, header, rows, numbers=[k for k, name in enumerate(header) if k and name not in words])
+
+
+def say_checks(*documents: Mapping[str, Any]) -> None:
+    """What was found in the data, before anything else, on stderr."""
+    from ident.report.joints import names_of
+    from ident.report.wording import check_sentences
+
+    checks = [sentence for document in documents
+              for sentence in check_sentences(document.get("checks", ()), names_of(document))]  # fmt: skip
+    for sentence in dict.fromkeys(checks):
+        print(sentence, file=sys.stderr)
+
+
+def say_notes(notes: Iterable[str]) -> None:
+    """What was rounded in reading a robot, and the like."""
+    for note in dict.fromkeys(notes):
+        print(f"note: {note}", file=sys.stderr)
+
+
+def say_warnings(warnings: Sequence[str]) -> None:
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)

@@ -76,23 +76,25 @@ def test_wrong_input_is_one_sentence_and_status_2(arguments, offender, tmp_path)
     ],
 )
 def test_errors_become_exit_statuses(error, status, monkeypatch, capsys):
-    from ident.command_line import cli, commands
+    import ident as door
+    from ident.command_line import cli
 
     def fail(*_):
         raise error
 
-    monkeypatch.setattr(commands, "fit", fail)
+    monkeypatch.setattr(door, "load", fail)
     assert cli.run(["fit", "study.yaml", "-o", "out"]) == status
     assert len(capsys.readouterr().err.strip().splitlines()) == 1
 
 
 def test_our_own_mistakes_are_not_hidden(monkeypatch):
-    from ident.command_line import cli, commands
+    import ident as door
+    from ident.command_line import cli
 
     def fail(*_):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(commands, "fit", fail)
+    monkeypatch.setattr(door, "load", fail)
     with pytest.raises(ZeroDivisionError):
         cli.run(["fit", "study.yaml", "-o", "out"])
 
@@ -117,10 +119,15 @@ def test_a_stopped_run_leaves_the_folder_as_it_was(tmp_path):
 
 def test_a_command_without_a_folder_takes_its_own(monkeypatch):
     """`ident demo` alone, as `make demo` calls it: the parser of -o sees the default too."""
-    from ident.command_line import cli, commands
+    from ident.command_line import cli
 
     seen = []
-    monkeypatch.setattr(commands, "demo", lambda output, *_: seen.append(output))
+
+    def stop(folder, *_, **__):
+        seen.append(folder)
+        raise IdentError("seen")
+
+    monkeypatch.setattr("ident.output.staged", stop)
     cli.run(["demo"])
     assert seen == [Path("out-demo")]
 
