@@ -43,6 +43,9 @@ Output = Annotated[
 Fit = Annotated[
     Path, argument(metavar="FIT", help="Folder that ident fit or ident diagnose wrote, or its fit.json.")
 ]
+EffectsFolder = Annotated[
+    Path | None, option("--effects-folder", help="Folder of your own effects, one file each.")
+]
 Exact = Annotated[bool, typer.Option("--exact", help="A URDF's angles and lengths as they are written.")]
 Overwrite = Annotated[
     bool, typer.Option("--overwrite", help="Replace files that were changed, or that are not ours.")

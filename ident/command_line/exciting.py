@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from ident.command_line.app import Exact, Output, Overwrite, Robot, Verbose, app, option
+from ident.command_line.app import EffectsFolder, Exact, Output, Overwrite, Robot, Verbose, app, option
 from ident.command_line.terminal import print_table, progress_bar
 from modelgen.command_line import model_names
 
@@ -74,9 +74,7 @@ def excite(
     parameters: Annotated[
         Path | None, option("--parameters", help="The robot's parameters: YAML, or a fit.json.")
     ] = None,
-    effects_folder: Annotated[
-        Path | None, option("--effects-folder", help="Folder of your own effects, one file each.")
-    ] = None,
+    effects_folder: EffectsFolder = None,
     noise: Annotated[float, typer.Option("--noise", help="Percent of the torques' rms.")] = 1.0,
     rate: Annotated[float, typer.Option("--rate", help="Samples a second of the files.")] = 1000.0,
     starts: Annotated[int, typer.Option("--starts", help="Motions to begin the search from.")] = 2,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from ident.command_line.app import Exact, Output, Overwrite, Robot, Verbose, app, option
+from ident.command_line.app import EffectsFolder, Exact, Output, Overwrite, Robot, Verbose, app, option
 from ident.command_line.terminal import print_table, progress_bar, say_notes
 from modelgen.command_line import effect_names, folder, model_names, robot_names
 
@@ -31,6 +31,7 @@ def simulate(
             autocompletion=effect_names,
         ),
     ] = None,
+    effects_folder: EffectsFolder = None,
     payload: Annotated[float | None, option("--payload", help="Mass in kg carried in a further run.")] = None,
     parameters: Annotated[
         Path | None, option("--parameters", help="YAML of true parameters, as Iam1: 3.19.")
@@ -51,6 +52,10 @@ def simulate(
     from ident.command_line.light import ident
     from ident.output import staged
 
+    if effects_folder is not None:
+        from modelgen.effects import register_folder
+
+        register_folder(effects_folder)
     inputs = [Path(robot), *([parameters] if parameters else [])]
     staging = staged(output, "ident simulate", overwrite=overwrite, inputs=inputs)
     with staging as stage, progress_bar(verbose) as progress:

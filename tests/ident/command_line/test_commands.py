@@ -25,6 +25,18 @@ RUNS = (
 )
 
 
+WIND = """
+from modelgen.effects import SIGNALS, Effect, LinearParameter
+
+
+class Wind(Effect):
+    name, summary, signature, source = "wind", "air drags at the link", "grows with the rate", "Newton 1687"
+    terms = {"Fw": SIGNALS.dq**5}
+    linear = (LinearParameter("Fw", "N m s^5/rad^5", 0.0, 50.0),)
+    typical = {"Fw": 1.0}
+"""
+
+
 def ident(*arguments, **options):
     command = [sys.executable, "-m", "ident.command_line.cli", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=300, **options)
@@ -81,6 +93,18 @@ def test_simulate_takes_duration_rate_and_noise_and_no_folder_of_somebody_else(s
     assert robot.read_text() == ARM
     done = ident("simulate", robot, "-o", tmp_path / "x", "--rate", 1)
     assert done.returncode == 2 and "rate_hz is 1; give 20 to 20000 Hz" in done.stderr
+
+
+def test_an_effect_of_the_user_s_own_is_hidden_in_a_twin(tmp_path):
+    (tmp_path / "own").mkdir()
+    (tmp_path / "own" / "wind.py").write_text(WIND)
+    few = ["--duration", "5", "--rate", "100", "-o", "twin"]
+    arguments = ["simulate", "scara", "--effect", "wind:1", *few]
+    assert "no effect is called 'wind'" in ident(*arguments, cwd=tmp_path).stderr
+    done = ident(*arguments, "--effects-folder", "own", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    (hidden,) = json.loads((tmp_path / "twin" / "truth.json").read_text())["effects"]
+    assert (hidden["effect"], hidden["joints"]) == ("wind", [1]) and hidden["parameters"]["Fw"] > 0
 
 
 def test_robot_writes_a_robot_file_once(study, tmp_path):

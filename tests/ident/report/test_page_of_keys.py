@@ -1,4 +1,4 @@
-"""docs/diagnosis_json.md names every key of diagnosis.json, and none that is not there."""
+"""docs/diagnosis_json.md and fit_json.md name every key of these files, and none that is not there."""
 
 import re
 from pathlib import Path
@@ -11,13 +11,17 @@ from ident.diagnosis.document import _hint, _unexplained
 from ident.diagnosis.findings import Alternative, Hint, Unexplained
 
 ROOT = Path(__file__).parents[3]
-PAGE = (ROOT / "docs" / "diagnosis_json.md").read_text(encoding="utf-8")
 
 
-def described():
-    """Keys of the page, those of a nested list or table by the key that holds them."""
+def rows_of(page):
+    text = (ROOT / "docs" / page).read_text(encoding="utf-8")
+    return [line.split(" | ", 1) for line in text.splitlines() if line.startswith("| `")]
+
+
+def described(page):
+    """Keys of a page, those of a nested list or table by the key that holds them."""
     keys = set()
-    for row in (line.split(" | ", 1) for line in PAGE.splitlines() if line.startswith("| `")):
+    for row in rows_of(page):
         holders = re.findall(r"`([^`]+)`", row[0])
         keys |= set(holders)
         keys |= {f"{holder}.{name}" for holder in holders for name in re.findall(r"`([^`]+)`", row[1])}
@@ -38,7 +42,8 @@ def paths(value, at=""):
 def general(path):
     """With * for names of channels and parameters, and no further than the page goes."""
     path = re.sub(r"\.parameters\..+", ".parameters.*", path)
-    path = re.sub(r"^(explainable|noise_floor_percent)\.[^.]+", r"\1.*", path)
+    path = re.sub(r"^(explainable|noise_floor_percent|sigma)\.[^.]+", r"\1.*", path)
+    path = re.sub(r"((?:relative|full_rate)_error\w*)\..+", r"\1.*", path)
     return re.sub(r"^(error_percent\w*\.(before|after))\..+", r"\1", path)
 
 
@@ -57,10 +62,23 @@ def documents(tmp_path_factory):
 
 
 def test_every_key_is_described(documents):
-    known = described()
+    known = described("diagnosis_json.md")
     there = {general(path) for document in documents for path in paths(document)}
     assert not {path for path in there - known if not path.startswith("hints[].equivalent[].")}
     assert len(there) > 40
+
+
+def test_every_key_of_a_fit_is_described(tmp_path):
+    columns, _ = recording("A", seconds=20, rate=200)
+    write_parquet(tmp_path / "run.parquet", columns)
+    study = write_study(tmp_path, [{"file": "run.parquet"}], effects=["spring:3"])
+    known = described("fit_json.md")
+    there = {general(path) for path in paths(ident.fit(study).document())}
+    assert not there - known
+    keys = {
+        key.removesuffix("[]") for row in rows_of("fit_json.md") for key in re.findall(r"`([^`]+)`", row[0])
+    }
+    assert not {key for key in keys - there if not key.startswith("tests.durbin_wu_hausman.")}
 
 
 def test_every_described_key_is_one_of_the_code():
@@ -69,7 +87,7 @@ def test_every_described_key_is_one_of_the_code():
         for folder in ("diagnosis", "examination", "excitation", "studies")
         for path in (ROOT / "ident" / folder).glob("*.py")
     ) + "".join(path.read_text(encoding="utf-8") for path in (ROOT / "modelgen" / "effects").glob("*.py"))
-    for row in (line.split(" | ", 1)[0] for line in PAGE.splitlines() if line.startswith("| `")):
-        for key in re.findall(r"`([^`]+)`", row):
+    for row in rows_of("diagnosis_json.md"):
+        for key in re.findall(r"`([^`]+)`", row[0]):
             name = key.removesuffix(".*").removesuffix("[]").split(".")[-1]
             assert re.search(rf"""["']{name}["']|\b{name}:""", code), key
