@@ -179,26 +179,37 @@ static inline const vector *signals_of(const state *x) /* dq, ddq, sign, one sta
     return (const vector *)((const char *)x + offsetof(state, dq));
 }
 
-/* Blocks of `block` samples (a multiple of LANES), `apart` doubles from each other. In a block, entry k of its sample
-   i goes to row[k][i]; then copies: source copy_of[k] goes to copy_row[k][i]. Returns 1 if all inputs are finite. */
-int dynident_entries(const samples *in, ptrdiff_t first, ptrdiff_t last, ptrdiff_t block, ptrdiff_t apart,
-                      double *const *row, ptrdiff_t copies, const int32_t *copy_of, double *const *copy_row)
+/* Samples next .. last - 1, `block` of them (a multiple of LANES) at a time, each time into the same rows: entry k of a
+   block's sample i goes to row[k][i]; then copies: source copy_of[k] goes to copy_row[k][i]. */
+typedef struct {
+    const samples *in;
+    ptrdiff_t next, last, block;
+    double *const *row;
+    ptrdiff_t copies;
+    const int32_t *copy_of;
+    double *const *copy_row;
+} stream;
+
+/* The next block of a stream. Returns 1 if all its inputs are finite. A call with one argument: between two of them a
+   thread holds the interpreter's lock, and another one that wants it meanwhile sleeps for longer than a block takes. */
+int dynident_block(stream *s)
 {
+    const ptrdiff_t first = s->next, last = s->last - first < s->block ? s->last : first + s->block;
     vector nothing = broadcast(0.0);
     for (ptrdiff_t i = first; i < last; i += LANES) {
         state x;
-        read_state(in, i, last, &x);
+        read_state(s->in, i, last, &x);
         nothing += x.nothing;
-        ptrdiff_t at = (i - first) / block * apart + (i - first) % block;
-        columns_of(&x, (entries){row, at});
+        columns_of(&x, (entries){s->row, i - first});
         const vector *signal = signals_of(&x);
-        for (ptrdiff_t k = 0; k < copies; ++k) {
-            int32_t from = copy_of[k];
-            loose_vector *to = (loose_vector *)(copy_row[k] + at);
-            if (from < ENTRIES) *to = *(const loose_vector *)(row[from] + at);
+        for (ptrdiff_t k = 0; k < s->copies; ++k) {
+            int32_t from = s->copy_of[k];
+            loose_vector *to = (loose_vector *)(s->copy_row[k] + (i - first));
+            if (from < ENTRIES) *to = *(const loose_vector *)(s->row[from] + (i - first));
             else *to = signal[from - ENTRIES];
         }
     }
+    s->next = last;
     return all_finite(nothing);
 }
 

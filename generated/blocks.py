@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 
@@ -16,28 +15,30 @@ BLOCK = 256  # samples: the block buffer stays in the second-level cache
 
 
 def zero_rows(count: int) -> Array:
-    """(1, count, BLOCK + LANES) zeros whose rows start on cache lines but not in the same cache set."""
+    """(count, BLOCK + LANES) zeros whose rows start on cache lines but not in the same cache set."""
     width = BLOCK + LANES
     flat = np.zeros(count * width + LANES)
     start = -(flat.ctypes.data // 8) % LANES
-    return flat[start : start + count * width].reshape(1, count, width)
+    return flat[start : start + count * width].reshape(count, width)
 
 
 def blocks(
-    samples: Samples, writer: Any, view: Array, shown: Callable[[Array, int], Array]
+    samples: Samples, fill: Callable[[], int], view: Array, shown: Callable[[Array, int], Array]
 ) -> Iterator[tuple[slice, Array]]:
-    """Blocks in order, each in the one buffer that `writer` fills and `view` shows.
+    """Blocks in order, each in the one buffer that `fill` writes and `view` shows.
 
     Nothing is filled ahead by other threads: a block that another core wrote has to come over from its cache,
     which took three times the processor time of writing it here.
     """
     rows = samples.rows
     for first in range(0, rows - BLOCK + 1, BLOCK):
-        writer.fill(samples, first, first + BLOCK)
+        if not fill():
+            samples.refuse(first, first + BLOCK)
         yield slice(first, first + BLOCK), view
     first = rows - rows % BLOCK
     if first < rows:
-        writer.fill(samples, first, rows)
+        if not fill():
+            samples.refuse(first, rows)
         yield slice(first, rows), shown(view, rows - first)
 
 

@@ -7,9 +7,10 @@ they are then looked for and refused.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -32,6 +33,17 @@ class _Table(ctypes.Structure):
 
 class _Samples(ctypes.Structure):
     _fields_ = tuple((name, _Table) for name in ("q", "dq", "ddq", "sign", "extra"))
+
+
+class _Stream(ctypes.Structure):
+    _fields_ = (
+        ("samples", ctypes.c_void_p),
+        *((name, ctypes.c_ssize_t) for name in ("next", "last", "block")),
+        ("row", ctypes.c_void_p),
+        ("copies", ctypes.c_ssize_t),
+        ("copy_of", ctypes.c_void_p),
+        ("copy_row", ctypes.c_void_p),
+    )
 
 
 class Samples:
@@ -72,12 +84,8 @@ class Kernel:
         self.entries = entries
         lib = self._library = ctypes.CDLL(str(library))
         size, pointer = ctypes.c_ssize_t, ctypes.c_void_p
-        self._entries, self._dense, self._torque = (
-            lib.dynident_entries,
-            lib.dynident_dense,
-            lib.dynident_torque,
-        )
-        self._entries.argtypes = [pointer, size, size, size, size, pointer, size, pointer, pointer]
+        self._block, self._dense, self._torque = lib.dynident_block, lib.dynident_dense, lib.dynident_torque
+        self._block.argtypes = [pointer]
         self._dense.argtypes = [
             pointer,
             size,
@@ -91,12 +99,20 @@ class Kernel:
             ctypes.c_int,
         ]
         self._torque.argtypes = [pointer, size, size, pointer, pointer]
-        for function in (self._entries, self._dense, self._torque):
+        for function in (self._block, self._dense, self._torque):
             function.restype = ctypes.c_int  # 1 if all samples are finite
 
-    def block(self, buffer: Array, place: Placement, width: int) -> Block:
-        """A writer into `buffer` (groups, rows, width or more): block g goes to buffer[g]."""
-        return Block(self._entries, buffer, place, width)
+    def stream(self, samples: Samples, buffer: Array, place: Placement, width: int) -> Callable[[], int]:
+        """Writes the next `width` samples' entries into `buffer` (rows, width or more) at every call; 0 where
+        they are not all finite."""
+        start, row = buffer.ctypes.data, buffer.strides[0]
+        rows, copy_rows = start + place.rows * row, start + place.copy_rows * row
+        stream = _Stream(
+            samples.pointer, 0, samples.rows, width, rows.ctypes.data, len(place.copy_of),
+            place.copy_of.ctypes.data, copy_rows.ctypes.data,
+        )  # fmt: skip
+        stream.kept = (samples, buffer, place, rows, copy_rows)
+        return partial(self._block, ctypes.byref(stream))
 
     def dense(
         self,
@@ -129,24 +145,3 @@ class Kernel:
         function.argtypes, function.restype = [ctypes.c_void_p] * 3 + [ctypes.c_ssize_t], None
         function(x.ctypes.data, c.ctypes.data, s.ctypes.data, len(x))
         return c, s
-
-
-class Block:
-    """A buffer's pointers, made once: `fill(samples, first, last)` writes those samples' entries."""
-
-    def __init__(self, function: Any, buffer: Array, place: Placement, width: int) -> None:
-        self._function, self._width = function, width
-        self._apart = buffer.strides[0] // 8
-        start, row = buffer.ctypes.data, buffer.strides[1]
-        rows, copy_rows = start + place.rows * row, start + place.copy_rows * row
-        self._keep = (buffer, place, rows, copy_rows)
-        self._count = len(place.copy_of)
-        self._pointers = (rows.ctypes.data, place.copy_of.ctypes.data, copy_rows.ctypes.data)
-
-    def fill(self, samples: Samples, first: int, last: int) -> None:
-        """Entries of samples first .. last - 1, block after block from the buffer's first."""
-        rows, of, copy_rows = self._pointers
-        if not self._function(
-            samples.pointer, first, last, self._width, self._apart, rows, self._count, of, copy_rows
-        ):
-            samples.refuse(first, last)

@@ -18,7 +18,7 @@ CACHES = 8 << 20  # bytes: a larger W is written past the caches
 class Evaluator(Protocol):
     """What evaluates samples: the compiled `Kernel`, or `NumpyKernel` where there is no compiler."""
 
-    def block(self, buffer: Array, place: Placement, width: int) -> Any: ...
+    def stream(self, samples: Samples, buffer: Array, place: Placement, width: int) -> Callable[[], int]: ...
     def dense(self, *arguments: Any) -> None: ...
     def torque(self, *arguments: Any) -> None: ...
 
@@ -203,9 +203,9 @@ class Model:
         samples = self._samples(q, dq, ddq, sign, extra)
         shape = (len(self.channels), len(self.parameters))
         W = zero_rows(shape[0] * shape[1])
-        writer = self._writer(W, self._in_W)
-        view = _read_only(W)[0, :, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1)
-        return blocks(samples, writer, view, lambda view, count: view[:count])
+        fill = self._stream(samples, W, self._in_W)
+        view = _read_only(W)[:, :BLOCK].reshape(*shape, BLOCK).transpose(2, 0, 1)
+        return blocks(samples, fill, view, lambda view, count: view[:count])
 
     def nonzero_blocks(
         self,
@@ -219,8 +219,8 @@ class Model:
         """(rows, values (nnz, len(rows))) of the entries in `nonzeros`, read only, until the next turn."""
         samples = self._samples(q, dq, ddq, sign, extra)
         values = zero_rows(len(self._source))
-        writer = self._writer(values, self._in_nonzeros)
-        return blocks(samples, writer, _read_only(values)[0, :, :BLOCK], lambda view, count: view[:, :count])
+        fill = self._stream(samples, values, self._in_nonzeros)
+        return blocks(samples, fill, _read_only(values)[:, :BLOCK], lambda view, count: view[:, :count])
 
     def casadi(self, name: str) -> Any:
         """The CasADi Function "regressor" (q, dq, ddq) -> W or "torque" (q, dq, ddq, chi) -> tau."""
@@ -243,10 +243,10 @@ class Model:
         of, to = np.array(copies, dtype=np.int64).reshape(-1, 2).T
         return Placement(rows, of.astype(np.int32), to.copy(), np.array(ones, dtype=np.int64))
 
-    def _writer(self, buffer: Array, place: Placement) -> Any:
-        """The kernel's writer into `buffer` of zeros; constants are written here, once."""
-        buffer[:, place.ones] = 1.0
-        return self._kernel.block(buffer, place, BLOCK)
+    def _stream(self, samples: Samples, buffer: Array, place: Placement) -> Callable[[], int]:
+        """The kernel's stream into `buffer` of zeros; constants are written here, once."""
+        buffer[place.ones] = 1.0
+        return self._kernel.stream(samples, buffer, place, BLOCK)
 
     def _samples(self, q: Any, dq: Any, ddq: Any, sign: Any, extra: Mapping[str, Any] | None) -> Samples:
         arrays = [self._table(name, value) for name, value in (("q", q), ("dq", dq), ("ddq", ddq))]

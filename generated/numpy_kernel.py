@@ -5,6 +5,7 @@ About 1 us a sample; CasADi's virtual machine, the other way without a compiler,
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -30,8 +31,22 @@ class NumpyKernel:
         symbols = [sp.Symbol(name, real=True) for name in names]
         self._terms = sp.lambdify(symbols, list(derived.terms), "numpy") if derived.terms else None
 
-    def block(self, buffer: Array, place: Placement, width: int) -> _NumpyBlock:
-        return _NumpyBlock(self, buffer, place, width)
+    def stream(self, samples: Samples, buffer: Array, place: Placement, width: int) -> Callable[[], int]:
+        places = [
+            *enumerate(place.rows.tolist()),
+            *zip(place.copy_of.tolist(), place.copy_rows.tolist()),
+        ]
+        starts = iter(range(0, samples.rows, width))
+
+        def fill() -> int:
+            start = next(starts)
+            stop = min(start + width, samples.rows)
+            sources, _ = self.sources(samples, start, stop)
+            for source, row in places:
+                buffer[row, : stop - start] = sources[source]
+            return 1
+
+        return fill
 
     def sources(self, samples: Samples, first: int, last: int) -> tuple[list[Any], dict[str, Array]]:
         """Entries, then dq, ddq, sign of each joint and 1, as in batch.c; and the inputs by name."""
@@ -79,19 +94,3 @@ class NumpyKernel:
             for channel, parameter, source in self._derived.description["nonzeros"]:
                 if isinstance(source, int) and source >= columns:
                     tau[start:stop, channel] += chi[parameter] * sources[source]
-
-
-class _NumpyBlock:
-    def __init__(self, kernel: NumpyKernel, buffer: Array, place: Placement, width: int) -> None:
-        self._kernel, self._buffer, self._width = kernel, buffer, width
-        self._places = [
-            *enumerate(place.rows.tolist()),
-            *zip(place.copy_of.tolist(), place.copy_rows.tolist()),
-        ]
-
-    def fill(self, samples: Samples, first: int, last: int) -> None:
-        for g, start in enumerate(range(first, last, self._width)):
-            stop = min(start + self._width, last)
-            sources, _ = self._kernel.sources(samples, start, stop)
-            for source, row in self._places:
-                self._buffer[g, row, : stop - start] = sources[source]

@@ -164,7 +164,7 @@ def lilliefors(distance: float, rows: float) -> float:
     K = (np.sqrt(rows) - 0.01 + 0.85 / np.sqrt(rows)) * distance
     for end, polynomial in _STEPHENS:
         if end >= K:
-            return float(np.clip(np.polynomial.polynomial.polyval(K, polynomial), 0.0, 1.0))
+            return float(np.clip(np.polyval(polynomial[::-1], K), 0.0, 1.0))
     return 0.0
 
 

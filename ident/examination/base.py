@@ -168,29 +168,43 @@ def _asked(whole: Parts, pieces: Sequence[Parts], assumed: np.ndarray, g: np.nda
 
 
 def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:
-    """Sum of squares over all channels, each by what the plain fit leaves of it, as a function of gravity."""
+    """Sum of squares over all channels, each by what the plain fit leaves of it, as a function of gravity.
+    The columns that no gravity moves (inertias, friction) are taken off the others once."""
     scale = np.where(parts.yy > 0, 1 / np.maximum(parts.yy * np.fmax(error, 0.05), 1e-300), 0.0)
     K = parts.G[0].shape[0]
     G, v = np.zeros((K, K, parts.p, parts.p)), np.zeros((K, parts.p))
     for c, live in enumerate(parts.columns):
         G[:, :, live[:, None], live] += scale[c] * parts.G[c]
         v[:, live] += scale[c] * parts.v[c]
-    total = float(scale @ parts.yy)
+    moved = G[1:, 1:].any(axis=(0, 1, 2))
+    size, own = _lengths(G[0, 0].diagonal()[~moved])
+    still = G[0, 0][~moved][:, ~moved] / np.outer(size, size) + np.diag(own)
+    across = G[:, 0, moved][:, :, ~moved] / size  # (K, m, p - m)
+    beside = np.vstack([*across, v[0, ~moved] / size])  # (K m + 1, p - m)
+    m, off = int(moved.sum()), beside @ np.linalg.solve(still, beside.T)
+    left_G = G[:, :, moved][..., moved] - off[:-1, :-1].reshape(K, m, K, m).swapaxes(1, 2)
+    left_v, total = v[:, moved] - off[:-1, -1].reshape(K, m), float(scale @ parts.yy - off[-1, -1])
     i, j = np.triu_indices(K)
-    both = np.where(i == j, 0.5, 1.0)[:, None, None] * (G[i, j] + G[j, i])
-    flat = both.reshape(len(i), -1)
+    both = np.where(i == j, 0.5, 1.0)[:, None, None]
+    squares = (both * (G[i, j] + G[j, i])).diagonal(axis1=1, axis2=2)[:, moved]
+    flat = (both * (left_G[i, j] + left_G[j, i])).reshape(len(i), -1)
 
     def left(g: np.ndarray) -> float:
         factor = np.concatenate([[1.0], g])
-        normal, right = ((factor[i] * factor[j]) @ flat).reshape(parts.p, parts.p), factor @ v
-        length = np.sqrt(np.maximum(normal.diagonal(), 1e-300))
-        normal /= length
-        normal /= length[:, None]
-        normal.ravel()[:: parts.p + 1] += RIDGE + (length <= 1e-140)
-        right = right / length
+        pairs = factor[i] * factor[j]
+        length, own = _lengths(pairs @ squares)
+        normal = (pairs @ flat).reshape(m, m) / length / length[:, None]
+        normal.ravel()[:: m + 1] += own
+        right = factor @ left_v / length
         return total - float(right @ np.linalg.solve(normal, right))
 
     return left
+
+
+def _lengths(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of columns, and what stands on the diagonal of their scaled product: a ridge, 1 where nothing is."""
+    length = np.sqrt(np.maximum(squares, 1e-300))
+    return length, RIDGE + (length <= 1e-140)
 
 
 def _descended(left: Callable[[np.ndarray], float], g: np.ndarray, size: float) -> np.ndarray:

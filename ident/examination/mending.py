@@ -137,17 +137,18 @@ class Mender:
         self._count("missing_values", rows, empty & fresh[:, None])
         self._count("sentinel", rows, sentinel & fresh[:, None])
         bad = empty | sentinel | gross
-        filled = _filled(t, values, bad)
+        filled = _filled(t, values, bad)  # of its own where nothing is filled, too
         low, high = np.percentile(filled[:: max(1, len(t) // 2000)], [5, 95], axis=0)
         self._reach = np.maximum(self._reach, high - low)
         self._unwrap(rows, filled, begun, done)
-        values = np.where(bad, values, filled)
+        values = np.where(bad, values, filled) if bad.any() else filled
         spikes = gross & ~empty & ~sentinel
         for k in range(values.shape[1]):
             spikes[:, k] |= is_spike(filled[:, k], k < self.n, float(self._reach[k])) & ~bad[:, k]
         self._count("spike", rows, spikes & fresh[:, None])
         bad |= spikes
-        filled = _filled(t, values, bad)
+        lost = bool(bad.any())
+        filled = _filled(t, values, bad) if lost else values
         here = bad & fresh[:, None]
         drop = _long_gaps(t, bad[:, : self.n]) & fresh
         self.left_out += int(drop.sum())
@@ -158,9 +159,9 @@ class Mender:
             self._found.append((rows[at], column, filled[at, column]))
         if drop.any():
             self._dropped.append(rows[drop])
-        keep = fresh & ~drop
+        keep = fresh & ~drop if drop.any() else slice(begun, done)
         bad[done:] = False
-        return (rows[keep], t[keep], filled[keep]), np.where(bad, np.nan, raw)
+        return (rows[keep], t[keep], filled[keep]), np.where(bad, np.nan, raw) if lost else raw
 
     def _count(self, kind: str, rows: np.ndarray, bad: np.ndarray) -> None:
         if not bad.any():

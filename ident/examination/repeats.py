@@ -32,11 +32,12 @@ def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     thin = slice(None, None, max(1, len(excerpt.column(0)) // 4000))
     x = np.stack([excerpt.column(k)[thin] for k in range(len(columns.signals))], axis=1)
     span = np.ptp(x, axis=0)
-    if len(x) < 100:
+    live = np.flatnonzero(span > 0)
+    if len(x) < 100 or len(live) < 2:
         return
     z = (x - x.mean(axis=0)) / np.where(span > 0, span, 1.0)
-    alike = np.corrcoef(np.where(span > 0, z, np.random.default_rng(0).normal(size=z.shape)).T)
-    for k, m in zip(*np.nonzero(np.triu(np.abs(alike) > 1 - 1e-6, 1))):
+    alike = np.corrcoef(z[:, live].T)
+    for k, m in zip(*(live[its] for its in np.nonzero(np.triu(np.abs(alike) > 1 - 1e-6, 1)))):
         slope = (z[:, k] @ z[:, m]) / (z[:, k] @ z[:, k])
         if np.abs(z[:, m] - slope * z[:, k]).max() > SAME or len(np.unique(x[:, m])) < 10:
             continue
@@ -132,12 +133,12 @@ def noise_alone(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         if moved < TRAVELLED or excerpt.fewer(k, 3):
             continue
         low, high = np.quantile(excerpt.column(k), [0.1, 0.9])  # spikes would drown what is below them
-        pieces = [np.clip(values[:, k], low, high) for _, _, values in excerpt.pieces]
+        means = [np.clip(values[:, k], low, high) for _, _, values in excerpt.pieces]  # over `size` samples
         size, ratios = 1, []
         first = 0.0
         while True:
-            means = [x[: len(x) // (2 * size) * 2 * size].reshape(-1, 2, size).mean(axis=2) for x in pieces]
-            steps = np.concatenate([m[:, 1] - m[:, 0] for m in means])
+            pairs = [x[: len(x) // 2 * 2].reshape(-1, 2) for x in means]
+            steps = np.concatenate([pair[:, 1] - pair[:, 0] for pair in pairs])
             if len(steps) < FEWEST_STEPS:
                 break
             power = float(np.mean(steps**2)) * size
@@ -147,7 +148,7 @@ def noise_alone(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             ratios.append((power / first - 1.0) / np.sqrt(2.0 / len(steps)))
             if abs(ratios[-1]) >= WHITE:
                 break
-            size *= 2
+            size, means = 2 * size, [0.5 * (pair[:, 0] + pair[:, 1]) for pair in pairs]
         if len(ratios) >= FEWEST_SCALES and abs(ratios[-1]) < WHITE:
             name, x = columns.signals[k], excerpt.column(k)
             yield Check(

@@ -25,8 +25,10 @@ def envelope(
     low = first + np.argmin(np.where(missing, np.inf, table), axis=1)
     high = first + np.argmax(np.where(missing, -np.inf, table), axis=1)
     gaps = first[missing.any(axis=1)] + np.argmax(missing[missing.any(axis=1)], axis=1)
-    order = np.unique(np.concatenate([low, high, gaps[gaps < len(t)]]))
-    return t[order], y[order]
+    kept = np.zeros(len(t), bool)
+    for its in (low, high, gaps[gaps < len(t)]):
+        kept[its] = True
+    return t[kept], y[kept]
 
 
 def stretches_for(traces: int, budget_bytes: int = 2_400_000) -> int:
