@@ -54,13 +54,14 @@ class Diagnosis:
         """The study with the effects that were found: `ident.fit` of it gives `.fit` again."""
         return self.fit.study
 
-    def document(self) -> dict[str, Any]:
-        """The content of diagnosis.json."""
+    def document(self, kept: str | Path | None = None) -> dict[str, Any]:
+        """The content of diagnosis.json; kept: the folder that holds it, which its commands then read."""
         from ident.diagnosis.document import diagnosis_document
+        from ident.excitation.diagnosed import counting
 
         if not self._documents:
             self._documents.append(diagnosis_document(self.result))
-        return self._documents[0]
+        return self._documents[0] if kept is None else counting(self._documents[0], Path(kept))
 
     def to_frame(self) -> Any:
         """One row a parameter of a finding, with its value, std and unit, and what the finding lowers."""
@@ -81,18 +82,18 @@ class Diagnosis:
 
         return diagnosis_summary(self.document())
 
-    def write(self, folder: Path) -> None:
-        """All files of `ident diagnose` into an existing folder."""
+    def write(self, folder: Path, kept: Path | None = None) -> None:
+        """All files of `ident diagnose` into an existing folder, which will be `kept` elsewhere."""
         from ident.report.diagnosis_files import write_diagnosis
 
-        write_diagnosis(self.result, self.document(), folder)
+        write_diagnosis(self.result, self.document(kept or folder), folder)
 
     def save(self, folder: str | Path, overwrite: bool = False) -> Path:
         """diagnosis.json, tables, plots, the extended model and report.html. Raises ident.Error."""
         inputs = inputs_of(self.result.study)
         staging = staged(Path(folder), "ident diagnose", overwrite=overwrite, inputs=inputs)
         with one_family(), staging as stage:
-            self.write(stage)
+            self.write(stage, Path(folder))
         return Path(folder)
 
     def report(self, path: str | Path, overwrite: bool = False) -> Path:

@@ -89,10 +89,10 @@ def diagnose(
     with staging as stage, progress_bar(verbose) as progress:
         diagnosis = ident.diagnose(loaded, progress=progress, memory=memory)
         progress("writing plots and report")
-        diagnosis.write(stage)
+        diagnosis.write(stage, output)
     from ident.report.diagnosis_words import before_and_after, told, verdict, visible_in_words
 
-    document = diagnosis.document()
+    document = diagnosis.document(output)
     say_notes(diagnosis.result.first.columns.model.notes)
     say_checks(document)
     remedies = [f"What to do: {f['remedy']}." for f in document["findings"] if f["remedy"]]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Metric, block_numbers, project
+from ident.diagnosis.evidence import Metric, Side, block_numbers, project
 from ident.diagnosis.state import State
 from ident.diagnosis.turn_over import grids, sign_column, with_column
 
@@ -96,9 +96,12 @@ class Products:
         )  # fmt: skip
 
 
-def products(m: Metric, white: Mapping[int, np.ndarray], dry: Dryness | None = None) -> Products:
+def products(
+    m: Metric, white: Mapping[int, np.ndarray], dry: Dryness | None = None, both: Side | None = None
+) -> Products:
     """Of whitened columns {channel: (M, p)} beside the model of `m`, and beside its turn-over where one is
-    given."""
+    given. `both`, all rows of that metric: of the judged rows given the fitted ones, whose products with
+    those parameters come behind the blocks'."""
     p = next(iter(white.values())).shape[1]
     W, friction = dict(white), 0.0
     if dry is not None:
@@ -109,13 +112,18 @@ def products(m: Metric, white: Mapping[int, np.ndarray], dry: Dryness | None = N
             for c in {*white, *dry.signs}
         }
     cross, own, _ = project(m, m.fitted, W)
-    return Products(p, friction, own - cross.T @ cross, judged_blocks(m, W))
+    blocks = judged_blocks(m, W, both or m.judged)
+    if both is not None:
+        of_all, all_own, _ = project(m, both, W)
+        blocks = np.concatenate((blocks, (all_own - of_all.T @ of_all - blocks.sum(axis=0))[None]))
+    return Products(p, friction, own - cross.T @ cross, blocks)
 
 
-def judged_blocks(m: Metric, white: Mapping[int, np.ndarray]) -> np.ndarray:
-    """(blocks, w, w) products of the columns beside the model, block by block of the judged rows."""
-    cross, _, _ = project(m, m.judged, white)
-    beta = m.judged.basis @ cross
+def judged_blocks(m: Metric, white: Mapping[int, np.ndarray], side: Side) -> np.ndarray:
+    """(blocks, w, w) products of the columns beside the model as the rows of a side have it, block by block
+    of the judged rows."""
+    cross, _, _ = project(m, side, white)
+    beta = side.basis @ cross
     number, kept = block_numbers(m.rows, m.judged.mask)
     out = np.zeros((len(kept), cross.shape[1], cross.shape[1]))
     order = np.argsort(number, kind="stable")

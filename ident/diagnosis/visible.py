@@ -8,11 +8,13 @@ u_k in each block k of judged rows, G_k = Z_k'Z_k, and b = a + d,
 
 where dry friction's turn-over takes up nothing; what it does take up is in absorbed.py.
 
-
 The effect is seen where the sum, and the gain on the fitted rows, are more than tau, enough blocks agree (the
-loop's own rule), and the last fit finds its sizes to be other than zero (a Wald test). Draws of d and u tell
-how often that is; the size at which it is POWER is told. A shape that is searched costs half a chi-square
-each. Shapes are those of the search next to a usual robot's."""
+loop's own rule), and the last fit finds its sizes to be other than zero (a Wald test). Where too few agree,
+the loop asks these rows once more given the fitted ones, the model's parameters being the same in both
+(in_common.py): H_k of what is left beside those parameters is more than G_k, and its noise goes with u_k by
+sqrt(G_k / H_k), as the sums over all blocks do. Draws of d and u tell how often either shows it; the size at
+which it is POWER is told. A shape that is searched costs half a chi-square each. Shapes are those of the
+search next to a usual robot's."""
 
 from __future__ import annotations
 
@@ -23,9 +25,10 @@ from functools import cache, partial
 import numpy as np
 import scipy.stats
 
-from ident.diagnosis.absorbed import Dryness, dryness, products
+from ident.diagnosis.absorbed import Dryness, Left, dryness, products
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import Metric, enough, project, weights
+from ident.diagnosis.evidence import Metric, Side, enough, project, weights
+from ident.diagnosis.in_common import all_rows
 from ident.diagnosis.outcome import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -65,6 +68,7 @@ def smallest_visible(
         kept.setdefault(key[:width], []).append((dict(key[width]), key))
     there = {term.key for term in state.terms}
     dry = cache(partial(dryness, state))
+    both = cache(lambda joint: all_rows(its.metric if (its := dry(joint)) else state.metric))
     out = []
     for effect, place in library.places:
         term = Term(effect, place)
@@ -73,7 +77,8 @@ def smallest_visible(
             continue
         if term.key in there or term.key not in kept or place.parts:
             continue
-        found = _visible(state, effect, place, kept[term.key], library, tau, alpha, dry(place.joint))
+        beside = dry(place.joint), both(place.joint)
+        found = _visible(state, effect, place, kept[term.key], library, tau, alpha, *beside)
         if found is not None:
             out.append(found)
     return tuple(out)
@@ -88,6 +93,7 @@ def _visible(
     tau: float,
     alpha: float,
     dry: Dryness | None,
+    both: Side,
 ) -> Visible | None:
     own = {f"{k}": state.model.number(f"{k}m", place.joint or 0) or 1.0 for k in ("Fc", "Fv")}
     context = effect.context_of(place, state.model)
@@ -98,7 +104,7 @@ def _visible(
     columns = {c: z.astype(float) for c, z in library.kept[key].items()}
     if not np.any(v) or next(iter(columns.values())).shape[1] != len(v):
         return None
-    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha, dry)
+    size = seen_from(state.metric, columns, v, len(effect.nonlinear), tau, alpha, dry, both)
     if size is None:
         return None
     limits = {p.name: max(abs(p.low), abs(p.high)) for p in effect.linear}
@@ -132,44 +138,58 @@ def seen_from(
     tau: float,
     alpha: float,
     dry: Dryness | None = None,
+    both: Side | None = None,
 ) -> float | None:
     """The factor of v (p,) from which on an effect of these columns is seen with POWER; None: from none.
 
-    dry: the joint's turn-over, which may take up some of it."""
+    dry: the joint's turn-over, which may take up some of it; both: all rows of its metric, or of m."""
     white = m.whiten(columns)
     cross, own, _ = project(m, m.fitted, white)
     A = own - cross.T @ cross
     if not v @ A @ v > LEAST * (v @ own @ v):
         return None
-    both = products(m, white, dry)
-    plain = both.left(v, 0.0)
-    whole = float(np.einsum("i,kij,j->", v, plain.A_blocks, v))
-    if not whole > 0 or len(plain.A_blocks) == 0:
+    alone = products(m, white, dry)
+    given = products(m, white, dry, both or all_rows(m if dry is None else dry.metric))
+    blocks = given.left(v, 0.0).A_blocks[:-1]  # what they see given the fitted rows is more
+    whole = float(np.einsum("i,kij,j->", v, blocks, v))
+    if not whole > 0:
         return None
     rng = np.random.default_rng([17, len(v), shapes])
     draws = rng.normal(size=(DRAWS, len(v)))
-    u = rng.normal(size=(DRAWS, len(plain.A_blocks)))
+    u, other = rng.normal(size=(2, DRAWS, len(blocks)))
+    rest = rng.normal(size=DRAWS)
     searched = rng.chisquare(shapes, DRAWS) / 2 if shapes else np.zeros(DRAWS)
     asked = scipy.stats.chi2.isf(alpha / BUDGET, len(v))
     free = float(sum(m.judged.free[c] for c in columns))
     last = draws @ _root(A).T
 
     def power(size: float) -> float:
-        left = both.left(v, size)
+        left, more = alone.left(v, size), given.left(v, size)
         root = _root(left.A)
         b = (root @ root.T @ left.own) + draws @ root.T
-        squares = np.einsum("ri,kij,rj->rk", b, left.A_blocks, b)
-        told = np.einsum("ri,ki->rk", b, left.own_blocks)
-        shape = np.einsum("i,kij,j->k", v, left.A_blocks, v) / max(float(v @ left.A @ v), 1e-300)
-        each = told - squares / 2 - searched[:, None] * shape + np.sqrt(np.maximum(squares, 0.0)) * u
-        wrong = np.maximum((left.square_blocks - 2 * told + squares).sum(axis=1), 0.0)
-        log_e = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / (free + wrong), -0.99))
         gain = np.einsum("ri,ij,rj->r", b, left.A, b) / 2 + searched
         settled = size * v + last
         fitted = np.einsum("ri,ij,rj->r", settled, A, settled) > asked
-        weight = weights(squares.mean(axis=0) / 2)
-        agree = (each > 0) @ weight >= enough(weight, alpha)
-        return float(np.mean((log_e > tau) & (gain > tau) & agree & fitted))
+
+        told = np.einsum("ri,ki->rk", b, left.own_blocks)
+        squares = _squares(b, left.A_blocks)
+        each = told - squares / 2 + np.sqrt(squares) * u - searched[:, None] * _share(v, left)
+        wrong = np.maximum((left.square_blocks - 2 * told + squares).sum(axis=1), 0.0)
+        log_e = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / (free + wrong), -0.99))
+        shown = (log_e > tau) & _agree(each, squares, alpha)
+
+        ours = _squares(b, more.A_blocks)
+        ours[:, -1] = np.maximum(ours[:, -1] - _squares(b, left.A[None])[:, 0], 0.0)  # is not new
+        alike = np.sqrt(np.minimum(squares / np.maximum(ours[:, :-1], 1e-300), 1.0))
+        noise = np.column_stack((alike * u + np.sqrt(1 - alike**2) * other, rest))
+        each = np.einsum("ri,ki->rk", b, more.own_blocks) - ours / 2 + np.sqrt(ours) * noise
+        each[:, -1] -= b @ left.own
+        each -= searched[:, None] * _share(v, more)
+        short = (ours / 2 - each)[:, :-1] / np.sqrt(np.maximum(ours[:, :-1], 1e-300))
+        contradicted = (short > scipy.stats.norm.isf(alpha / short.shape[1])).any(axis=1)
+        agree = _agree(each[:, :-1], ours[:, :-1], alpha) & ~contradicted
+        shown |= (each.sum(axis=1) > tau) & agree
+        return float(np.mean(shown & (gain > tau) & fitted))
 
     first = np.sqrt(2 * (tau + 2 * np.sqrt(tau)) / min(whole, float(v @ A @ v)))
     low, high = WIDE[0] * first, WIDE[1] * first
@@ -178,7 +198,23 @@ def seen_from(
     for _ in range(HALVINGS):
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if power(middle) >= POWER else (middle, high)
-    return high
+    return float(np.sqrt(low * high))
+
+
+def _squares(b: np.ndarray, blocks: np.ndarray) -> np.ndarray:
+    """(draws, blocks) b'B_k b."""
+    return np.maximum(np.einsum("ri,kij,rj->rk", b, blocks, b), 0.0)
+
+
+def _share(v: np.ndarray, left: Left) -> np.ndarray:
+    """(blocks,) of what the fitted rows see of v what each block sees."""
+    return np.einsum("i,kij,j->k", v, left.A_blocks, v) / max(float(v @ left.A @ v), 1e-300)
+
+
+def _agree(each: np.ndarray, squares: np.ndarray, alpha: float) -> np.ndarray:
+    """(draws,) whether enough blocks do."""
+    weight = weights(squares.mean(axis=0) / 2)
+    return np.asarray((each > 0) @ weight >= enough(weight, alpha))
 
 
 def _root(A: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ Pure functions over the documents of contract 6, so that a diagnosis can offer t
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,6 +37,26 @@ def split_requests(text: str) -> tuple[str, ...]:
             f"--separate {text}: name two effects, for example stribeck_friction:2,power_law_friction:2."
         )
     return tuple(parts)
+
+
+def counting(document: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """A diagnosis.json whose commands count what its recordings say, at the noise that they have: each reads
+    it from the folder where it is kept."""
+    where = f" --from {shlex.quote(str(folder.resolve()))} --separate "
+
+    def reading(command: str) -> str:
+        return command.replace(" --separate ", where, 1)
+
+    def told(finding: Mapping[str, Any]) -> dict[str, Any]:
+        rivals = [
+            {**its, "separate": reading(its["separate"])} if its.get("separate") else its
+            for its in finding["equivalent"]
+        ]
+        own = finding.get("separate")
+        offer = {"separate": {**own, "command": reading(own["command"])}} if own else {}
+        return {**finding, "equivalent": rivals, **offer}
+
+    return {**document, "findings": [told(finding) for finding in document["findings"]]}
 
 
 @dataclass(frozen=True)

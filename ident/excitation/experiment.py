@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ident.cores import one_blas_thread
 from ident.equations.terms import plain
 from ident.excitation.diagnosed import Diagnosed, split_requests
 from ident.excitation.holding import Holding
@@ -105,6 +106,11 @@ def excite(
 ) -> Experiment:
     """Design (or evaluate) the experiment. Raises IdentError, ModelgenError, GeneratedError."""
     check(request)
+    with one_blas_thread():
+        return _excite(request, progress, stop)
+
+
+def _excite(request: Request, progress: Progress, stop: Callable[[], bool]) -> Experiment:
     progress("loading the model")
     robot = load_robot(request.robot, request.exact)
     bounds = bounds_of(robot, request.limits)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import generated
+from ident.cores import one_blas_thread
 from ident.diagnosis.diagnosis import Diagnosis
 from ident.diagnosis.findings import Finding
 from ident.diagnosis.requests import request_of, robot_of, separable
@@ -36,7 +37,8 @@ DRAWS = 6
 
 def with_offers(diagnosis: Diagnosis) -> Diagnosis:
     """Every finding with the seconds that a motion which tells it from its rivals takes at most."""
-    return replace(diagnosis, findings=tuple(_offered(f, diagnosis) for f in diagnosis.findings))
+    with one_blas_thread():
+        return replace(diagnosis, findings=tuple(_offered(f, diagnosis) for f in diagnosis.findings))
 
 
 def _offered(finding: Finding, diagnosis: Diagnosis) -> Finding:

@@ -8,6 +8,7 @@ import pytest
 from ident.diagnosis.absorbed import dryness, products
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.evidence import weigh
+from ident.diagnosis.in_common import all_rows, given_fitted
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.state import solved, turned
 from ident.diagnosis.terms import Term
@@ -31,17 +32,44 @@ def case(tiny):
     return drawn, extra, rng
 
 
-@pytest.mark.parametrize("shape", [(1.0, 0.0), (0.4, 1.0)])
-def test_95_of_100_are_seen(case, shape):
-    drawn, extra, rng = case
-    v, tau = np.array(shape), threshold(ALPHA)
-    size = seen_from(drawn(rng.normal(size=len(extra))), {0: extra}, v, 0, tau, ALPHA)
-    seen = 0
+def share_seen(drawn, extra, v, size, rng):
+    """Of 300 draws; and the share that the judged rows show by themselves."""
+    tau, seen, alone = threshold(ALPHA), 0, 0
     for _ in range(300):
         m = drawn(rng.normal(size=len(extra)) + size * extra @ v)
         e = weigh(m, {0: extra})
-        seen += e.log_e > tau and e.gain > tau and e.supported(ALPHA)
-    assert seen / 300 == pytest.approx(POWER, abs=0.04)  # three sigma of 300 draws
+        given = given_fitted(m, all_rows(m), {0: extra}, e.sizes).of(e)
+        here = e.log_e > tau and e.supported(ALPHA)
+        there = given.log_e > tau and given.supported(ALPHA) and not given.contradicted(ALPHA)
+        seen += e.gain > tau and (here or there)
+        alone += e.gain > tau and here
+    return seen / 300, alone / 300
+
+
+@pytest.mark.parametrize("shape", [(1.0, 0.0), (0.4, 1.0)])
+def test_95_of_100_are_seen(case, shape):
+    drawn, extra, rng = case
+    v = np.array(shape)
+    size = seen_from(drawn(rng.normal(size=len(extra))), {0: extra}, v, 0, threshold(ALPHA), ALPHA)
+    seen, _ = share_seen(drawn, extra, v, size, rng)
+    assert seen == pytest.approx(POWER, abs=0.04)  # three sigma of 300 draws
+
+
+def test_95_of_100_are_seen_of_what_the_judged_rows_show_given_the_fitted_ones_alone(tiny):
+    """A torque that a parameter of the model answers on either side, each time with another value."""
+    rng = np.random.default_rng(4)
+    base, extra = rng.normal(size=(2400, 3)), rng.normal(size=(2400, 1))
+    fitted = np.arange(2400) < 1200
+    extra[:, 0] = base[:, 0] * np.where(fitted, 0.1, -0.1) + extra[:, 0] * np.where(fitted, 0.1, 0.03)
+
+    def drawn(torque):
+        return tiny["metric"](tiny["rows"](base, torque))
+
+    v = np.ones(1)
+    size = seen_from(drawn(rng.normal(size=2400)), {0: extra}, v, 0, threshold(ALPHA), ALPHA)
+    seen, alone = share_seen(drawn, extra, v, size, rng)
+    assert seen == pytest.approx(POWER, abs=0.04)
+    assert alone < 0.5
 
 
 def test_rounding_does_not_draw_anew():

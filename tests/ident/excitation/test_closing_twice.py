@@ -23,6 +23,9 @@ def test_what_was_one_or_the_other_is_the_true_one_after_the_motion_that_decides
     assert "quadratic_friction" in suspects and len(suspects) > 1
     offer = finding["separate"]
     assert offer["command"].startswith("ident excite") and offer["seconds_as_recorded"] > 0
+    kept = first.document(tmp_path)["findings"][0]  # in a folder, its commands count what was recorded
+    commands = [kept["separate"]["command"], kept["equivalent"][0]["separate"]]
+    assert all(f" --from {tmp_path} --separate " in command for command in commands)
     (said,) = offer["so_far"]  # the run that judged goes on judging
     logs = [finding["evidence"]["log_e"], finding["equivalent"][0]["log_e"]]
     assert said["ahead"] == pytest.approx(logs[0] - logs[1], abs=1.0)
