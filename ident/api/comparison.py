@@ -47,7 +47,7 @@ class Comparison:
         return text_table(header, rows)
 
     def write(self, folder: Path) -> None:
-        from ident.report.writing import write_fits
+        from ident.report.fit_result import write_fits
 
         write_fits(self.results, folder)
 

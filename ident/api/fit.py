@@ -154,7 +154,7 @@ class Fit:
 
     def write(self, folder: Path) -> None:
         """All files of `ident fit` into an existing folder."""
-        from ident.report.writing import write_fit
+        from ident.report.fit_result import write_fit
 
         write_fit(self.result, folder)
 

@@ -148,14 +148,8 @@ def _as_long_as(run: Any, duration: float) -> Any:
     return replace(run, duration=duration, points=points)
 
 
-def _request(item: Any) -> str:
-    """The command's way of writing an effect."""
-    if isinstance(item, str):
+def _request(item: Any) -> Any:
+    """An effect as a line or as a mapping."""
+    if isinstance(item, str) or (isinstance(item, Mapping) and "effect" in item):
         return item
-    if not isinstance(item, Mapping) or "effect" not in item:
-        raise IdentError(
-            f"effects: {item!r} is no effect; write 'stribeck_friction:4' or a mapping with effect:"
-        )
-    options = {key: value for key, value in item.items() if key not in ("effect", "joint")}
-    text = f"{item['effect']}:{item.get('joint', '')}"
-    return f"{text}:{','.join(f'{key}={value}' for key, value in options.items())}" if options else text
+    raise IdentError(f"effects: {item!r} is no effect; write 'stribeck_friction:4' or a mapping with effect:")

@@ -12,14 +12,14 @@ from __future__ import annotations
 import importlib.util
 import math
 from collections.abc import Mapping
-from xml.sax.saxutils import quoteattr
+from xml.etree.ElementTree import Element, SubElement
 
-import numpy as np
+from scipy.spatial.transform import Rotation
 
 from ident.export.bodies import frames
 from ident.export.combination import ExportError
 from ident.export.consistent import Consistent
-from ident.export.urdf import friction_of, inertia_about_centre, joint_name, link_names
+from ident.export.urdf import as_text, friction_of, inertia_about_centre, joint_name, link_names, numbers
 from modelgen.geometry.kinematics import geometry
 from modelgen.geometry.robot import Robot
 
@@ -28,90 +28,48 @@ TIMESTEP = 1e-3  # s, of a robot with delays; buffers last down to half of it
 
 def write_mjcf(robot: Robot, found: Consistent, note: str, delays: Mapping[int, float] | None = None) -> str:
     """The text of the MJCF; checked by MuJoCo where it is installed. `delays`: {joint from 0: s}."""
-    table = geometry(robot)
-    step = f' timestep="{TIMESTEP}"' if delays else ""
-    gravity = " ".join(repr(float(g)) for g in table.gravity)
-    lines = [
-        f"<!-- {note.replace('--', '- -').replace('<', '(').replace('>', ')')} -->",
-        f"<mujoco model={quoteattr(robot.name)}>",
-        '  <compiler angle="radian" autolimits="true"/>',
-        f'  <option gravity="{gravity}"{step}/>',
-        "  <worldbody>",
-        *_bodies(robot, found, 0, "    "),
-        "  </worldbody>",
-        *_motors(robot, delays or {}),
-        "</mujoco>",
-        "",
-    ]
-    text = "\n".join(lines)
+    top = Element("mujoco", model=robot.name)
+    SubElement(top, "compiler", angle="radian", autolimits="true")
+    step = {"timestep": str(TIMESTEP)} if delays else {}
+    SubElement(top, "option", {"gravity": numbers(float(g) for g in geometry(robot).gravity)} | step)
+    bodies = [SubElement(top, "worldbody")]  # by row, the world first
+    names, places = link_names(robot), frames(robot)
+    for j, link in enumerate(robot.links, 1):
+        place = places[j - 1]
+        x, y, z, w = Rotation.from_matrix(place[:3, :3]).as_quat()
+        at = {"pos": numbers(place[:3, 3]), "quat": numbers((w, x, y, z))}
+        bodies.append(SubElement(bodies[link.antecedent], "body", {"name": names[j - 1]} | at))
+        if found.combination.solid[j - 1]:
+            mass, c, J = inertia_about_centre(found.bodies()[j - 1])
+            full = numbers([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
+            SubElement(bodies[j], "inertial", pos=numbers(c), mass=repr(mass), fullinertia=full)
+        if link.sigma != 2:
+            label = robot.joint_labels[robot.moving.index(j)]
+            damping, friction = friction_of(found, label)
+            reach = {"range": numbers(link.limits.q)} if link.limits and link.limits.q else {}
+            kind = {"type": "slide" if link.sigma else "hinge", "axis": "0 0 1"} | reach
+            armature = repr(max(found.value(f"Iam{label}"), 0.0))
+            rubs = {"armature": armature, "damping": repr(damping), "frictionloss": repr(friction)}
+            SubElement(bodies[j], "joint", {"name": joint_name(robot, j)} | kind | rubs)
+    _motors(top, robot, delays or {})
+    text = as_text(top, note)
     check(text)
     return text
 
 
-def _bodies(robot: Robot, found: Consistent, antecedent: int, indent: str) -> list[str]:
-    lines, places = [], frames(robot)
-    for j, link in enumerate(robot.links, 1):
-        if link.antecedent != antecedent:
-            continue
-        place = places[j - 1]
-        lines.append(
-            f'{indent}<body name="{link_names(robot)[j - 1]}" pos="{_numbers(place[:3, 3])}" '
-            f'quat="{_numbers(_quaternion(place[:3, :3]))}">'
-        )
-        if found.combination.solid[j - 1]:
-            lines.append(f"{indent}  {_inertial(found.bodies()[j - 1])}")
-        if link.sigma != 2:
-            label = robot.joint_labels[robot.moving.index(j)]
-            damping, friction = friction_of(found, label)
-            kind = "slide" if link.sigma else "hinge"
-            reach = f' range="{_numbers(link.limits.q)}"' if link.limits and link.limits.q else ""
-            lines.append(
-                f'{indent}  <joint name={quoteattr(joint_name(robot, j))} type="{kind}" axis="0 0 1"{reach} '
-                f'armature="{max(found.value(f"Iam{label}"), 0.0)!r}" damping="{damping!r}" '
-                f'frictionloss="{friction!r}"/>'
-            )
-        lines += [*_bodies(robot, found, j, indent + "  "), f"{indent}</body>"]
-    return lines
-
-
-def _motors(robot: Robot, delays: Mapping[int, float]) -> list[str]:
+def _motors(top: Element, robot: Robot, delays: Mapping[int, float]) -> None:
     """A motor a joint, torque-limited where its limit is known, and sensors of torques that come late."""
-    motors, sensors = [], []
+    motors, sensors = SubElement(top, "actuator"), Element("sensor")
     for k, j in enumerate(robot.moving):
-        name, limits, delay = quoteattr(joint_name(robot, j)), robot.link(j).limits, delays.get(k, 0.0)
-        most = f' ctrlrange="{_numbers([-limits.tau, limits.tau])}"' if limits and limits.tau else ""
+        name, limits, delay = joint_name(robot, j), robot.link(j).limits, delays.get(k, 0.0)
         samples = math.ceil(2 * abs(delay) / TIMESTEP) + 2
-        late = f' delay="{abs(delay)!r}" nsample="{samples}" interp="linear"' if delay else ""
-        motors.append(f"    <motor name={name} joint={name}{most}{late if delay < 0 else ''}/>")
+        late = {"delay": repr(abs(delay)), "nsample": str(samples), "interp": "linear"} if delay else {}
+        most = {"ctrlrange": numbers([-limits.tau, limits.tau])} if limits and limits.tau else {}
+        SubElement(motors, "motor", {"name": name, "joint": name} | most | (late if delay < 0 else {}))
         if delay > 0:
-            sensors.append(f"    <jointactuatorfrc name={name} joint={name}{late}/>")
-    measured = ["  <sensor>", *sensors, "  </sensor>"] if sensors else []
-    return ["  <actuator>", *motors, "  </actuator>", *measured]
-
-
-def _inertial(phi: np.ndarray) -> str:
-    mass, c, J = inertia_about_centre(phi)
-    full = _numbers([J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[0, 2], J[1, 2]])
-    return f'<inertial pos="{_numbers(c)}" mass="{mass!r}" fullinertia="{full}"/>'
-
-
-def _numbers(values: object) -> str:
-    return " ".join(repr(float(v) + 0.0) for v in values)  # type: ignore[attr-defined]
-
-
-def _quaternion(R: np.ndarray) -> np.ndarray:
-    """(w, x, y, z) of a rotation, from the eigenvector of Bar-Itzhack's matrix (exact at every angle)."""
-    K = np.array(
-        [
-            [R[0, 0] - R[1, 1] - R[2, 2], R[0, 1] + R[1, 0], R[0, 2] + R[2, 0], R[2, 1] - R[1, 2]],
-            [0, R[1, 1] - R[0, 0] - R[2, 2], R[1, 2] + R[2, 1], R[0, 2] - R[2, 0]],
-            [0, 0, R[2, 2] - R[0, 0] - R[1, 1], R[1, 0] - R[0, 1]],
-            [0, 0, 0, R[0, 0] + R[1, 1] + R[2, 2]],
-        ]
-    )
-    _, vectors = np.linalg.eigh(K, UPLO="U")
-    x, y, z, w = vectors[:, -1]
-    return np.array([w, x, y, z])
+            SubElement(sensors, "jointactuatorfrc", {"name": name, "joint": name} | late)
+    if len(sensors):
+        top.append(sensors)
 
 
 def check(text: str) -> None:

@@ -8,7 +8,8 @@ not point along -z of the base turns the first link, since a URDF has no gravity
 
 from __future__ import annotations
 
-from xml.sax.saxutils import escape
+from collections.abc import Iterable
+from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 
@@ -22,49 +23,40 @@ UNKNOWN = 1e6  # a limit that the robot file does not state
 
 def write_urdf(robot: Robot, found: Consistent, note: str) -> str:
     """The text of the URDF. `note` is a comment: where the numbers are from."""
-    table = geometry(robot)
-    turn = _upright(np.array([float(g) for g in table.gravity]))
-    lines = [
-        '<?xml version="1.0"?>',
-        f"<!-- {escape(note).replace('--', '- -')} -->",
-        f'<robot name="{escape(robot.name)}">',
-    ]
-    upright = np.allclose(turn, np.eye(3), atol=1e-12)
-    if not upright:
-        lines += [
-            '  <link name="world"/>',
-            '  <joint name="world_to_base" type="fixed">',
-            f"    {_origin(turn, np.zeros(3))}",
-            '    <parent link="world"/>',
-            '    <child link="base"/>',
-            "  </joint>",
-        ]
-    lines.append('  <link name="base"/>')
+    turn = _upright(np.array([float(g) for g in geometry(robot).gravity]))
+    top = Element("robot", name=robot.name)
+    if not np.allclose(turn, np.eye(3), atol=1e-12):
+        SubElement(top, "link", name="world")
+        _joint(top, "world_to_base", "fixed", turn, np.zeros(3), ("world", "base"))
+    SubElement(top, "link", name="base")
     names, places = ["base", *link_names(robot)], frames(robot)
     for j, link in enumerate(robot.links, 1):
-        place = places[j - 1]
-        solid = found.combination.solid[j - 1]
-        lines += _link(names[j], found.bodies()[j - 1]) if solid else [f'  <link name="{names[j]}"/>']
+        body, place = SubElement(top, "link", name=names[j]), places[j - 1]
+        if found.combination.solid[j - 1]:
+            body.append(inertial(found.bodies()[j - 1]))
         kind = "fixed" if link.sigma == 2 else ("prismatic" if link.sigma else "revolute")
-        lines.append(f'  <joint name="{joint_name(robot, j)}" type="{kind}">')
-        lines.append(f"    {_origin(place[:3, :3], place[:3, 3])}")
-        lines.append(f'    <parent link="{names[link.antecedent]}"/>')
-        lines.append(f'    <child link="{names[j]}"/>')
+        ends = (names[link.antecedent], names[j])
+        joint = _joint(top, joint_name(robot, j), kind, place[:3, :3], place[:3, 3], ends)
         if link.sigma != 2:
-            label = robot.joint_labels[robot.moving.index(j)]
-            damping, friction = friction_of(found, label)
-            lines.append('    <axis xyz="0 0 1"/>')
-            lines.append(f"    {_limits(link.limits, link.sigma)}")
-            lines.append(f'    <dynamics damping="{damping!r}" friction="{friction!r}"/>')
-        lines.append("  </joint>")
-    return "\n".join([*lines, "</robot>", ""])
+            damping, friction = friction_of(found, robot.joint_labels[robot.moving.index(j)])
+            SubElement(joint, "axis", xyz="0 0 1")
+            SubElement(joint, "limit", _limits(link.limits, link.sigma))
+            SubElement(joint, "dynamics", damping=repr(damping), friction=repr(friction))
+    return as_text(top, note)
+
+
+def as_text(top: Element, note: str) -> str:
+    """XML with a first comment."""
+    top.insert(0, Comment(f" {note.replace('--', '- -')} "))
+    indent(top)
+    return '<?xml version="1.0"?>\n' + tostring(top, encoding="unicode") + "\n"
 
 
 def link_names(robot: Robot) -> list[str]:
     """Unique names of the rows' links."""
     given = [link.name or f"link{j}" for j, link in enumerate(robot.links, 1)]
     fine = len(set(given)) == len(given) and not {"base", "world"} & set(given)
-    return [escape(name) for name in given] if fine else [f"link{j}" for j in range(1, len(given) + 1)]
+    return given if fine else [f"link{j}" for j in range(1, len(given) + 1)]
 
 
 def joint_name(robot: Robot, j: int) -> str:
@@ -72,7 +64,7 @@ def joint_name(robot: Robot, j: int) -> str:
     if j not in robot.moving:
         return f"fixed{j}"
     names = robot.joint_names if len(set(robot.joint_names)) == robot.n else robot.variables
-    return escape(names[robot.moving.index(j)])
+    return names[robot.moving.index(j)]
 
 
 def friction_of(found: Consistent, label: str) -> tuple[float, float]:
@@ -94,35 +86,28 @@ def inertia_about_centre(phi: np.ndarray) -> tuple[float, np.ndarray, np.ndarray
     return M, c, about_origin - M * (c @ c * np.eye(3) - np.outer(c, c))
 
 
-def _link(name: str, phi: np.ndarray) -> list[str]:
+def inertial(phi: np.ndarray) -> Element:
+    """<inertial> of standard parameters (10,)."""
     mass, c, inertia = inertia_about_centre(phi)
-    terms = " ".join(
-        f'{key}="{float(inertia[a, b])!r}"'
-        for key, a, b in (
-            ("ixx", 0, 0),
-            ("ixy", 0, 1),
-            ("ixz", 0, 2),
-            ("iyy", 1, 1),
-            ("iyz", 1, 2),
-            ("izz", 2, 2),
-        )
-    )
-    return [
-        f'  <link name="{name}">',
-        "    <inertial>",
-        f"      {_origin(np.eye(3), c)}",
-        f'      <mass value="{mass!r}"/>',
-        f"      <inertia {terms}/>",
-        "    </inertial>",
-        "  </link>",
-    ]
+    element = Element("inertial")
+    SubElement(element, "origin", xyz=numbers(c), rpy="0 0 0")
+    SubElement(element, "mass", value=repr(mass))
+    SubElement(element, "inertia", {f"i{a}{b}": repr(float(inertia["xyz".index(a), "xyz".index(b)]))
+                                    for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")})  # fmt: skip
+    return element
 
 
-def _origin(R: np.ndarray, p: np.ndarray) -> str:
-    return f'<origin xyz="{_three(p)}" rpy="{_three(roll_pitch_yaw(R))}"/>'
+def _joint(
+    top: Element, name: str, kind: str, R: np.ndarray, p: np.ndarray, ends: tuple[str, str]
+) -> Element:
+    joint = SubElement(top, "joint", name=name, type=kind)
+    SubElement(joint, "origin", xyz=numbers(p), rpy=numbers(roll_pitch_yaw(R)))
+    SubElement(joint, "parent", link=ends[0])
+    SubElement(joint, "child", link=ends[1])
+    return joint
 
 
-def _three(values: np.ndarray) -> str:
+def numbers(values: Iterable[float]) -> str:
     return " ".join(repr(float(v) + 0.0) for v in values)
 
 
@@ -148,10 +133,10 @@ def _upright(gravity: np.ndarray) -> np.ndarray:
     return np.eye(3) + K + K @ K / (1 + c)
 
 
-def _limits(limits: Limits | None, sigma: int) -> str:
+def _limits(limits: Limits | None, sigma: int) -> dict[str, str]:
     reach = 100.0 if sigma else 2 * np.pi * 100
     low, high = (limits.q if limits and limits.q else None) or (-reach, reach)
     effort = limits.tau if limits and limits.tau else UNKNOWN
     speed = limits.dq if limits and limits.dq else UNKNOWN
     values = {"lower": low, "upper": high, "effort": effort, "velocity": speed}
-    return "<limit " + " ".join(f'{key}="{float(value)!r}"' for key, value in values.items()) + "/>"
+    return {key: repr(float(value)) for key, value in values.items()}

@@ -13,8 +13,8 @@ import numpy as np
 
 from ident.export.bodies import body, pseudo
 from ident.export.consistent import Consistent
-from ident.export.urdf import friction_of, inertia_about_centre
-from modelgen.geometry.urdf import Conversion, convert
+from ident.export.urdf import as_text, friction_of, inertial
+from modelgen.geometry.urdf import convert
 
 
 def fill_urdf(data: bytes, source: str, found: Consistent, note: str, exact: bool = False) -> str:
@@ -28,15 +28,17 @@ def fill_urdf(data: bytes, source: str, found: Consistent, note: str, exact: boo
         for name, _ in its.links:
             for old in links[name].findall("inertial"):
                 links[name].remove(old)
-        links[its.link].insert(0, _inertial(found.bodies()[its.row - 1], conversion, its.row))
+        T = np.eye(4)
+        T[:3, :3] = [[float(v) for v in line] for line in its.frame.R]
+        T[:3, 3] = [float(v) for v in its.frame.p]
+        P = T @ pseudo(found.bodies()[its.row - 1]) @ T.T  # in the axes of the link that its joint moves
+        links[its.link].insert(0, inertial(body(P)))
         damping, friction = friction_of(found, label)
         joint = joints[its.joint]
         for old in joint.findall("dynamics"):
             joint.remove(old)
         ElementTree.SubElement(joint, "dynamics", damping=repr(damping), friction=repr(friction))
-    top.insert(0, ElementTree.Comment(f" {note.replace('--', '- -')} "))
-    ElementTree.indent(top)
-    return '<?xml version="1.0"?>\n' + ElementTree.tostring(top, encoding="unicode") + "\n"
+    return as_text(top, note)
 
 
 def _as_written(data: bytes) -> ElementTree.Element:
@@ -48,18 +50,3 @@ def _as_written(data: bytes) -> ElementTree.Element:
     parser.CharacterDataHandler, parser.CommentHandler = tree.data, tree.comment
     parser.Parse(data, True)
     return tree.close()
-
-
-def _inertial(phi: np.ndarray, conversion: Conversion, row: int) -> ElementTree.Element:
-    """<inertial> of row `row`'s body in the axes of the link that its joint moves."""
-    frame = next(its.frame for its in conversion.bodies if its.row == row)
-    T = np.eye(4)
-    T[:3, :3] = [[float(v) for v in line] for line in frame.R]
-    T[:3, 3] = [float(v) for v in frame.p]
-    mass, c, inertia = inertia_about_centre(body(T @ pseudo(phi) @ T.T))
-    element = ElementTree.Element("inertial")
-    ElementTree.SubElement(element, "origin", xyz=" ".join(repr(float(v)) for v in c), rpy="0 0 0")
-    ElementTree.SubElement(element, "mass", value=repr(mass))
-    keys = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    ElementTree.SubElement(element, "inertia", {key: repr(float(inertia[at])) for key, at in keys.items()})
-    return element

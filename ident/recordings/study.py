@@ -33,7 +33,7 @@ from pydantic import (
 )
 
 from ident.errors import StudyError
-from ident.recordings import study_checks
+from ident.recordings import effect_text, study_checks
 from ident.recordings.fill_in import refuse_marks
 from ident.signals.dry_friction import TurnOver
 from modelgen.errors import ModelgenError, shortened
@@ -254,7 +254,7 @@ class Study(_Strict):
     def _short_effects(cls, effects: Any) -> Any:
         if not isinstance(effects, (list, tuple)):
             return effects
-        return tuple(_expand_effect(item) if isinstance(item, str) else item for item in effects)
+        return tuple(effect_text.keys_of(item) if isinstance(item, str) else item for item in effects)
 
     @field_validator("joints")
     @classmethod
@@ -419,31 +419,6 @@ def _expand_columns(columns: Any) -> Any:
             for key, value in columns.items()
         }
     return columns
-
-
-def _expand_effect(text: str) -> dict[str, Any]:
-    """ "torque_ripple:4:wavenumber=200,fixed=wavenumber" -> its mapping. `fixed` joins several with +."""
-    name, _, rest = text.partition(":")
-    joint, _, options = rest.partition(":")
-    if "=" in joint and not options:  # base_tilt:roll=0.02
-        joint, options = "", joint
-    out: dict[str, Any] = {"effect": name}
-    if joint:
-        out["joint"] = int(joint) if joint.isdigit() else joint
-    for option in filter(None, options.split(",")):
-        key, equals, value = option.partition("=")
-        if not equals or key in out:
-            raise ValueError(f"{text!r}: {option!r} is not KEY=VALUE, or the key is there twice")
-        if key == "fixed":
-            out[key] = tuple(value.split("+"))
-        elif key in ("side", "recording"):
-            out[key] = value
-        else:
-            try:
-                out[key] = int(value) if key in ("source_joint", "link") else float(value)
-            except ValueError:
-                raise ValueError(f"{text!r}: {value!r} is no number; write {key}=NUMBER") from None
-    return out
 
 
 def _did_you_mean(name: str, known: tuple[str, ...] | list[str]) -> str:

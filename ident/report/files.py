@@ -279,11 +279,3 @@ def write_into(result: FitResult, folder: Path, *, plots: bool = True) -> None:
         from ident.report import fit_plots as drawing
 
         drawing.draw_all(result, folder / "plots")
-
-
-def write_comparison(results: Mapping[str, FitResult], folder: Path, *, plots: bool = True) -> None:
-    """Into an existing folder: one sub-folder per model and the parameter table across them (Table II)."""
-    for model, result in results.items():
-        (folder / model).mkdir()
-        write_into(result, folder / model, plots=plots)
-    write_csv(folder / "comparison.csv", comparison_table(results))

@@ -2,16 +2,17 @@
 
 from collections.abc import Mapping
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ident.estimation.fit import FitResult
-from ident.report.files import comparison_table, fit_document
+from ident.report.files import comparison_table, fit_document, write_csv, write_into
 from ident.report.fit_report import SHOWN, Curve, fit_page
 from ident.report.joints import names_of, page_with_names
 from ident.report.page import Cell, Column, Panel, Plot, ReportPage, Section, Table, Trace
-from ident.report.render import render
+from ident.report.render import render, write
 from ident.report.wording import number, percent
 
 
@@ -32,6 +33,21 @@ def page_of(result: FitResult, document: Mapping[str, Any]) -> ReportPage:
         footer=f"dynident {version('dynident')}. Numbers for programs are in fit.json beside this file.",
     )
     return page_with_names(page, names_of(document))
+
+
+def write_fit(result: FitResult, folder: Path) -> None:
+    """All files of a fit into an existing folder: fit.json, tables, plots/, report.html."""
+    write_into(result, folder)
+    write(page_of(result, fit_document(result)), folder / "report.html")
+
+
+def write_fits(results: Mapping[str, FitResult], folder: Path) -> None:
+    """Into an existing folder: one a model, the parameter table across them (Table II), report.html."""
+    for model, result in results.items():
+        (folder / model).mkdir()
+        write_fit(result, folder / model)
+    write_csv(folder / "comparison.csv", comparison_table(results))
+    write(comparison_page(results), folder / "report.html")
 
 
 def curves_of(result: FitResult, document: Mapping[str, Any]) -> tuple[Curve, ...]:

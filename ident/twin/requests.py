@@ -11,8 +11,10 @@ base_tilt                               acts on the whole robot, so no joint
 import difflib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from ident.errors import IdentError
+from ident.recordings.effect_text import keys_of
 from modelgen.effects import Effect, catalogue
 from modelgen.geometry.robot import Robot
 
@@ -35,41 +37,41 @@ class EffectRequest:
     link: int | None = None  # row of the robot file
 
 
-def parse_effect(text: str, robot: Robot) -> EffectRequest:
-    """Read one request. Raises EffectRequestError: what is wrong and what would be right."""
-    name, _, rest = text.partition(":")
-    joint_text, _, values_text = rest.partition(":")
-    if "=" in joint_text and not values_text:  # base_tilt:roll=0.02
-        joint_text, values_text = "", joint_text
-    known = catalogue()
+def parse_effect(asked: str | Mapping[str, Any], robot: Robot) -> EffectRequest:
+    """Read one request, a line or a mapping as in a study. Raises EffectRequestError: what is wrong and what
+    would be right."""
+    try:
+        given = keys_of(asked) if isinstance(asked, str) else dict(asked)
+    except ValueError as error:
+        raise EffectRequestError(f"--effect {error}") from None
+    text, name, known = asked if isinstance(asked, str) else str(given), str(given.pop("effect")), catalogue()
     if name not in known:
         close = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
         hint = f"did you mean {close[0]}?" if close else f"the effects are {', '.join(known)}."
         raise EffectRequestError(f"--effect {text}: no effect is called {name!r}; {hint}")
     effect = known[name]
-    given = _values(text, values_text)
-    source_text = given.pop("source_joint", None)
-    recording = given.pop("recording", None) if effect.windowed else None
-    window = {key: given.pop(key) for key in ("from", "to") if effect.windowed and key in given}
-    link = given.pop("link", None) if effect.on_link else None
+    joint, source = given.pop("joint", ""), given.pop("source_joint", None)
+    beside = [
+        *(["recording", "from", "to"] if effect.windowed else []),
+        *(["link"] if effect.on_link else []),
+    ]
+    window = {key: given.pop(key) for key in beside if key in given}
     allowed = [quantity.name for quantity in effect.quantities]
     for key in given:
         if key not in allowed:
-            extra = ["recording", "from", "to"] if effect.windowed else []
-            extra += ["link"] if effect.on_link else []
-            extra += ["source_joint"] if effect.joints == "pair" else []
+            more = [*beside, *(["source_joint"] if effect.joints == "pair" else [])]
             raise EffectRequestError(
-                f"--effect {text}: {name} has no parameter {key!r}; it has {', '.join(allowed + extra)}."
+                f"--effect {text}: {name} has no parameter {key!r}; it has {', '.join(allowed + more)}."
             )
     return EffectRequest(
         effect=effect,
-        joint=_joint(text, effect, joint_text, robot),
-        source_joint=_source(text, effect, joint_text, source_text, robot),
+        joint=_joint(text, effect, str(joint), robot),
+        source_joint=_source(text, effect, str(joint), None if source is None else str(source), robot),
         values={key: _number(text, key, value) for key, value in given.items()},
-        recording=recording,
+        recording=window.get("recording"),
         start=_number(text, "from", window["from"]) if "from" in window else None,
         stop=_number(text, "to", window["to"]) if "to" in window else None,
-        link=_link(text, link, robot) if link is not None else None,
+        link=_link(text, str(window["link"]), robot) if "link" in window else None,
     )
 
 
@@ -81,28 +83,10 @@ def _link(text: str, link: str, robot: Robot) -> int:
     return int(link)
 
 
-def _values(text: str, values: str) -> dict[str, str]:
-    found: dict[str, str] = {}
-    for part in filter(None, values.split(",")):
-        key, equals, value = (piece.strip() for piece in part.partition("="))
-        if not equals or not key or not value:
-            raise EffectRequestError(
-                f"--effect {text}: {part!r} is not param=value; write for example k=3000."
-            )
-        found[key] = value
-    return found
-
-
-def _number(text: str, key: str, value: str) -> float:
-    try:
-        number = float(value)
-    except ValueError:
-        number = float("nan")
-    if not abs(number) < 1e12:
-        raise EffectRequestError(
-            f"--effect {text}: {key}={value} is not a number; use SI units, such as {key}=0.1."
-        )
-    return number
+def _number(text: str, key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e12:
+        raise EffectRequestError(f"--effect {text}: {key}={value} is no number; use SI units, as {key}=0.1.")
+    return float(value)
 
 
 def _joint(text: str, effect: Effect, joint: str, robot: Robot) -> int | None:
