@@ -111,10 +111,10 @@ def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]
     return f"columns: {{{', '.join(parts)}}}"
 
 
-def listed(items: Iterable[object], most: int = 8) -> str:
-    """1, 2, 3; cut after `most`."""
+def listed(items: Iterable[object]) -> str:
+    """1, 2, 3; cut after eight."""
     texts = [str(item) for item in items]
-    return ", ".join(texts[:most]) + (" ..." if len(texts) > most else "")
+    return ", ".join(texts[:8]) + (" ..." if len(texts) > 8 else "")
 
 
 def turned_sign(names: tuple[str, ...], message: str, maps: Mapping[str, Any]) -> Check:

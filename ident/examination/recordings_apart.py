@@ -64,9 +64,9 @@ class Apart:
         """(C,) errors of its torques as they would be."""
         return np.sqrt(shares_left(sample, self.chi).sum(axis=0))
 
-    def explains(self, sample: Sample, every: bool = True) -> bool:
-        """Whether all odd channels (or all there are) are then as elsewhere."""
-        live = [c for c in range(len(self.error)) if np.isfinite(self.error[c])] if every else list(self.odd)
+    def explains(self, sample: Sample) -> bool:
+        """Whether all channels are then as elsewhere."""
+        live = np.isfinite(self.error)
         most = np.fmin(np.fmax(AS_OTHERS * self.expected, ENOUGH), EXPLAINED)
         most = np.fmax(most, np.where(np.isin(np.arange(len(most)), self.odd), 0.0, 1.1 * self.error))
         left, odd = self.left(sample), list(self.odd)

@@ -44,7 +44,6 @@ class Consistent:
     x: np.ndarray
     chi: np.ndarray
     exact: bool
-    prior: np.ndarray  # (links, 4, 4)
     prior_is: str
     measured: np.ndarray
     std: np.ndarray
@@ -108,9 +107,7 @@ def consistent(fit: SavedFit, robot: Robot) -> Consistent:
     measured, std = _resolution(program, x)
     rise, of_physics = (program.rise(v, full) for v in (chi, c.G @ possible))
     findings = _findings(fit, c, c.G @ possible, of_physics)
-    return Consistent(
-        c, x, chi, exact is not None, prior, prior_is, measured, std, rise, of_physics, findings
-    )
+    return Consistent(c, x, chi, exact is not None, prior_is, measured, std, rise, of_physics, findings)
 
 
 def _prior(fit: SavedFit, robot: Robot, c: Combination) -> tuple[np.ndarray, str]:

@@ -2,7 +2,7 @@
 
 `open_recordings(study, joints, need)` opens every recording of a study and surveys it once (time stamps,
 gaps, repeats, rest, units). `RecordingStream.segments()` then yields its uninterrupted stretches as blocks
-of uniform samples, however long the log is; `RecordingStream.load()` holds them whole as `Recording` values.
+of uniform samples, however long the log is.
 
 What is wrong with a table is found on the way and said as `checks` (examination/): mended, warned of, or
 refused. What is only done and noted (`notes`): rows whose time stamp repeats, rows that repeat the previous

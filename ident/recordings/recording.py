@@ -1,8 +1,7 @@
 """One run as a value: where its samples stand, which stretches it has, and its blocks of uniform samples.
 
 `RecordingStream.segments()` yields the uninterrupted stretches of a surveyed recording as blocks of uniform
-samples, however long the log is; `RecordingStream.load()` holds them whole as `Recording` values. Opening and
-surveying are `opening.py`'s.
+samples, however long the log is. Opening and surveying are `opening.py`'s.
 """
 
 from __future__ import annotations
@@ -52,28 +51,6 @@ class Survey:
     gap_s: float  # intervals longer than this split
     missing_rows: int  # shorter holes that interpolation crosses
     mending: Mending = NOTHING  # what replaces samples that are no measurement
-
-
-@dataclass(frozen=True, slots=True)
-class Recording:
-    """One segment held whole: t (N,) [s] uniform, q (N, n) [rad|m], torques (N, n) [N m|N] or None.
-
-    tau_m is in drive units where the drive gains are identified. label is unique in a study; index counts the
-    segments of one file.
-    """
-
-    label: str
-    role: Role
-    payload: str | None
-    t: np.ndarray
-    q: np.ndarray
-    tau_m: np.ndarray | None
-    tau_l: np.ndarray | None
-    rate_hz: float
-    index: int = 0
-    move_start: float = -np.inf
-    move_end: float = np.inf
-    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,30 +121,6 @@ class RecordingStream:
     def weight(self, values: np.ndarray) -> np.ndarray:
         """(N, n) of a block, bool: where the joint's torque and all positions are measurements."""
         return np.abs(values[:, -len(self.need.joints) :] - 1.0) < 1e-6
-
-    def load(self) -> list[Recording]:
-        """The whole recording in memory, one value per segment."""
-        out = []
-        for index, (segment, blocks) in enumerate(self.segments()):
-            values = np.concatenate(list(blocks))
-            q, motor, sensor = self.split(values)
-            out.append(
-                Recording(
-                    self.label,
-                    self.role,
-                    self.payload,
-                    segment.start + np.arange(len(q)) / self.rate_hz,
-                    q,
-                    motor,
-                    sensor,
-                    self.rate_hz,
-                    index,
-                    segment.move_start,
-                    segment.move_end,
-                    self.notes,
-                )
-            )
-        return out
 
 
 def raw_blocks(stream: RecordingStream) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:

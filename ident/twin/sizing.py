@@ -17,15 +17,12 @@ from modelgen.effects.place import Layout, Place
 from modelgen.effects.scaling import metres_per_radian, radian_power
 
 
-def activate(
-    request: EffectRequest, twin: Twin, model: str, motions: Mapping[str, Motion], share: float | None = None
-) -> ActiveEffect:
+def activate(request: EffectRequest, twin: Twin, model: str, motions: Mapping[str, Motion]) -> ActiveEffect:
     """Give a request all its numbers. The user's stand; the effect's size is set if he did not fix it.
 
     `motions`: the runs that the study fits, by label.
     """
-    effect = request.effect
-    share = share or effect.share
+    effect, share = request.effect, request.effect.share
     place = placed(request, twin.robot, model)  # refuses what the study could not show
     values, context = _usual(request, place, twin, model)
     active = _active(request, place, values, context)

@@ -107,13 +107,16 @@ def _references(prepared: Prepared, stream: RecordingStream, entry: RecordingEnt
     mapped = entry.model_copy(update={"columns": columns})
     told = open_recording(asked, mapped, need, prepared.columns.model.prismatic)
     out = []
-    for segment in told.load():
-        low = LowPass(study.filter.position_cutoff_hz, segment.rate_hz, study.filter.order)
-        q = zero_phase(segment.q, segment.rate_hz, low.cutoff_hz, low.order)
+    rate_hz = told.rate_hz
+    low = LowPass(study.filter.position_cutoff_hz, rate_hz, study.filter.order)
+    every = max(int(rate_hz / (SAMPLES * low.cutoff_hz)), 1)
+    for segment, blocks in told.segments():
+        q, _, _ = told.split(np.concatenate(list(blocks)))
+        t = segment.start + np.arange(len(q)) / rate_hz
+        q = zero_phase(q, rate_hz, low.cutoff_hz, low.order)
         q = np.vstack([q[:1], q[:1], q, q[-1:], q[-1:]])
-        every = max(int(segment.rate_hz / (SAMPLES * low.cutoff_hz)), 1)
-        dq, ddq = first_difference(q, segment.rate_hz), second_difference(q, segment.rate_hz)
-        out.append(Motion(segment.t[::every], q[2:-2][::every], dq[::every], ddq[::every]))
+        dq, ddq = first_difference(q, rate_hz), second_difference(q, rate_hz)
+        out.append(Motion(t[::every], q[2:-2][::every], dq[::every], ddq[::every]))
     if len(out) != len(stream.survey.segments):
         raise StudyError(
             str(study.file),
