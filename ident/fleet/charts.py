@@ -37,6 +37,16 @@ def threshold(run_length: float) -> float:
     return max(u / (2 * SLACK) - 1.166, 0.0)
 
 
+def delay(limit: float, shift: float) -> float:
+    """Observations until a one-sided CUSUM with this threshold sees a step of `shift` standard deviations,
+    in the mean and after a long past (Siegmund, as above): a short one goes on learning from the step.
+
+    (e^(-2 m b) + 2 m b - 1) / (2 m^2), m = shift - k, b = h + 1.166.
+    """
+    b, m = limit + 1.166, shift - SLACK
+    return b**2 if m == 0 else (math.exp(-2 * m * b) + 2 * m * b - 1) / (2 * m**2)
+
+
 @dataclass(frozen=True, slots=True)
 class Charts:
     """B charts over K instants: level (K, B) of the larger side, sign (K, B) of that side, since (K, B) the

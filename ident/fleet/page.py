@@ -6,6 +6,7 @@ from importlib.metadata import version
 
 import numpy as np
 
+from ident.fleet.charts import delay
 from ident.fleet.fleet import Fleet
 from ident.fleet.trends import ALARM, WATCH, Trends
 from ident.report.page import Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
@@ -38,10 +39,13 @@ def page(fleet: Fleet) -> ReportPage:
 
 
 def rates(found: Trends) -> str:
-    """The false alarms that the thresholds stand for."""
+    """The false alarms that the thresholds stand for, and how late they see a step."""
+    late = [f"{delay(limit, 1):.0f} or {delay(limit, 2):.0f}" for limit in (found.alarm, found.watch)]
     return (
         f"A change is an alarm at {ALARM:g} false alarms in a year of the whole fleet, and worth a look at "
-        f"{WATCH:g} in a robot-year, for {found.a_year:.0f} observations of a robot in a year."
+        f"{WATCH:g} in a robot-year, for {found.a_year:.0f} observations of a robot in a year. A joint whose "
+        "friction steps by one or two standard deviations of an observation, after a long quiet past, is an "
+        f"alarm after {late[0]} observations in the mean and worth a look after {late[1]}."
     )
 
 

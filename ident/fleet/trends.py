@@ -76,7 +76,8 @@ class Change:
 @dataclass(frozen=True, slots=True)
 class Trends:
     """changes, strongest first; friction (robots, days, joints) at the usual speed, level (robots, days,
-    joints) of the charts over the threshold of an alarm; rates per robot-year and fleet-year."""
+    joints) of the charts over the threshold of an alarm; thresholds of an alarm and of what is worth a look;
+    rates per robot-year and fleet-year."""
 
     robots: tuple[str, ...]
     days: tuple[str, ...]
@@ -86,6 +87,8 @@ class Trends:
     level: np.ndarray
     error_percent: np.ndarray  # (robots, days)
     a_year: float  # observations of a robot
+    alarm: float
+    watch: float
     odd: tuple[tuple[str, str, float], ...]  # robot, joint, how far from its sisters (robust deviations)
 
 
@@ -115,7 +118,9 @@ def trends(
             changes += _changes(found, robots, days, joint, [parameters[k] for k in its], watch, alarm)
     changes.sort(key=lambda change: (-change.strength, change.robot, change.joint))
     odd = _odd_ones(friction, robots, joints)
-    return Trends(robots, days, tuple(joints), tuple(changes), friction, level, error, a_year, odd)
+    return Trends(
+        robots, days, tuple(joints), tuple(changes), friction, level, error, a_year, alarm, watch, odd
+    )
 
 
 def _own(parameters: Sequence[str], joint: str) -> list[int]:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ident.fleet.charts import charts, threshold
+from ident.fleet.charts import charts, delay, threshold
 from ident.fleet.trends import trends
 
 sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))
@@ -39,6 +39,21 @@ def test_a_step_is_found_soon_and_dated():
     assert np.median(late) - 100 < 12
     since = found.since[first, np.arange(len(first))]
     assert abs(np.median(since) - 100) <= 2
+
+
+def test_the_stated_delay_is_the_published_one_and_the_charts_own():
+    # Montgomery, Introduction to Statistical Quality Control, table of mean run lengths for k = 1/2
+    published = {(4, 1.0): 8.38, (4, 2.0): 3.34, (5, 1.0): 10.4, (5, 2.0): 4.01}
+    for (h, shift), mean in published.items():
+        assert delay(h, shift) == pytest.approx(mean, rel=0.05)
+    rng = np.random.default_rng(2)
+    K, B = 900, 600
+    y = rng.normal(size=(K, B))
+    y[800:] += 1.0
+    level = charts(y, np.ones((K, B, 1)), np.ones((K, B))).level
+    quiet = level[780:800].max(axis=0) < 8
+    late = 1 + np.argmax(level[800:, quiet] > 8, axis=0)
+    assert late.mean() == pytest.approx(delay(8, 1.0), rel=0.15)
 
 
 def test_a_missing_day_changes_nothing():
