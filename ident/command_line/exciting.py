@@ -128,7 +128,7 @@ def excite(
     header, rows = writing.parameter_rows(done)
     told = [row for row in rows if row[3]] or rows
     worst = sorted(told, key=lambda row: -float(row[3] or row[2]))[:SHOWN]
-    print_table("expected to be known least", header, worst, numbers=(1, 2, 3))
+    print_table("expected to be known least", header, worst)
     for sentence in writing.sentences(done):
         print(sentence)
     print(f"wrote {output / 'report.html'}")

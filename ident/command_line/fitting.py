@@ -4,7 +4,7 @@ import shlex
 from typing import Annotated
 
 from ident.command_line.app import Output, Overwrite, Study, Verbose, app, option
-from ident.command_line.terminal import progress_bar, say_checks, say_notes, say_warnings, show
+from ident.command_line.terminal import print_table, progress_bar, say_checks, say_notes, say_warnings
 
 
 @app.command(
@@ -49,7 +49,7 @@ def fit(
     say_notes(note for each in result.fits.values() for note in each.result.columns.model.notes)
     say_checks(*documents.values())
     for title, header, rows in result.tables():
-        show(title, *with_names(header, rows, names))
+        print_table(title, *with_names(header, rows, names))
     checks = [check_sentence(check) for document in documents.values() for check in document["checks"]]
     warnings = [text for text in result.warnings if not any(told.endswith(text) for told in checks)]
     say_warnings([named(text, names) for text in warnings])
@@ -101,7 +101,7 @@ def diagnose(
         print(named(text, names))
     for text in dict.fromkeys(remedies):
         print(text)
-    show("error in percent", *with_names(*before_and_after(document), names))
+    print_table("error in percent", *with_names(*before_and_after(document), names))
     say_warnings([named(text, names) for text in diagnosis.result.notes])
     if any(f["equivalent"] for f in document["findings"]):
         from ident.diagnosis.requests import robot_of

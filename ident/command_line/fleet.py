@@ -82,7 +82,7 @@ def fleet(
     rows = [(c.robot, c.joint, c.level, f"{c.percent:+.0f}", c.since, c.day) for c in changes]
     header = ("robot", "joint", "level", "friction %", "since", "seen on")
     if rows:
-        print_table("what changed", header, rows, numbers=(3,))
+        print_table("what changed", header, rows)
     used, robots = len(done.summaries), len(done.robots)
     print(
         f"{used} of {len(done.jobs)} recordings of {robots} robots; {WATCH:g} watch a robot-year is chance\n"

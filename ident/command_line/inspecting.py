@@ -69,15 +69,15 @@ def inspect(
     if found := shown.remarks(inspection):
         study += "# What was found in the recordings:\n" + "".join(f"#   {text}\n" for text, _ in found)
     header, rows = shown.log_rows(inspection)
-    print_table("recordings", header, rows, numbers=range(1, len(header)))
+    print_table("recordings", header, rows)
     for log in inspection.logs:
         header, rows = shown.column_rows(log)
-        print_table(log.label, header, rows, numbers=range(2, len(header)))
+        print_table(log.label, header, rows)
     if inspection.excitation is not None:
         print(named(inspection.excitation.sentence, inspection.joints))
         header, weakest = shown.excitation_rows(inspection)
         said = [tuple(named(cell, inspection.joints) for cell in row) for row in weakest]
-        print_table("parameters shown least", header, said, numbers=(1,))
+        print_table("parameters shown least", header, said)
     if output is None or page is None:
         print(study)
         return

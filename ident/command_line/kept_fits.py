@@ -49,11 +49,10 @@ def predict(
         write_csv(stage / "predict.csv", channel_table(document))
     names = names_of(document)
     header, rows = with_names(*channel_table(document), names)
-    print_table(f"prediction of {found.stream.label}", header, rows, numbers=range(1, len(header)))
+    print_table(f"prediction of {found.stream.label}", header, rows)
     if document["excursions"]:
         header, rows = excursion_table(document)
-        words = len(header) - 1  # how long it lasts, and the joint
-        print_table("leaves the fit's band", *with_names(header, rows, names), numbers=range(1, words))
+        print_table("leaves the fit's band", *with_names(header, rows, names))
         print(
             "The log leaves what this fit was ever wrong by; a contact, a payload that is not declared, "
             "wear and a changed drive do so."
@@ -147,11 +146,11 @@ def _bodies(saved: Any, robot: Any, urdf: Path | None, mjcf: Path | None, overwr
             print(f"note: {path} was not read by MuJoCo; pip install 'dynident[mujoco]' has it checked")
         if lost:
             header, rows = left_out_table(lost)
-            print_table(f"what {path.name} cannot hold", header, rows, numbers=range(2, len(header)))
+            print_table(f"what {path.name} cannot hold", header, rows)
         print(f"wrote {path}")
     header, rows = cost_table(saved, found)
     names = names_in(joints_of_robot(robot))
-    print_table("error in percent", *with_names(header, rows, names), numbers=range(1, len(header)))
+    print_table("error in percent", *with_names(header, rows, names))
     header, rows = parameter_table(found)
     values = beside((urdf or mjcf), ".csv")  # type: ignore[arg-type]
     write_file(values, "\n".join(",".join(row) for row in (header, *rows)) + "\n", overwrite=overwrite)

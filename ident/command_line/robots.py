@@ -76,7 +76,7 @@ def simulate(
     header, rows = made.table()
     rows = [(f"{row[0]}.parquet", *row[1:]) for row in rows]
     say_notes(made.result.robot.remarks)
-    print_table(made.result.robot.name, header, rows, numbers=(3, 4))
+    print_table(made.result.robot.name, header, rows)
     print(f"wrote {output / 'study.yaml'}; next: ident diagnose {output / 'study.yaml'} -o RESULTS")
 
 

@@ -6,12 +6,10 @@ from typing import Any
 
 from modelgen.terminal import progress as progress_bar
 
-__all__ = ["print_table", "progress_bar", "say_checks", "say_notes", "say_warnings", "show"]
+__all__ = ["print_table", "progress_bar", "say_checks", "say_notes", "say_warnings"]
 
 
-def print_table(
-    title: str, columns: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()
-) -> None:
+def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """A table on stdout: ruled on a terminal, tab-separated in a pipe (`cut` and `awk` can read it)."""
     if not sys.stdout.isatty():
         print("\t".join(columns))
@@ -21,18 +19,14 @@ def print_table(
     from rich.console import Console
     from rich.table import Table
 
+    from ident.report.wording import holds_numbers
+
     table = Table(title=title, title_justify="left", title_style="bold")
-    for number, column in enumerate(columns):
-        table.add_column(column, justify="right" if number in numbers else "left")
+    for k, column in enumerate(columns):
+        table.add_column(column, justify="right" if holds_numbers(rows, k) else "left")
     for row in rows:
         table.add_row(*row)
     Console().print(table)
-
-
-def show(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """A table whose first column is a name and whose others are numbers, but for a unit and remarks."""
-    words = ("unit", "physics", "joint")
-    print_table(title, header, rows, numbers=[k for k, name in enumerate(header) if k and name not in words])
 
 
 def say_checks(*documents: Mapping[str, Any]) -> None:

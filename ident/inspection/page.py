@@ -8,7 +8,7 @@ from dataclasses import asdict
 from ident.inspection.inspection import Inspection, Log
 from ident.report.joints import page_with_names
 from ident.report.page import Cell, Column, Fact, Panel, Plot, Remark, ReportPage, Section, Table, Trace
-from ident.report.wording import check_sentence, number
+from ident.report.wording import check_sentence, holds_numbers, number
 
 QUANTITIES = (("q", "Positions"), ("motor", "Motor signals"), ("sensor", "Joint torques"))
 
@@ -120,10 +120,7 @@ def _short(value: float) -> str:
 
 def _table(title: str, data: tuple[tuple[str, ...], list[tuple[str, ...]]], caption: str = "") -> Table:
     header, rows = data
-    columns = tuple(
-        Column(name, number=0 < k < 8 and name not in ("unit", "what shows it better"))
-        for k, name in enumerate(header)
-    )
+    columns = tuple(Column(name, holds_numbers(rows, k)) for k, name in enumerate(header))
     return Table(title, columns, tuple(tuple(Cell(text) for text in row) for row in rows), caption)
 
 

@@ -11,19 +11,16 @@ from ident.report.fit_report import left_over, parameter_section, verdict
 from ident.report.joints import named, names_of, with_names
 from ident.report.page import Table
 from ident.report.render import render_table
-from ident.report.wording import check_sentences
+from ident.report.wording import check_sentences, holds_numbers
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Columns in line: the first, and those that hold words, to the left, numbers to the right."""
-    lines = [list(header), *[list(row) for row in rows]]
+    lines = [header, *rows]
+    sides = "".join(">" if holds_numbers(rows, k) else "<" for k in range(len(header)))
     widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
-    words = [k == 0 or any(row[k] and not row[k][0].isdigit() and row[k][0] not in "-+" for row in rows)
-             for k in range(len(header))]  # fmt: skip
     return "\n".join(
-        "  ".join(
-            f"{cell:<{w}}" if left else f"{cell:>{w}}" for cell, w, left in zip(line, widths, words)
-        ).rstrip()
+        "  ".join(f"{cell:{side}{width}}" for cell, side, width in zip(line, sides, widths)).rstrip()
         for line in lines
     )
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ident.report.joints import named
@@ -70,6 +70,11 @@ def percent(value: float | None) -> str:
         if value is None or not math.isfinite(value)
         else f"{number(value, 2 if abs(value) < 10 else 3)}{NO_BREAK}%"
     )
+
+
+def holds_numbers(rows: Sequence[Sequence[str]], k: int) -> bool:
+    """Whether column k of a table of texts is set flush right: not the first, which names its row."""
+    return k > 0 and all(not row[k] or row[k][0].isdigit() or row[k][0] in "-+–" for row in rows)
 
 
 def with_deviation(value: float, std: float, unit: str = "") -> str:
