@@ -45,7 +45,8 @@ class FoundEffect:
     def document(self) -> dict[str, Any]:
         """As fit.json has it."""
         place = self.term.place
-        where = {"side": place.side, "recording": place.recording, "from": place.start, "to": place.stop}
+        where: dict[str, Any] = {"side": place.side, "link": place.link, "recording": place.recording}
+        where |= {"from": place.start, "to": place.stop}
         return {
             "effect": self.term.effect.name,
             "label": self.term.label,
