@@ -162,7 +162,8 @@ def run(case: Case, clean: Mapping[str, Any]) -> dict[str, Any]:
         write_document(Path(folder) / "diagnosis.json", first.document())
         write_document(Path(folder) / "fit.json", fit_document(first.result.last))
         done, motion = answer(case, Path(folder))
-    row |= {"asked": done.separated.labels, "seconds": done.separated.seconds}
+    offered = first.document()["findings"][0]["separate"]["seconds"]
+    row |= {"asked": done.separated.labels, "offered": offered, "seconds": done.separated.seconds}
     if not np.isfinite(done.separated.seconds):
         return {**row, "outcome": "no motion tells", "took": time.perf_counter() - begin}
     moved = motion.motion

@@ -50,7 +50,14 @@ def open_log(
         return open_recording(study, entry, need, prismatic)
     if any(_has(study, entry, one, table) for one in torques):
         return open_recording(study, entry, need, prismatic)
-    stream = open_recording(study, entry, bare, prismatic)
+    return motion_alone(study, entry, need, prismatic)
+
+
+def motion_alone(
+    study: Study, entry: RecordingEntry, need: Need, prismatic: Collection[str] = ()
+) -> TorqueFree:
+    """A recording without its torques, whatever it holds of them. Raises RecordingError, StudyError."""
+    stream = open_recording(study, entry, replace(need, motor=(), sensor=()), prismatic)
     return TorqueFree(
         **{its.name: getattr(stream, its.name) for its in fields(stream) if its.init}, wanted=need
     )

@@ -111,11 +111,14 @@ def test_wrong_inputs_end_in_a_sentence(arm, capsys, options, told):
     assert not (arm.parent / "refused").exists()
 
 
-def test_a_recording_without_torques_is_evaluated_and_its_resting_joint_named(arm, capsys):
+@pytest.mark.parametrize("currents", [False, True], ids=["without torques", "with currents of unknown gains"])
+def test_a_recording_of_the_motion_is_evaluated_and_its_resting_joint_named(arm, capsys, currents):
     t = np.arange(0, 20, 0.01)
-    run_csv, out = arm.parent / "run.csv", arm.parent / "evaluated"
+    run_csv, out = arm.parent / f"run{currents}.csv", arm.parent / f"evaluated{currents}"
     rows = np.column_stack((t, 0.5 * np.sin(t) + 0.2 * np.sin(3 * t), np.full_like(t, 0.1), np.cos(2 * t)))
-    np.savetxt(run_csv, rows, delimiter=",", header="t,q1,q2,q3", comments="")
+    header = "t,q1,q2,q3" + (",i1,i2,i3" if currents else "")
+    rows = np.hstack((rows, np.sin(rows[:, 1:]))) if currents else rows
+    np.savetxt(run_csv, rows, delimiter=",", header=header, comments="")
     assert run(["excite", str(arm), "-o", str(out), "--evaluate", str(run_csv)]) == 0
     said = capsys.readouterr()
     assert "joint 2 rests" in said.err and "does not show" in said.out
