@@ -22,7 +22,7 @@ from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import ROLES
 from ident.signals.decimation import Decimator, kept_every
-from ident.signals.filtering import FilteredBlock, LowPass, fast_length, filter_stream, windows
+from ident.signals.filtering import FilteredBlock, LowPass, filter_stream, filtered, windows
 from ident.signals.neighbours import by_segment, sliced, wide_blocks
 
 CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off
@@ -224,7 +224,4 @@ class _Tap:
 def low_pass_blocks(blocks: Iterator[np.ndarray], filter: LowPass) -> Iterator[tuple[int, np.ndarray]]:
     """Zero-phase filter of a stream of blocks (N, m): (number of the first row, filtered rows)."""
     for start, window, inner in windows(blocks, filter.halo):
-        size = fast_length(len(window))
-        response = filter.response(np.fft.rfftfreq(size, 1.0 / filter.rate_hz))
-        spectrum = np.fft.rfft(window, size, axis=0)
-        yield start, np.fft.irfft(spectrum * response[:, None], size, axis=0)[inner]
+        yield start, filtered(filter, window, inner)

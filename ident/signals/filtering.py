@@ -114,10 +114,7 @@ def zero_phase(x: np.ndarray, rate_hz: float, cutoff_hz: float, order: int = 4) 
     filter = LowPass(cutoff_hz, rate_hz, order)
     columns = x if x.ndim == 2 else x[:, None]
     padded = _odd(columns, filter.halo, filter.halo)
-    size = fast_length(len(padded))
-    spectrum = np.fft.rfft(padded, size, axis=0)
-    response = filter.response(np.fft.rfftfreq(size, 1.0 / rate_hz))
-    out = np.fft.irfft(spectrum * response[:, None], size, axis=0)[filter.halo : filter.halo + len(columns)]
+    out = filtered(filter, padded, slice(filter.halo, filter.halo + len(columns)))
     return out if x.ndim == 2 else out[:, 0]
 
 
@@ -296,8 +293,8 @@ def _smoothed(stream: RecordingStream, bank: FilterBank) -> Iterator[tuple[Smoot
         yield Smoothed(number, first, q, light, bent, motor, sensor, weight), window, inner
 
 
-def _through(filter: LowPass, window: np.ndarray, inner: slice) -> np.ndarray:
-    """The inner rows of a window (R, m) through a filter."""
+def filtered(filter: LowPass, window: np.ndarray, inner: slice) -> np.ndarray:
+    """The inner rows of a window (R, m) with its halo, filtered."""
     size = fast_length(len(window))
     response = filter.response(np.fft.rfftfreq(size, 1.0 / filter.rate_hz))
     return np.fft.irfft(np.fft.rfft(window, size, axis=0) * response[:, None], size, axis=0)[inner]
@@ -414,7 +411,7 @@ def filter_stream(
         for its, window, inner in _smoothed(stream, bank):
             if torque_too:
                 low = window[inner].copy()
-                low[:, n:-n] = _through(bank.position, window[:, n:-n], inner)
+                low[:, n:-n] = filtered(bank.position, window[:, n:-n], inner)
             yield its
 
     states: list[float | None] = [None] * n
