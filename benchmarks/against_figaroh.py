@@ -60,7 +60,7 @@ print(base.shape[1], float(np.linalg.norm(Y - base @ phi) / np.linalg.norm(Y)))
 
 
 FLOORS = {
-    "ident": "import numpy, ident.estimation.fit, ident.report.writing",
+    "ident": "import numpy, ident.estimation.fit, ident.report.fit_result",
     "figaroh": PEER[: PEER.index("warnings.simplefilter")],
 }
 
