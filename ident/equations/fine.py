@@ -20,7 +20,7 @@ from ident.equations.columns import Columns
 from ident.equations.observation import DecimatedSegment, RecordingSystem
 from ident.equations.prepared import Prepared
 from ident.recordings.recording import RecordingStream
-from ident.signals.decimation import folded, kept_every
+from ident.signals.decimation import folded, kept_every, means_about
 from ident.signals.filtering import FilteredBlock, LowPass
 
 LEAST_HZ = 200.0  # of the fine rate
@@ -32,9 +32,9 @@ LONG = 400_000  # fine samples of a recording held in double precision
 class FineSegment:
     """One uninterrupted stretch: every `stride`-th filtered sample and the rows it belongs to.
 
-    t (N,) s, q, dq, ddq, sign, certain (N, n), torque (N, C) Y as recorded (mean over the stride), uniform at
-    rate_hz; vs (n,) the speed from which a sign is certain. number (N,) counts the stretch's samples at the
-    recording's own rate; rows are the equations' decimated rows of the same stretch.
+    t (N,) s, q, dq, ddq, sign, certain (N, n), torque (N, C) Y as recorded, uniform at rate_hz; certain and
+    torque are means over the stride. vs (n,) the speed from which a sign is certain. number (N,) counts the
+    stretch's samples at the recording's own rate; rows are the equations' decimated rows of the same stretch.
     """
 
     recording: str
@@ -75,12 +75,12 @@ class FineKeeper:
         seen = self.seen.get(key, 0)
         self.seen[key] = seen + len(block.t)
         pick = slice(-seen % stride, None, stride)
-        number = np.arange(seen, seen + len(block.t))[pick]
+        at = np.arange(len(block.t))[pick]
         kind = np.float64 if stream.survey.rows / stride < LONG else np.float32
-        parts = (block.q, block.dq, block.ddq, block.sign_dq, block.certain)
-        torque = _means(self.columns.torque(block), pick, stride)
-        kept = tuple(part[pick].astype(kind) for part in parts)
-        self.blocks.setdefault(key, []).append((block.t[pick], *kept, torque.astype(kind), number))
+        parts = [part[pick] for part in (block.q, block.dq, block.ddq, block.sign_dq)]
+        parts += [means_about(x, at, stride) for x in (block.certain, self.columns.torque(block))]
+        kept = tuple(part.astype(kind) for part in parts)
+        self.blocks.setdefault(key, []).append((block.t[pick], *kept, seen + at))
 
     def stride(self, stream: RecordingStream) -> int:
         return max(1, int(stream.rate_hz / self.rate_hz + 1e-9))
@@ -132,14 +132,3 @@ def decimate(fine: FineSegment, columns: np.ndarray, channel: int | None = None)
     weighted = columns * fine.certain[:, fine.joint_of[channel], None]
     out = folded(weighted, fine.number, fine.filter, fine.every, len(fine.rows.t))
     return np.asarray(out * fine.rows.used[channel][:, None])
-
-
-def _means(values: np.ndarray, pick: slice, stride: int) -> np.ndarray:
-    """Every stride-th row of values (N, C) as the mean of the samples about it (inside the block)."""
-    if stride == 1:
-        return values[pick]
-    half = stride // 2
-    sums = np.vstack([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    at = np.arange(len(values))[pick]
-    reach = np.minimum(np.minimum(at, len(values) - 1 - at), half)  # symmetric, so nothing is shifted
-    return np.asarray((sums[at + reach + 1] - sums[at - reach]) / (2 * reach + 1)[:, None])

@@ -149,3 +149,15 @@ def folded(values: np.ndarray, number: np.ndarray, filter: LowPass, every: int, 
         weights = decimator.weights[number[start:stop] % every]
         decimator.sums.append(np.vstack([values[start:stop].T @ weights, weights.sum(axis=0)]))
     return decimator._give(kept).T
+
+
+def means_about(values: np.ndarray, kept: np.ndarray, step: int) -> np.ndarray:
+    """(N, m) -> (K, m): mean over the step about each kept sample (K,), half a sample at either end where
+    the step is even, shorter near the ends of what there is. It is symmetric everywhere: a mean that is not
+    is that of another instant, half a sample off."""
+    reach = np.minimum(np.minimum(kept, len(values) - 1 - kept), step // 2)
+    sums = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
+    total = sums[kept + reach + 1] - sums[kept - reach]
+    ends = np.where(reach == step / 2, 0.5, 0.0)[:, None]
+    ends_off = ends * (values[kept + reach] + values[kept - reach])
+    return np.asarray((total - ends_off) / (2 * reach[:, None] + 1 - 2 * ends))
