@@ -125,7 +125,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
                 "units of currents and torques, or give the gains"
             ) from None
         known = examined(working)
-    begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory)
+    begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory, base.terms)
     if begun.thinned:
         notes.append("of long recordings stretches spread over them were looked at")
     library = Library(list(catalogue().values()), begun.layout, begun.room.library)

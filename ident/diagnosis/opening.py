@@ -25,6 +25,7 @@ from ident.equations.build import build
 from ident.equations.observation import RecordingSystem, stack
 from ident.equations.placing import layout_of, terms_of
 from ident.equations.prepared import Prepared
+from ident.equations.terms import Term as StudyTerm
 from ident.estimation.least_squares import channel_sigma, weighted_least_squares
 from ident.progress import Progress, silent
 from ident.signals.filtering import prepare
@@ -55,10 +56,17 @@ def diagnosis_cutoff(prepared: Prepared) -> float:
     return min(prepared.study.filter.position_cutoff_hz, slowest / PER_RATE)
 
 
-def opened(prepared: Prepared, progress: Progress = silent, memory: float | None = None) -> Opened:
+def opened(
+    prepared: Prepared,
+    progress: Progress = silent,
+    memory: float | None = None,
+    fitted: Sequence[StudyTerm] | None = None,
+) -> Opened:
     """Rows, fine signals, layout, first state. Pure but for reading the recordings.
 
-    memory [bytes]: what the process may take; None: half of what is free. Raises MemoryLimitError."""
+    memory [bytes]: what the process may take; None: half of what is free. fitted: the study's own effects
+    where its fit has them, None: where they begin. (About a delay of zero, one of 17 ms is no delay, and what
+    is left of it was told as structure.) Raises MemoryLimitError."""
     study, columns = prepared.study, prepared.columns
     cutoff = diagnosis_cutoff(prepared)
     slowest = min(stream.rate_hz for stream in prepared.streams)
@@ -84,7 +92,7 @@ def opened(prepared: Prepared, progress: Progress = silent, memory: float | None
     state = told_as_effects(first_state(problem, rows, segments))
     declared = [
         Term(term.effect, term.place, dict(term.theta), tuple(term.size) or None)
-        for term in terms_of(study, columns, layout)
+        for term in (terms_of(study, columns, layout) if fitted is None else fitted)
     ]
     for term in declared:
         made = state.scene.columns(term)

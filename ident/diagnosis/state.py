@@ -252,7 +252,7 @@ def _as_recorded(
     late: dict[int, tuple[int, float]] = {}  # of each channel the first of what comes late: its place, size
     at = state.rows.b
     for f in state.found:
-        if f.term is not None and f.term.size and comes_late(f.term):
+        if f.term is not None and f.term.size and f.term.size[0] and comes_late(f.term):  # at 0: not yet late
             late |= {c: (at, f.term.size[0]) for c in f.columns if c not in late}
         at += next(iter(f.columns.values())).shape[1]
     made = list(design)

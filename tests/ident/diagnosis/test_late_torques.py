@@ -17,6 +17,7 @@ from ident.diagnosis.state import Found, recolumned, with_found
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import compared
 from ident.equations.prepared import prepare_study
+from ident.estimation.fit import fit_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.effects import effect
 
@@ -48,6 +49,20 @@ def test_a_delay_of_all_joints_comes_before_that_of_one(late):
     assert taken.term.place.joint is None and evidence.log_e > 30
     (found,) = state.terms
     assert found.size[0] == pytest.approx(LATE, rel=0.2)  # samples are 5 ms apart
+
+
+def test_a_delay_that_the_study_declares_stands_where_its_fit_has_it(arm):
+    """Declared without a start it begins at none at all: what 15 ms leave beside that was told as structure,
+    and a friction divided by it ended the diagnosis."""
+    study = arm(change=late_by_15_ms).with_(effects=({"effect": E.name},))
+    prepared = prepare_study(study)
+    begun = opened(prepared)
+    assert np.isfinite(begun.state.residual[begun.state.rows.use]).all()
+    known = opened(prepared, fitted=fit_study(study).terms)
+    (term,) = known.state.terms
+    assert term.size[0] == pytest.approx(LATE, rel=0.2)
+    errors = [np.mean(its.state.residual[its.state.rows.use] ** 2) for its in (known, begun)]
+    assert errors[0] < errors[1]
 
 
 def test_what_is_as_late_is_compared_in_the_end(late):
