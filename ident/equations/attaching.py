@@ -60,7 +60,7 @@ def attach_fine(
             entries, certain = rows.entries, part.certain.T
             weighted = [rows.values * certain[joint_of[entries[:, 0]]], rows.known * certain[joint_of]]
             done = folded(np.vstack(weighted).T, part.number, part.filter, part.every, len(part.rows.t))
-            segments.append(_extended(part.rows, done.T, entries))
+            segments.append(_extended(part.rows, done.T, entries, chain.factors()[system.channel]))
         out.append(_with_entries(system, segments, entries))
     return tuple(out)
 
@@ -157,7 +157,8 @@ def _attached(
             if done is not None:
                 parts.append(done)
         if fold is not None and index in kept:
-            segments.append(_extended(kept[index], np.hstack([*parts, fold.finish()]), entries))
+            rows_of_terms = np.hstack([*parts, fold.finish()])
+            segments.append(_extended(kept[index], rows_of_terms, entries, chain.factors()[system.channel]))
     return _with_entries(system, segments, entries)
 
 
@@ -170,11 +171,17 @@ def _with_entries(
     return replace(system, channel=channel, column=column, segments=tuple(segments), factors=factors)
 
 
-def _extended(segment: DecimatedSegment, rows: np.ndarray, entries: np.ndarray) -> DecimatedSegment:
-    """A segment with the terms' entries, what is known of them moved to the side of Y."""
+def _extended(
+    segment: DecimatedSegment, rows: np.ndarray, entries: np.ndarray, factors: np.ndarray
+) -> DecimatedSegment:
+    """A segment with the terms' entries, what is known of them moved to the side of Y; factors (E,): what the
+    terms make of the segment's own entries."""
     values, known = rows[: len(entries)], rows[len(entries) :]
     values = (values * segment.used[entries[:, 0]]).astype(segment.values.dtype)
-    return replace(segment, values=np.vstack([segment.values, values]), Y=segment.Y - known * segment.used)
+    own = np.asarray(segment.values)
+    if (factors != 1.0).any():
+        own = own * factors[:, None].astype(own.dtype)
+    return replace(segment, values=np.vstack([own, values]), Y=segment.Y - known * segment.used)
 
 
 def factors_of(

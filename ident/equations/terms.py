@@ -109,7 +109,8 @@ def places_of(columns: Columns, terms: Sequence[Term]) -> dict[str, slice]:
 
 @dataclass(frozen=True, slots=True)
 class Tangent:
-    """A term about its point on one block: (W + changes) chi + J x = ... with `known` on the other side.
+    """A term about its point on one block: (factors W + changes) chi + J x = ... with `known` on the other
+    side; factors are the chain's.
 
     J (N, k, p) of the k `channels` and the term's p parameters; known (N, C) is F - J x0 without what changes
     of the model's own columns make of chi; changes: {parameter of the model: (N, C)}.
@@ -146,6 +147,14 @@ class Chain:
                 memory = self.memory(term.label)
                 self._last[1][term.label] = torque_of(term, motion, self.seen[term.label], memory)
             out += self._last[1][term.label]
+        return out
+
+    def factors(self, before: Term | None = None) -> np.ndarray:
+        """(C,) by which later terms multiply what a term is in each channel; None: what the model itself is."""
+        out = np.ones(len(self.model.channels))
+        for term in self.terms:
+            if before is None or _stage(term) > _stage(before):
+                out[list(term.place.rows(self.model.channels))] *= term.effect.factor(np.array(term.size))
         return out
 
     def _seen(self, term: Term) -> FittedModel:
@@ -193,7 +202,11 @@ def tangent(term: Term, motion: Motion, chain: Chain) -> Tangent:
         torque = torque_of(its, motion, model, chain.memory(term.label, name))
         J[:, :, k] = (torque - here)[:, channels] / step
     known[:, channels] -= J @ term.at
-    return Tangent(channels, J, known, changes)
+    its_factor = term.effect.factor(size)
+    if its_factor != 1.0:  # what it makes of all before it stands in their columns
+        known[:, channels] -= (its_factor - 1.0) * model.total(motion)[:, channels]
+    later = chain.factors(term)
+    return Tangent(channels, J * later[list(channels), None], known * later, changes)
 
 
 def _changes(term: Term, motion: Motion, model: FittedModel) -> Mapping[int, np.ndarray]:

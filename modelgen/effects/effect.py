@@ -177,6 +177,13 @@ class Effect(Expressions, Telling):
             total += chi[number] * change
         return total
 
+    def factor(self, size: Array) -> float:
+        """By which it multiplies, in its channels, all that acts before it; `size` (p,) as for `columns`.
+
+        Sizes and the model's parameters are then one product, found together however large the factor is:
+        steps that hold one of the two converge for factors between 0 and 2 alone."""
+        return 1.0
+
     # ---- what it does to a simulated truth
 
     def stages(self, place: Place) -> tuple[Stage, ...]:

@@ -51,6 +51,9 @@ class DriveGainError(RecordingEffect):
         total = model.total(motion)
         return {c: total[:, [c]] for c in place.rows(model.channels)}
 
+    def factor(self, size: Array) -> float:
+        return 1.0 + float(size[0])
+
     def recorded(self, tau: Array, truth: Truth, place: Place, values: Mapping[str, float]) -> Array:
         return tau * (1.0 + values["excess"])
 
