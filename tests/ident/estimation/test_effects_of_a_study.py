@@ -63,6 +63,24 @@ def test_a_size_is_told_from_zero_by_the_deviation_that_is_told(folder):
     assert spring.p_told > spring.p_value
 
 
+@pytest.mark.parametrize("gain", [0.1, 0.7, 5.0, 20.0])
+def test_a_gain_is_found_however_large_it_is_with_what_acts_before_it(tmp_path, gain):
+    """Sizes and the model are one product: both are what they are without the gain."""
+    columns, _ = recording("A", seconds=40, rate=250)
+    dq = np.gradient(columns["q2"], columns["t"])
+    columns["tau_m2"] = columns["tau_m2"] + 5.0 * np.exp(-((dq / 0.1) ** 2)) * np.sign(dq)
+    found = {}
+    for times in (1.0, gain):
+        write_parquet(tmp_path / "run.parquet", columns | {"tau_m2": times * columns["tau_m2"]})
+        found[times] = fit_study(study(tmp_path, ["drive_gain_error:2", "stribeck_friction:2:vs=0.1"]))
+    for times, fit in found.items():
+        its, stribeck = (its.parameters for its in found_effects(fit))
+        assert abs(its["gain"].value - times) < 3.3 * its["gain"].std < 0.1 * times
+        assert abs(stribeck["Fs"].value - 5.0) < 3.3 * stribeck["Fs"].std
+    one, other = (fit.relative_error["identify"]["total"] for fit in (found[1.0], found[gain]))
+    assert other < 1.5 * one
+
+
 def test_without_the_effects_the_error_is_larger(folder, result):
     plain = fit_study(study(folder, []))
     for errors in (lambda r: r.relative_error, lambda r: r.full_rate_error):
