@@ -13,7 +13,9 @@ that both sides determine, d the square of their distance in the noise of the ch
     log E / kappa + r / 2 ln(d without / d with),   kappa = d with / r, one at least
 
 of the regression of this channel alone: its likelihood ratio where parameters of the sides differ at random,
-all directions alike."""
+all directions alike. An effect on whole torques (a gain, a delay, a load) is asked of all channels in one
+regression: what a channel's own parameters cannot follow of it is that they are the other channels', too. (Of
+a Barrett's two torques one was five times too large, which the parameters of either alone took up.)"""
 
 from __future__ import annotations
 
@@ -53,6 +55,8 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
 
 def _of(m: Metric, f: Found, told: Evidence) -> Changes:
     """Beside the changes from the fitted to the judged rows of a metric."""
+    if f.term is not None and f.term.effect.kind != "column":
+        return _of_whole(m, f, told)
     white = m.whiten(f.columns)
     nats, kappas = {}, {}
     for c in f.columns:
@@ -63,6 +67,33 @@ def _of(m: Metric, f: Found, told: Evidence) -> Changes:
         nats[c] = float(told.per_channel[c]) / kappas[c] + closer
     most = max(nats, key=lambda c: told.per_channel[c])
     return Changes(sum(nats.values()), kappas[most], most)
+
+
+def _of_whole(m: Metric, f: Found, told: Evidence) -> Changes:
+    """Of an effect on whole torques: all channels in one regression."""
+    white = m.whiten(f.columns)
+    torque = {c: z @ told.sizes for c, z in white.items()}
+    noise = np.maximum(told.rss / told.free, 1e-300)
+    joined = [_joined(m, side, torque, noise) for side in (m.fitted, m.judged)]
+    rss = [_left(products) for products in (sum(joined), *joined)]
+    parameters = rss[1][1] + rss[2][1] - rss[0][1]
+    before, after = (max(float(rss[0][0][k] - rss[1][0][k] - rss[2][0][k]), parameters) for k in range(2))
+    kappa = after / parameters if parameters else 1.0
+    closer = 0.5 * parameters * float(np.log(before / after)) if parameters else 0.0
+    most = max(f.columns, key=lambda c: told.per_channel[c])
+    return Changes(float(told.log_e) / kappa + closer, kappa, most)
+
+
+def _joined(m: Metric, side: Side, torque: Columns, noise: np.ndarray) -> np.ndarray:
+    """Of all channels' columns, their torque, and this less the other torque, in units of the noise (C,)."""
+    out = np.zeros((m.B + 2, m.B + 2))
+    for c, (places, values) in enumerate(m.X):
+        on = side.mask & m.rows.use[c]
+        less = m.y[c, on] - torque[c][on] if c in torque else m.y[c, on]
+        here = np.column_stack([values[on], m.y[c, on], less]) / np.sqrt(noise[c])
+        where = np.array([*places, m.B, m.B + 1])
+        out[np.ix_(where, where)] += here.T @ here
+    return out
 
 
 def _distances(m: Metric, c: int, torque: np.ndarray) -> tuple[tuple[float, float], int]:
