@@ -53,6 +53,18 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
     return _of(m, f, given) if given.log_e > tau else None
 
 
+def spoken(m: Metric, f: Found, tau: float) -> Evidence:
+    """What the judged rows say of it; where they say too little alone and it acts on whole torques, given the
+    fitted rows, if that says enough beside what the model's parameters change by from one side to the other.
+    (Five times a rokae's second torque is five times its inertia, for the rows that judge; given the fitted
+    ones 27 nats say that it is not.)"""
+    own = weigh(m, f.columns)
+    if own.log_e > tau or f.term is None or f.term.effect.kind == "column":
+        return own
+    given = given_fitted(m, all_rows(m), f.columns, own.sizes).of(own)
+    return given if given.log_e > tau and _of(m, f, given).log_e > tau else own
+
+
 def _of(m: Metric, f: Found, told: Evidence) -> Changes:
     """Beside the changes from the fitted to the judged rows of a metric."""
     if f.term is not None and f.term.effect.kind != "column":

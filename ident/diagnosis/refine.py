@@ -120,7 +120,8 @@ def _secant(m: Metric, scene: Scene, start: Refined) -> Refined:
     first = float(best.sizes[0])
     if best.term.effect.linear[0].sign == "positive":
         return _as_it_is(m, scene, best, [factor * abs(first) for factor in FACTORS])
-    return _as_it_is(m, scene, best, [factor * first for factor in (*FACTORS, -1.0)])
+    led = [factor * first for factor in (*FACTORS, -1.0)]
+    return _as_it_is(m, scene, best, [*led, *best.term.effect.tried])
 
 
 def _as_it_is(m: Metric, scene: Scene, start: Refined, sizes: Sequence[float]) -> Refined:

@@ -6,12 +6,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import replace
 
-from ident.diagnosis.evidence import Evidence, Metric, weigh
+from ident.diagnosis.evidence import Evidence, Metric
 from ident.diagnosis.in_common import shown_by_fitted
 from ident.diagnosis.last_fit import is_told
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.outcome import Outcome, Step
+from ident.diagnosis.parameters_apart import spoken
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import place_of, refined_together, without_terms
 from ident.diagnosis.state import Found, State, without
@@ -34,7 +35,7 @@ def remaining(outcome: Outcome, last: FitResult, refused: Collection[tuple], alp
         untrue = state.found[weak].term
         steps = [step for step in steps if untrue is None or step.term.key != untrue.key]
         state = without(state, weak)
-    steps = [_weighed_again(state, step) for step in steps]
+    steps = [_weighed_again(state, step, tau) for step in steps]
     first = [u for u in outcome.unnamed if u.nearest is not None]  # asked for; the others were left over
     state, steps, left = leftovers(state, steps, first, tau, alpha)
     here = {(u.channel, u.variables) for u in first}
@@ -49,22 +50,22 @@ def _weakest(state: State, tau: float, alpha: float) -> int | None:
         if f.term is None or f.term.place.recording is not None:
             continue  # a load on one recording has been asked for by `pruned`
         others = state.but(number)
-        r, e, m = _beside(others, f)
+        r, e, m = _beside(others, f, tau)
         if holds(others, m, r, e, tau, alpha) or shown_by_fitted(others, f.columns, f.sizes, tau):
             continue
         out = min(out or (e.log_e, number), (e.log_e, number))
     return None if out is None else out[1]
 
 
-def _beside(others: State, f: Found) -> tuple[Refined, Evidence, Metric]:
+def _beside(others: State, f: Found, tau: float) -> tuple[Refined, Evidence, Metric]:
     assert f.term is not None
     r = Refined(f.term, f.columns, f.sizes, 0.0)
     m = leading_metric(others, [r])
-    return r, weigh(m, f.columns), m
+    return r, spoken(m, f, tau), m
 
 
-def _weighed_again(state: State, step: Step) -> Step:
+def _weighed_again(state: State, step: Step, tau: float) -> Step:
     at = place_of(state, step.term)
     if at is None or step.term.place.recording is not None:
         return step
-    return replace(step, evidence=_beside(state.but(at), state.found[at])[1])
+    return replace(step, evidence=_beside(state.but(at), state.found[at], tau)[1])

@@ -11,6 +11,7 @@ import numpy as np
 from ident.diagnosis.candidates import Ranking, with_size
 from ident.diagnosis.evidence import Evidence, metric, over, weigh
 from ident.diagnosis.leading import leading_metric
+from ident.diagnosis.parameters_apart import spoken
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import (
     Found,
@@ -198,7 +199,7 @@ def _holding(
     f, others = trial.found[number], trial.but(number)
     whole = Refined(f.term or term, f.columns, f.sizes, 0.0)
     m = leading_metric(others, [whole])
-    own = weigh(m, whole.columns)
+    own = spoken(m, f, tau)
     told = over(metric(state.rows, *state.design, m.whiteners), m, own)  # the model as it was did its best
     if not holds(others, m, whole, own, tau, alpha):
         return None
@@ -236,11 +237,13 @@ def settled_anew(
     settled in: a model that settled without it has something else in its place, and beside that it must fail
     elsewhere. (Of 1.9 mrad of backlash a turn-over of dry friction was left: 1,500 nats on the fitted rows,
     -40 on the judged ones, and 750 with the turn-over taken anew.) With what would explain as much in its
-    place, on its channels or on others. What shifts the torque in time has its own way, `in_time`."""
+    place, on its channels or on others. A factor of the model is settled whatever the judged rows say: what is
+    left beside it is not what was left without it. What shifts the torque in time has its own way, `in_time`."""
     upset = [
         (r, e)
         for r, e in weighed.all
-        if e.gain > tau and e.log_e < -tau and not r.at_bound and not r.term.effect.shifts_time
+        if e.gain > tau and (e.log_e < -tau or r.term.factor != 1.0)
+        if not r.at_bound and not r.term.effect.shifts_time
     ]
     held = []
     for r, e in sorted(upset, key=lambda its: -its[1].gain)[:SETTLED]:

@@ -117,7 +117,18 @@ class State:
 
     @cached_property
     def scene(self) -> Scene:
-        return Scene(self.rows, self.segments, self.motions, self.model)
+        return Scene(self.rows, self.segments, self.motions, self.model, self._beside)
+
+    def _beside(self, term: Term) -> FittedModel:
+        """The model, with what was found, as the fitted rows have it where a term multiplies it."""
+        design, B = self.design
+        own = set(term.place.rows(self.model.channels))
+        scaled = [(p, v * term.factor) if c in own else (p, v) for c, (p, v) in enumerate(design)]
+        beta, found, at = weighted_fit(self.rows, scaled, B, self.rows.fitted), [], self.rows.b
+        for f in self.found:
+            found.append(replace(f, sizes=beta[at : at + len(f.sizes)]))
+            at += len(f.sizes)
+        return replace(self, beta=beta, found=tuple(found)).model
 
     def plus(self, *found: Found) -> State:
         """With more in it, not settled yet."""

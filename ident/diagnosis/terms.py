@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,6 +30,11 @@ class Term:
         return (self.effect.name, p.joint, p.source, p.side, p.recording, p.link, p.parts)
 
     @property
+    def factor(self) -> float:
+        """By which it multiplies all that acts before it, where it has a size; else 1."""
+        return 1.0 if self.size is None else self.effect.factor(np.array(self.size))
+
+    @property
     def free(self) -> int:
         """Parameters that the data choose."""
         return len(self.effect.parameters_of(self.place)) + len(self.effect.bounds(self.place))
@@ -40,16 +45,20 @@ class Term:
 
 @dataclass(frozen=True)
 class Scene:
-    """What columns are made from: rows, their fine signals, the model at its estimate."""
+    """What columns are made from: rows, their fine signals, the model at its estimate. What multiplies the
+    model's torque reads it at the estimate beside that (`beside`): five times another model's torque is none
+    of a torque that is five times too large."""
 
     rows: Rows
     segments: tuple[FineSegment, ...]
     motions: tuple[Motion, ...]
     model: FittedModel
+    beside: Callable[[Term], FittedModel] | None = None
 
     def columns(self, term: Term) -> dict[int, np.ndarray]:
         """{channel: (M, p)} on the rows, weighted and scaled as they are; {} where it acts nowhere."""
         parts: list[dict[int, np.ndarray]] = []
+        model = self.model if term.factor == 1.0 or self.beside is None else self.beside(term)
         memory: dict = {}
         p = 0
         acting: set[int] = set()
@@ -57,7 +66,7 @@ class Scene:
             if term.place.recording not in (None, segment.label):
                 parts.append({})
                 continue
-            made = columns_of(term, motion, self.model, memory)
+            made = columns_of(term, motion, model, memory)
             out = {}
             for c, z in made.items():
                 p = max(p, z.shape[1])

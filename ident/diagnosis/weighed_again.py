@@ -8,9 +8,9 @@ import numpy as np
 
 from ident.diagnosis.candidates import Ranked
 from ident.diagnosis.events import still_holds
-from ident.diagnosis.evidence import weigh
 from ident.diagnosis.in_common import shown_by_fitted
 from ident.diagnosis.outcome import Outcome, Step
+from ident.diagnosis.parameters_apart import spoken
 from ident.diagnosis.settling import place_of, refined_together
 from ident.diagnosis.state import Found, State, solved, with_found, without
 from ident.diagnosis.sufficiency import sufficiency, sufficient
@@ -90,5 +90,5 @@ def pruned(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[S
 def asked_for(others: State, f: Found, tau: float) -> float:
     """log E of what was found on the judged rows of a state without it; infinite where these cannot show it
     and the fitted ones beside them ask for it."""
-    log_e = weigh(others.metric, f.columns).log_e
+    log_e = spoken(others.metric, f, tau).log_e
     return np.inf if log_e < tau and shown_by_fitted(others, f.columns, f.sizes, tau) else log_e

@@ -54,6 +54,7 @@ class Definition:
     told_by: tuple[str, ...] = ()  # checks of a recording that are this effect
     replaces: tuple[str, ...] = ()  # kinds of the model's own parameters that it is, ("Fcm", "Fcl")
     changes_model: bool = False  # the model's own columns change with it, see `regressor_change`
+    tried: tuple[float, ...] = ()  # sizes that a search tries beside what a tangent leads to
     margin_s: float = 0.0  # s of motion either side of a block that `columns` needs and a caller cuts off
     share: float = 0.05  # rise of the joint's error, of its torque, that a simulator aims at
     window: tuple[float, float | None] | None = None  # of a recording, where a simulator puts it

@@ -16,7 +16,7 @@ gain, excess = sp.symbols("gain excess", real=True)
 class DriveGainError(RecordingEffect):
     """Measured torque is gain times the true one.
 
-    A gain near -1 is a flipped sign, `torque_sign`: the secant of this one converges for |excess| < 1 only.
+    A gain near -1 is a flipped sign, `torque_sign`.
     """
 
     name = "drive_gain_error"
@@ -37,6 +37,7 @@ class DriveGainError(RecordingEffect):
     reported = (Quantity("gain", "-", 1 + excess),)
     inverse = {"excess": gain - 1}
     typical = {"gain": 1.08}
+    tried = (-0.9, -0.75, -0.5, -0.25, 0.5, 1.0, 4.0, 9.0)
 
     def columns(
         self,
