@@ -36,7 +36,7 @@ def first_extended(
     fine = max(base.cutoff_hz, min(0.5 * study.filter.position_cutoff_hz, begun.cutoff_hz))
     again = _at(known, outcome, fine)
     last, refused = extended(again, outcome, base, alpha, progress)
-    if fine > base.cutoff_hz and _spoilt(last, base):
+    if fine > base.cutoff_hz and (_spoilt(last, base) or (last is base and outcome.steps)):
         coarse = _at(known, outcome, base.cutoff_hz)
         other, still = extended(coarse, outcome, base, alpha, progress)
         if _spoilt(last, other):
@@ -91,7 +91,7 @@ def extended(
         if not lost:
             lost = _vague(told, declared, alpha)
             refused |= {keys[k]: told[k].p_told for k in lost}
-        lost = lost or _worse(last, known, declared)
+        lost = lost or _worse(last, known, declared) or _above(last, base)
         if not lost:
             return last, refused
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
@@ -214,8 +214,8 @@ def _judged(fit: FitResult) -> Mapping[str, float]:
 
 def _worse(last: FitResult, known: Examined, declared: int) -> list[int]:
     """The number of the last finding taken in with which the model predicts none of its channels better than
-    without it alone, or, of a load on one recording, with which it predicts the others worse: as `ident fit`
-    does it, it explains nothing."""
+    without it alone, or all of them together worse, or, of a load on one recording, with which it predicts
+    the others worse: as `ident fit` does it, it explains nothing."""
     channels, effects, after = last.columns.need.channels, last.study.effects, _judged(last)
     for k in range(len(last.terms) - 1, declared - 1, -1):
         place = last.terms[k].place
@@ -225,11 +225,19 @@ def _worse(last: FitResult, known: Examined, declared: int) -> list[int]:
         without = last.study.with_(effects=(*effects[:k], *effects[k + 1 :]))
         other = fit_study(without, known=known.again(without))
         before = _judged(other)
-        if names and all(after[name] >= before[name] for name in names):
+        spoilt = after["total"] > (1 + SPOILT) * before["total"]
+        if names and (spoilt or all(after[name] >= before[name] for name in names)):
             return [k]
         if place.recording is not None and _spoilt(last, other):
             return [k]
     return []
+
+
+def _above(last: FitResult, base: FitResult) -> list[int]:
+    """The number of the last finding taken in, where what would be handed over predicts the runs that chose
+    nothing with a larger error than the study as it came. (A drift of a KR 300's third joint: 13 -> 11 % of
+    that joint, and 37 -> 44 % of all.)"""
+    return [len(last.terms) - 1] if _judged(last)["total"] > (1 + SPOILT) * _judged(base)["total"] else []
 
 
 def _spoilt(fit: FitResult, other: FitResult) -> bool:
