@@ -23,10 +23,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.diagnosis.evidence import Evidence, Metric, Side, orthonormal, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, orthonormal, weigh
 from ident.diagnosis.halves import on_halves
 from ident.diagnosis.in_common import all_rows, given_fitted
 from ident.diagnosis.state import Found, State
+
+OF_ITS_OWN = float(np.log(2.0))  # of factors, logarithm: of robots as they are 0.85 to 1.26 was found
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,9 +59,12 @@ def spoken(m: Metric, f: Found, tau: float) -> Evidence:
     """What the judged rows say of it; where they say too little alone and it acts on whole torques, given the
     fitted rows, if that says enough beside what the model's parameters change by from one side to the other.
     (Five times a rokae's second torque is five times its inertia, for the rows that judge; given the fitted
-    ones 27 nats say that it is not.)"""
+    ones 27 nats say that it is not.) A factor near one has to show on the judged rows alone: a model that
+    lacks something makes such of its own, by as many nats."""
     own = weigh(m, f.columns)
     if own.log_e > tau or f.term is None or f.term.effect.kind == "column":
+        return own
+    if f.term.factor != 1.0 and abs(np.log(max(abs(f.term.factor), 1e-12))) < OF_ITS_OWN:
         return own
     given = given_fitted(m, all_rows(m), f.columns, own.sizes).of(own)
     return given if given.log_e > tau and _of(m, f, given).log_e > tau else own

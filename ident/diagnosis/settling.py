@@ -237,8 +237,9 @@ def settled_anew(
     settled in: a model that settled without it has something else in its place, and beside that it must fail
     elsewhere. (Of 1.9 mrad of backlash a turn-over of dry friction was left: 1,500 nats on the fitted rows,
     -40 on the judged ones, and 750 with the turn-over taken anew.) With what would explain as much in its
-    place, on its channels or on others. A factor of the model is settled whatever the judged rows say: what is
-    left beside it is not what was left without it. What shifts the torque in time has its own way, `in_time`."""
+    place, on its channels or on others. A factor of the model is settled whatever the judged rows say: what
+    is left beside it is not what was left without it. What shifts the torque in time has its own way,
+    `in_time`."""
     upset = [
         (r, e)
         for r, e in weighed.all

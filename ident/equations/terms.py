@@ -150,7 +150,7 @@ class Chain:
         return out
 
     def factors(self, before: Term | None = None) -> np.ndarray:
-        """(C,) by which later terms multiply what a term is in each channel; None: what the model itself is."""
+        """(C,) by which later terms multiply a term in each channel; None: by which all do the model."""
         out = np.ones(len(self.model.channels))
         for term in self.terms:
             if before is None or _stage(term) > _stage(before):
