@@ -92,7 +92,7 @@ def _of_whole(m: Metric, f: Found, told: Evidence) -> Changes:
     torque = {c: z @ told.sizes for c, z in white.items()}
     noise = np.maximum(told.rss / told.free, 1e-300)
     joined = [_joined(m, side, torque, noise) for side in (m.fitted, m.judged)]
-    rss = [_left(products) for products in (sum(joined), *joined)]
+    rss = [_left(products) for products in (joined[0] + joined[1], *joined)]
     parameters = rss[1][1] + rss[2][1] - rss[0][1]
     before, after = (max(float(rss[0][0][k] - rss[1][0][k] - rss[2][0][k]), parameters) for k in range(2))
     kappa = after / parameters if parameters else 1.0

@@ -30,7 +30,8 @@ class FoundEffect:
     the effect there are none, so that this is the ratio of the likelihoods, and a shape that is poorly known
     does not make the effect doubtful. p_itself: the same of those sizes without which it would be another
     effect (all, where none may be left out). p_told: of all sizes, by the standard deviations that are told:
-    those of the stretches of the recordings (blocks.py)."""
+    those of the stretches of the recordings (blocks.py). A factor's size is its logarithm here: as far from
+    one are five times and a fifth."""
 
     term: Term
     joint: int | None  # as the robot file numbers it
@@ -88,6 +89,10 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     joint, source = (None if j is None else joints[j] for j in (term.place.joint, term.place.source))
     sizes = [own[name] for name in (term.free if effect.changes_model else term.unknown)]
     needed = [own[name] for name in term.unknown if name in effect.needed and own[name] in sizes] or sizes
+    factor = effect.factor(np.array(term.size))
+    chi = result.full.chi.copy()
+    if factor > 0 and factor != 1.0:  # its logarithm, whose deviation is the relative one, is told from zero
+        chi[sizes] = factor * np.log(factor)
     reasons = [result.impossible[name] for name in term.names if name in result.impossible]
     return FoundEffect(
         term,
@@ -106,7 +111,7 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
         },
         reasons[0] if reasons else None,
         *(
-            _wald(result.full.chi[some], _given(known, some, [k for k in own.values() if k not in sizes]))
+            _wald(chi[some], _given(known, some, [k for k in own.values() if k not in sizes]))
             for some, known in (
                 (sizes, result.full_covariance),
                 (needed, result.full_covariance),
