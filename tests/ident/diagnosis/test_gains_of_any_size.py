@@ -1,0 +1,76 @@
+"""A torque that is a multiple of the true one, however large: found, told with what it is not told from."""
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import ident
+from benchmarks.planted_faults import DATA
+from ident.diagnosis.evidence import weigh
+from ident.diagnosis.opening import opened
+from ident.diagnosis.parameters_apart import beside_changes
+from ident.diagnosis.refine import refine
+from ident.diagnosis.state import Found
+from ident.diagnosis.terms import Term
+from ident.estimation.fit import examined
+from modelgen.effects import effect
+
+
+@pytest.mark.skipif(
+    not (DATA / "barrett_wam_2dof").is_dir(), reason="the recordings of measured robots are not here"
+)
+def test_a_barretts_torque_five_times_too_large_is_told_as_that_or_the_other_as_a_fifth(tmp_path):
+    """Two torques whose factors differ: which of them is wrong no motion shows."""
+    folder = DATA / "barrett_wam_2dof"
+    for file in ("identify.parquet", "validate.parquet"):
+        read = pq.read_table(folder / file)
+        table = {name: read.column(name).to_numpy() for name in read.column_names}
+        pq.write_table(pa.table(table | {"tau_m2": 5.0 * table["tau_m2"]}), tmp_path / file)
+    (tmp_path / "study.yaml").write_text(
+        f"""robot: {folder / "robot.yaml"}
+model: A
+recordings:
+  - {{file: identify.parquet, use: identify}}
+  - {{file: validate.parquet, name: a, use: validate, to: 2.2}}
+  - {{file: validate.parquet, name: b, use: test, from: 2.2}}
+"""
+    )
+    document = ident.diagnose(tmp_path / "study.yaml").document()
+    (finding,) = document["findings"]
+    assert finding["effect"] == "drive_gain_error"
+    told = {(finding["effect"], *finding["joints"])}
+    told |= {(other["effect"], *other["joints"]) for other in finding["equivalent"]}
+    assert {("drive_gain_error", 1), ("drive_gain_error", 2)} <= told
+    its = finding["parameters"]["gain"]
+    factor = its["value"] if finding["joints"] == [2] else 1 / its["value"]
+    assert abs(np.log(factor / 5.0)) < 3.3 * its["std"] / its["value"]
+    errors = document["error_percent"]
+    assert errors["after"]["test"]["total"] < 0.2 * errors["before"]["test"]["total"]
+
+
+@pytest.fixture(scope="module")
+def gain(tmp_path_factory):
+    """The state of a diagnosis whose second torque is six times the true one, and the gain refined there."""
+    run = ident.simulate(
+        "kuka_lwr4p", effects=["drive_gain_error:2:gain=6.0"], duration=20, rate_hz=250, seed=3
+    )
+    run.save(folder := tmp_path_factory.mktemp("scaled") / "twin")
+    begun = opened(examined(ident.load(folder / "study.yaml")).prepared)
+    its = effect("drive_gain_error")
+    place = next(p for p in its.places(begun.layout) if p.joint == 1)
+    return begun.state, refine(begun.state.metric, begun.state.scene, Term(its, place, {}))
+
+
+def test_its_columns_are_of_the_torque_that_is_six_times_too_large(gain):
+    """Beside a model that was fitted to six times the torque the coefficient is none of the size."""
+    _, r = gain
+    assert 1.0 + r.term.size[0] == pytest.approx(6.0, rel=0.1)
+    assert r.sizes[0] == pytest.approx(r.term.size[0], rel=0.1)
+
+
+def test_of_all_channels_in_one_regression_noise_takes_little_away(gain):
+    state, r = gain
+    told = weigh(state.metric, r.columns)
+    beside = beside_changes(state, Found(r.term, r.columns, r.sizes), 8.3)
+    assert beside.kappa < 2.0 and beside.log_e > 0.5 * told.log_e > 8.3
