@@ -134,9 +134,10 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
                 else "unrelated_torque",
                 apart,
                 names,
-                f"{listed(names)} {'has' if len(names) == 1 else 'have'} nothing to do with what the other "
+                f"{listed(names)} {'is' if len(names) == 1 else 'are'} nothing like what the other "
                 f"recordings say of this motion (error {here:.0f} %, there {there:.0f} %): another signal, "
-                "another run's, or another robot's, or a sign that changes on the way",
+                "another run's, or another robot's, a sign that changes on the way, or something large that "
+                "the model lacks here",
                 "check how it was recorded, or leave the recording out",
             )
 
