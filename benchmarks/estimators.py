@@ -15,7 +15,7 @@ The published comparison (section 10.1 there, by two readers' digests of it: the
 4303 and the result files, which the toolbox's repository leaves out, were not at hand): DIDIM and
 instrumental variables are the most accurate; ordinary, weighted, reweighted and total least squares are
 biased by the encoder's noise, and come close to them once the positions go through a zero-shift filter;
-DIDIM takes about five times as long as least squares (20 to 100 times here). The rank order is checked here;
+DIDIM takes about five times as long as least squares (15 to 130 times here). The rank order is checked here;
 no distance is held against a printed one, nor are the estimators that are not built (maximum likelihood,
 Kalman filters, neural networks, semidefinite programs).
 """
