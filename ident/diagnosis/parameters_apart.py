@@ -13,9 +13,9 @@ that both sides determine, d the square of their distance in the noise of the ch
     log E / kappa + r / 2 ln(d without / d with),   kappa = d with / r, one at least
 
 of the regression of this channel alone: its likelihood ratio where parameters of the sides differ at random,
-all directions alike. An effect on whole torques (a gain, a delay, a load) is asked of all channels in one
-regression: what a channel's own parameters cannot follow of it is that they are the other channels', too. (Of
-a Barrett's two torques one was five times too large, which the parameters of either alone took up.)"""
+all directions alike. A factor of the model's torque is asked of all channels in one regression: a channel's
+own parameters follow any, and cannot that they are the other channels', too. (Of a Barrett's two torques one
+was five times too large, which the parameters of either alone took up.)"""
 
 from __future__ import annotations
 
@@ -56,15 +56,13 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
 
 
 def spoken(m: Metric, f: Found, tau: float) -> Evidence:
-    """What the judged rows say of it; where they say too little alone and it acts on whole torques, given the
-    fitted rows, if that says enough beside what the model's parameters change by from one side to the other.
-    (Five times a rokae's second torque is five times its inertia, for the rows that judge; given the fitted
+    """What the judged rows say of it; of a factor of which they say too little alone, given the fitted rows,
+    if that says enough beside what the model's parameters change by from one side to the other. (Five times a rokae's second torque is five times its inertia, for the rows that judge; given the fitted
     ones 27 nats say that it is not.) A factor near one has to show on the judged rows alone: a model that
     lacks something makes such of its own, by as many nats."""
     own = weigh(m, f.columns)
-    if own.log_e > tau or f.term is None or f.term.effect.kind == "column":
-        return own
-    if f.term.factor != 1.0 and abs(np.log(max(abs(f.term.factor), 1e-12))) < OF_ITS_OWN:
+    factor = 1.0 if f.term is None else abs(f.term.factor)
+    if own.log_e > tau or abs(np.log(max(factor, 1e-12))) < OF_ITS_OWN:
         return own
     given = given_fitted(m, all_rows(m), f.columns, own.sizes).of(own)
     return given if given.log_e > tau and _of(m, f, given).log_e > tau else own
@@ -72,7 +70,7 @@ def spoken(m: Metric, f: Found, tau: float) -> Evidence:
 
 def _of(m: Metric, f: Found, told: Evidence) -> Changes:
     """Beside the changes from the fitted to the judged rows of a metric."""
-    if f.term is not None and f.term.effect.kind != "column":
+    if f.term is not None and f.term.factor != 1.0:
         return _of_whole(m, f, told)
     white = m.whiten(f.columns)
     nats, kappas = {}, {}
@@ -87,7 +85,7 @@ def _of(m: Metric, f: Found, told: Evidence) -> Changes:
 
 
 def _of_whole(m: Metric, f: Found, told: Evidence) -> Changes:
-    """Of an effect on whole torques: all channels in one regression."""
+    """Of a factor: all channels in one regression."""
     white = m.whiten(f.columns)
     torque = {c: z @ told.sizes for c, z in white.items()}
     noise = np.maximum(told.rss / told.free, 1e-300)
