@@ -57,9 +57,10 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
 
 def spoken(m: Metric, f: Found, tau: float) -> Evidence:
     """What the judged rows say of it; of a factor of which they say too little alone, given the fitted rows,
-    if that says enough beside what the model's parameters change by from one side to the other. (Five times a rokae's second torque is five times its inertia, for the rows that judge; given the fitted
-    ones 27 nats say that it is not.) A factor near one has to show on the judged rows alone: a model that
-    lacks something makes such of its own, by as many nats."""
+    if that says enough beside what the model's parameters change by from one side to the other. (Five times
+    a rokae's second torque is five times its inertia, for the rows that judge; given the fitted ones 27 nats
+    say that it is not.) A factor near one has to show on the judged rows alone: a model that lacks something
+    makes such of its own, by as many nats."""
     own = weigh(m, f.columns)
     factor = 1.0 if f.term is None else abs(f.term.factor)
     if own.log_e > tau or abs(np.log(max(factor, 1e-12))) < OF_ITS_OWN:
