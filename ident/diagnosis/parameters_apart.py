@@ -77,10 +77,7 @@ def _of(m: Metric, f: Found, told: Evidence) -> Changes:
     nats, kappas = {}, {}
     for c in f.columns:
         distance, parameters = _distances(m, c, white[c] @ told.sizes)
-        before, after = (max(d, parameters) for d in distance)
-        kappas[c] = after / parameters if parameters else 1.0
-        closer = 0.5 * parameters * float(np.log(before / after)) if parameters else 0.0
-        nats[c] = float(told.per_channel[c]) / kappas[c] + closer
+        nats[c], kappas[c] = _left_of(float(told.per_channel[c]), distance, parameters)
     most = max(nats, key=lambda c: told.per_channel[c])
     return Changes(sum(nats.values()), kappas[most], most)
 
@@ -93,11 +90,18 @@ def _of_whole(m: Metric, f: Found, told: Evidence) -> Changes:
     joined = [_joined(m, side, torque, noise) for side in (m.fitted, m.judged)]
     rss = [_left(products) for products in (joined[0] + joined[1], *joined)]
     parameters = rss[1][1] + rss[2][1] - rss[0][1]
-    before, after = (max(float(rss[0][0][k] - rss[1][0][k] - rss[2][0][k]), parameters) for k in range(2))
-    kappa = after / parameters if parameters else 1.0
-    closer = 0.5 * parameters * float(np.log(before / after)) if parameters else 0.0
-    most = max(f.columns, key=lambda c: told.per_channel[c])
-    return Changes(float(told.log_e) / kappa + closer, kappa, most)
+    without, with_it = (float(its) for its in rss[0][0] - rss[1][0] - rss[2][0])
+    nats, kappa = _left_of(float(told.log_e), (without, with_it), parameters)
+    return Changes(nats, kappa, max(f.columns, key=lambda c: told.per_channel[c]))
+
+
+def _left_of(log_e: float, distance: tuple[float, float], parameters: int) -> tuple[float, float]:
+    """What is left of log E, and kappa, of the parameters' distances without the effect and with it."""
+    if not parameters:
+        return log_e, 1.0
+    before, after = (max(d, parameters) for d in distance)
+    kappa = after / parameters
+    return log_e / kappa + 0.5 * parameters * float(np.log(before / after)), kappa
 
 
 def _joined(m: Metric, side: Side, torque: Columns, noise: np.ndarray) -> np.ndarray:
