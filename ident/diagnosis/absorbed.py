@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.evidence import Metric, Side, block_numbers, project
+from ident.diagnosis.signs import sign_columns
 from ident.diagnosis.state import State
-from ident.diagnosis.turn_over import grids, sign_column, with_column
+from ident.diagnosis.turn_over import grids, with_column
 
 EVERY = 2  # of the ladder's widths
 
@@ -57,9 +58,7 @@ def dryness(state: State, joint: int) -> Dryness | None:
     widths = [float(w) for w in grids(state.segments, joint)["rate"][::EVERY]]
     turns = [turn, *(replace(turn, rate=w) for w in widths)]
     signs = {
-        c: state.whiteners[c]
-        @ np.stack([sign_column(state.segments, state.rows, joint, c, t) for t in turns], axis=1)
-        for c in channels
+        c: state.whiteners[c] @ sign_columns(state.segments, state.rows, joint, c, turns) for c in channels
     }
     without = replace(state, rows=with_column(state.rows, found[0], none))
     return Dryness(without.metric, signs, friction)

@@ -65,7 +65,7 @@ class Metric:
         ]
         return Metric(
             self.rows.only(chosen),
-            tuple(replace(w, L=w.L[chosen][:, chosen]) for w in self.whiteners),
+            tuple(w.only(chosen) for w in self.whiteners),
             tuple((places, values[chosen]) for places, values in self.X),
             self.y[:, chosen],
             self.B,

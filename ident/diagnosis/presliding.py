@@ -14,8 +14,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ident.diagnosis.signs import sign_column
 from ident.diagnosis.state import State, settled, solved
-from ident.diagnosis.turn_over import grids, sign_column, with_column
+from ident.diagnosis.turn_over import grids, with_column
 from ident.signals.dry_friction import TurnOver
 
 SEEN = 0.1  # of the error

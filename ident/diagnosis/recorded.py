@@ -5,8 +5,9 @@ sign that is not late takes the delay's place, and none of the two finds back. S
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -15,7 +16,7 @@ from ident.diagnosis.terms import Term
 from modelgen.effects.place import Model, Motion
 from modelgen.geometry.names import Channel
 
-Record = Callable[[int, Sequence[np.ndarray]], list[np.ndarray]]
+Record = Callable[[Sequence[np.ndarray]], list[np.ndarray]]  # [(N,) of a stretch, ...] as it is recorded
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,23 +35,26 @@ def comes_late(term: Term) -> bool:
     return term.effect.kind == "measurement" and term.effect.shifts_time and term.size is not None
 
 
-def recorder(terms: Sequence[Term], channels: Sequence[Channel], motions: Sequence[Motion]) -> Record | None:
-    """record(channel, [(N,) of a stretch, ...]): the same as it is recorded there; None: as it is."""
-    late = [term for term in terms if comes_late(term)]
-    if not late:
-        return None
+def recorders(
+    terms: Sequence[Term], channels: Sequence[Channel], motions: Sequence[Motion]
+) -> Mapping[int, Record]:
+    """Of each channel whose torque comes late how it is recorded; the others are recorded as they are."""
+    late = [(term, term.place.rows(channels)) for term in terms if comes_late(term)]
+    of = {c: [term for term, rows in late if c in rows] for c in range(len(channels))}
+    return {c: partial(_recorded, own, channels[c], motions) for c, own in of.items() if own}
 
-    def record(channel: int, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
-        memories: list[dict] = [{} for _ in late]
-        out = []
-        for values, motion in zip(parts, motions):
-            for term, memory in zip(late, memories):
-                if channel in term.place.rows(channels):
-                    size = np.array(term.size)
-                    model = cast(Model, _Torque(channels[channel : channel + 1], values))
-                    made = term.effect.columns(term.place, term.theta, size, motion, model, memory)
-                    values = values + made[0] @ size
-            out.append(values)
-        return out
 
-    return record
+def _recorded(
+    late: Sequence[Term], channel: Channel, motions: Sequence[Motion], parts: Sequence[np.ndarray]
+) -> list[np.ndarray]:
+    """One channel's torque (N,) of every stretch after these terms, one after the other."""
+    memories: list[dict] = [{} for _ in late]
+    out = []
+    for values, motion in zip(parts, motions):
+        for term, memory in zip(late, memories):
+            size = np.array(term.size)
+            model = cast(Model, _Torque((channel,), values))
+            made = term.effect.columns(term.place, term.theta, size, motion, model, memory)
+            values = values + made[0] @ size
+        out.append(values)
+    return out

@@ -14,18 +14,11 @@ import scipy.sparse
 
 from ident.diagnosis.evidence import Metric, metric, orthonormal, stacked
 from ident.diagnosis.fine import FineSegment
-from ident.diagnosis.recorded import Record, comes_late, recorder
+from ident.diagnosis.recorded import Record, comes_late, recorders
 from ident.diagnosis.rows import Rows
+from ident.diagnosis.signs import SignColumns, sign_column
 from ident.diagnosis.terms import Scene, Term, columns_of, motion_of
-from ident.diagnosis.turn_over import (
-    Dry,
-    SignColumns,
-    TurnOver,
-    settle,
-    sign_column,
-    with_column,
-    with_turn_overs,
-)
+from ident.diagnosis.turn_over import Dry, TurnOver, settle, with_column, with_turn_overs
 from ident.diagnosis.whitened import Whitener, whiteners
 from ident.equations.columns import Columns
 from ident.equations.fitted import FittedModel
@@ -234,32 +227,53 @@ def turned(state: State, afresh: Collection[int] = ()) -> State:
     dry = (*p.dry, *_found_dry(state))
     if not dry:
         return state
-    design, B, record = _as_recorded(state, dry)
+    own = fitted_alone(state)
+    design, B, record = _as_recorded(own, dry)
     turns = settle(
-        state.rows, design, B, state.whiteners, state.segments, dry, state.turns, afresh, record, kept=p.signs
-    )
+        own.rows, design, B, own.whiteners, own.segments, dry, state.turns, afresh, record,
+        kept=p.signs, motion=state.segments,
+    )  # fmt: skip
     if turns == state.turns:
         return state
     rows = state.rows
     for d in p.dry:
         turn = turns.get(d.joint)  # None: a joint that rests, or goes one way, turns over nowhere
         if turn is not None and turn != state.turns.get(d.joint):
-            made = {c: sign_column(state.segments, rows, d.joint, c, turn, kept=p.signs) for c, _ in d.places}
+            made = {c: sign_column(state.segments, rows, d.joint, c, turn) for c, _ in d.places}
             rows = with_column(rows, d, made)
     segments = with_turn_overs(state.segments, turns)
     motions = tuple(motion_of(s) for s in segments)
     return recolumned(replace(state, rows=rows, segments=segments, motions=motions, turns=turns))
 
 
+def fitted_alone(state: State) -> State:
+    """Of the recordings that are fitted alone, where that is all that is asked for."""
+    rows = state.rows
+    fitted = np.unique(rows.recording[rows.fitted])
+    chosen = np.flatnonzero(np.isin(rows.recording, fitted))
+    if len(chosen) == len(rows.t):
+        return state
+    mine = [k for k, s in enumerate(state.segments) if s.recording in fitted]
+    found = (replace(f, columns={c: z[chosen] for c, z in f.columns.items()}) for f in state.found)
+    return replace(
+        state,
+        rows=rows.only(chosen),
+        segments=tuple(state.segments[k] for k in mine),
+        motions=tuple(state.motions[k] for k in mine),
+        whiteners=tuple(w.only(chosen) for w in state.whiteners),
+        found=tuple(found),
+    )
+
+
 def _as_recorded(
     state: State, dry: Sequence[Dry]
-) -> tuple[Sequence[tuple[np.ndarray, np.ndarray]], int, Record | None]:
+) -> tuple[Sequence[tuple[np.ndarray, np.ndarray]], int, Mapping[int, Record]]:
     """The design with dry friction's columns as they are recorded, which the columns of what comes late have
-    no more part in, and how a sign is recorded."""
+    no more part in, and how a sign is recorded in the channels that come late."""
     design, B = state.design
-    record = recorder(state.terms, state.model.channels, state.motions)
-    if record is None:
-        return design, B, None
+    record = recorders(state.terms, state.model.channels, state.motions)
+    if not record:
+        return design, B, record
     late: dict[int, tuple[int, float]] = {}  # of each channel the first of what comes late: its place, size
     at = state.rows.b
     for f in state.found:
@@ -274,7 +288,7 @@ def _as_recorded(
                 continue
             places, values = made[c][0], made[c][1].copy()
             its, (where, size) = places == place, late[c]
-            sign = sign_column(state.segments, state.rows, d.joint, c, turn, record)
+            sign = sign_column(state.segments, state.rows, d.joint, c, turn, record.get(c))
             values[:, places == where] -= state.beta[place] * (sign[:, None] - values[:, its]) / size
             values[:, its] = sign[:, None]
             made[c] = places, values

@@ -11,20 +11,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache, partial
+from functools import partial
+from types import MappingProxyType
 
 import numpy as np
+import scipy.linalg
 
 from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record
 from ident.diagnosis.rows import Rows
+from ident.diagnosis.signs import SignColumns, Signs, sign_columns, signs_of
 from ident.diagnosis.whitened import Whitener
-from ident.signals.dry_friction import TurnOver, mean_sign, slid
+from ident.signals.dry_friction import TurnOver
 
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
 SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding
 STEPS = 1.5  # ratio of the grid
+RIDGE = 1e-10  # of the scaled Gram matrix: directions without data
 ORDERS = (("rate", "travel"), ("travel", "rate"))  # which width first; either can stand in for the other
+
+Columns = Mapping[int, np.ndarray]  # of the channels
+Explained = Callable[[Sequence[TurnOver]], np.ndarray]  # (K,) what each of K turn-overs accounts for
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,75 +67,6 @@ def _ladder(low: float, high: float) -> np.ndarray:
     return np.geomspace(low, high, max(3, int(np.ceil(np.log(high / low) / np.log(STEPS))) + 1))
 
 
-Signs = Callable[[TurnOver], list[np.ndarray]]  # of one joint: (N,) smoothed sign of each stretch
-
-
-def signs_of(segments: Sequence[FineSegment], joint: int) -> Signs:
-    """A joint's smoothed signs; what only one of the widths enters is kept while the other one is sought."""
-
-    @lru_cache(maxsize=2)
-    def direct(rate: float) -> list[np.ndarray]:
-        return [mean_sign(s.speed[:, joint], rate) for s in segments]
-
-    @lru_cache(maxsize=2)
-    def state(travel: float) -> list[np.ndarray]:
-        turn = TurnOver(0.0, travel)
-        return [turn.state(s.q[:, joint], s.speed[:, joint]) for s in segments]
-
-    def made(turn: TurnOver) -> list[np.ndarray]:
-        if turn.travel <= 0:
-            return direct(turn.rate)
-        return [slid(z, x) for z, x in zip(state(turn.travel), direct(turn.rate))]
-
-    return made
-
-
-class SignColumns:
-    """Decimated smoothed signs (M,) of one motion, kept: a later search tries the widths of an earlier one
-    again, three times out of four."""
-
-    def __init__(self, limit_bytes: float = 1e7) -> None:
-        self.limit = self.room = limit_bytes
-        self.motion: tuple[np.ndarray, ...] = ()
-        self.kept: dict[tuple[int, TurnOver], np.ndarray] = {}
-
-    def column(
-        self, segments: Sequence[FineSegment], joint: int, turn: TurnOver, signs: Signs | None
-    ) -> np.ndarray:
-        motion = tuple(s.q for s in segments)
-        if len(motion) != len(self.motion) or any(q is not its for q, its in zip(motion, self.motion)):
-            self.motion, self.kept, self.room = motion, {}, self.limit
-        found = self.kept.get((joint, turn))
-        if found is None:
-            found = _decimated(segments, joint, (signs or signs_of(segments, joint))(turn))
-            if found.nbytes <= self.room:
-                self.room -= found.nbytes
-                self.kept[joint, turn] = found
-        return found
-
-
-def sign_column(
-    segments: Sequence[FineSegment],
-    rows: Rows,
-    joint: int,
-    channel: int,
-    turn: TurnOver,
-    record: Record | None = None,
-    signs: Signs | None = None,
-    kept: SignColumns | None = None,
-) -> np.ndarray:
-    """(M,) decimated smoothed sign; record: what is recorded of it, where the torque comes late."""
-    if record is None and kept is not None:
-        return kept.column(segments, joint, turn, signs) * rows.scale[channel]
-    made = (signs or signs_of(segments, joint))(turn)
-    made = made if record is None else record(channel, made)
-    return _decimated(segments, joint, made) * rows.scale[channel]
-
-
-def _decimated(segments: Sequence[FineSegment], joint: int, signs: Sequence[np.ndarray]) -> np.ndarray:
-    return np.concatenate([s.decimate(sign[:, None], joint)[:, 0] for s, sign in zip(segments, signs)])
-
-
 def with_turn_overs(
     segments: Sequence[FineSegment], turns: Mapping[int, TurnOver]
 ) -> tuple[FineSegment, ...]:
@@ -162,14 +100,17 @@ def settle(
     dry: Sequence[Dry],
     turns: Mapping[int, TurnOver],
     afresh: Collection[int] = (),
-    record: Record | None = None,
+    record: Mapping[int, Record] = MappingProxyType({}),
     sweeps: int = 3,
     kept: SignColumns | None = None,
+    motion: Sequence[FineSegment] = (),
 ) -> dict[int, TurnOver]:
     """The widths that fit best beside everything in `design` (whose first columns are the rows' base), near
-    `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: what is
-    recorded of a sign; kept: columns of an earlier search."""
-    dry = [d for d in dry if reverses(segments, d.joint)]
+    `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: {channel:
+    what is recorded of a sign}; kept: columns of an earlier search; motion: all segments, whose range it is,
+    where only some are fitted."""
+    motion = motion or segments
+    dry = [d for d in dry if reverses(motion, d.joint)]
     normal = _Normal.of(rows, design, B, whiteners)
     out = dict(turns)
     moved = {d.joint: True for d in dry}
@@ -182,7 +123,7 @@ def settle(
             columns = partial(_columns, segments, rows, whiteners, d, record, signs, kept)
             explained = normal.explaining(d, columns)
             before = out.get(d.joint)
-            ladders = grids(segments, d.joint)
+            ladders = grids(motion, d.joint)
             orders = ORDERS if d.travels else (("rate",),)
             starts = [] if before is None else [(before, orders[0], False)]
             if before is not None and before.travel > 0:
@@ -190,12 +131,14 @@ def settle(
             if before is None or (d.joint in afresh and first):
                 starts += [(TurnOver(float(ladders["rate"][0])), order, True) for order in orders]
             ends = [_climbed(turn, order, whole, ladders, explained) for turn, order, whole in starts]
-            plain = [replace(t, travel=0.0) for t in ends]
-            turn = max((*ends, *plain), key=lambda t: explained(t) - asked * (t.travel > 0))
+            ends += [replace(t, travel=0.0) for t in ends]
+            paid = explained(ends) - asked * np.array([t.travel > 0 for t in ends])
+            turn = ends[int(paid.argmax())]
             moved[d.joint] = before is None or _far(before, turn)
             if before is not None and not moved[d.joint]:
                 turn = before
-            normal = normal.taken(d, columns(turn))  # later joints see the new column
+            its = {c: z[:, 0] for c, z in columns([turn]).items()}
+            normal = normal.taken(d, its)  # later joints see the new column
             out[d.joint] = turn
         if not any(moved.values()):
             break
@@ -207,14 +150,14 @@ def _columns(
     rows: Rows,
     whiteners: Sequence[Whitener],
     dry: Dry,
-    record: Record | None,
+    record: Mapping[int, Record],
     signs: Signs,
     kept: SignColumns | None,
-    turn: TurnOver,
+    turns: Sequence[TurnOver],
 ) -> dict[int, np.ndarray]:
-    """{channel: (M,)} a joint's dry friction as it turns over, whitened."""
+    """{channel: (M, turns)} a joint's dry friction as it turns over, whitened."""
     return {
-        c: whiteners[c] @ sign_column(segments, rows, dry.joint, c, turn, record, signs, kept)
+        c: whiteners[c] @ sign_columns(segments, rows, dry.joint, c, turns, record.get(c), signs, kept)
         for c in {c for c, _ in dry.places}
     }
 
@@ -245,7 +188,7 @@ class _Normal:
             right[places] += values.T @ torque
         return _Normal(on, X, y, gram, right)
 
-    def exchanged(self, dry: Dry, columns: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def exchanged(self, dry: Dry, columns: Columns) -> tuple[np.ndarray, np.ndarray]:
         """Products with a joint's dry friction columns (whitened) in the place of its own."""
         G, g = self.gram.copy(), self.right.copy()
         own = list({place for _, place in dry.places})
@@ -264,18 +207,54 @@ class _Normal:
                 g[place] += z @ self.y[channel]
         return G, g
 
-    def explaining(
-        self, dry: Dry, columns: Callable[[TurnOver], Mapping[int, np.ndarray]]
-    ) -> Callable[[TurnOver], float]:
+    def explaining(self, dry: Dry, columns: Callable[[Sequence[TurnOver]], Columns]) -> Explained:
         """What the model with a joint's friction turning over so accounts for; asked twice, computed once."""
+        beside = self.beside(dry)
+        known: dict[TurnOver, float] = {}
 
-        @cache
-        def explained(turn: TurnOver) -> float:
-            return _explained(*self.exchanged(dry, columns(turn)))
+        def explained(turns: Sequence[TurnOver]) -> np.ndarray:
+            new = [turn for turn in dict.fromkeys(turns) if turn not in known]
+            if new:
+                known.update(zip(new, beside(columns(new)).tolist()))
+            return np.array([known[turn] for turn in turns])
 
         return explained
 
-    def taken(self, dry: Dry, columns: Mapping[int, np.ndarray]) -> _Normal:
+    def beside(self, dry: Dry) -> Callable[[Columns], np.ndarray]:
+        """Whitened sum of squares that the model accounts for with a joint's dry friction columns {channel:
+        (M, K)} (whitened) in the place of its own, (K,). All that is not the joint's is factored once."""
+        own = sorted({place for _, place in dry.places})
+        free = np.delete(np.arange(len(self.right)), own)
+        G = self.gram[np.ix_(free, free)]
+        scale = np.sqrt(np.maximum(np.diag(G), 1e-300))
+        factor = scipy.linalg.lu_factor(G / np.outer(scale, scale) + RIDGE * np.eye(len(free)))
+        right = self.right[free] / scale
+        without = float(right @ scipy.linalg.lu_solve(factor, right))
+
+        def accounted(columns: Columns) -> np.ndarray:
+            p, K = len(own), next(iter(columns.values())).shape[1]
+            cross, told = np.zeros((len(self.right), p, K)), np.zeros((p, K))
+            squares = np.zeros((p, p, K))
+            for channel, whole in columns.items():
+                z = np.where(self.on[channel][:, None], whole, 0.0)
+                here = [own.index(place) for c, place in dry.places if c == channel]
+                places, values = self.X[channel]
+                along, size = values.T @ z, np.sum(z * z, axis=0)
+                for k in here:
+                    cross[places, k] += along
+                    squares[k, here] += size
+                    told[k] += self.y[channel] @ z
+            sizes = np.sqrt(np.maximum(np.einsum("kkn->kn", squares), 1e-300))
+            cross = cross[free] / scale[:, None, None] / sizes
+            answer = scipy.linalg.lu_solve(factor, cross.reshape(len(free), -1)).reshape(cross.shape)
+            left = np.einsum("fan,fbn->nab", -cross, answer) + RIDGE * np.eye(p)
+            left += np.transpose(squares / sizes[:, None] / sizes, (2, 0, 1))
+            news = (told / sizes - np.einsum("f,fan->an", right, answer)).T
+            return without + np.einsum("na,na->n", news, np.linalg.solve(left, news[:, :, None])[:, :, 0])
+
+        return accounted
+
+    def taken(self, dry: Dry, columns: Columns) -> _Normal:
         """The same with these columns in it."""
         X = list(self.X)
         for channel, place in dry.places:
@@ -286,19 +265,12 @@ class _Normal:
         return _Normal(self.on, tuple(X), self.y, *self.exchanged(dry, columns))
 
 
-def _explained(gram: np.ndarray, right: np.ndarray) -> float:
-    """Whitened sum of squares that the columns of these products account for."""
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-    H = gram / np.outer(scale, scale) + 1e-10 * np.eye(len(scale))
-    return float((right / scale) @ np.linalg.solve(H, right / scale))
-
-
 def _climbed(
     turn: TurnOver,
     order: Sequence[str],
     whole: bool,
     ladders: Mapping[str, np.ndarray],
-    explained: Callable[[TurnOver], float],
+    explained: Explained,
 ) -> TurnOver:
     """One width after the other at its best, the first once more at the end; from where they are, or from
     all their range. No travel at all is always tried."""
@@ -307,10 +279,12 @@ def _climbed(
         if not whole and now > 0:
             near = now * STEPS ** np.arange(-2.0, 2.5)
             grid = near[(near >= 0.999 * grid[0]) & (near <= 1.001 * grid[-1])]
+        kept = [turn, replace(turn, travel=0.0)]
         trials = [replace(turn, **{name: float(w)}) for w in grid]
-        values = np.array([explained(t) for t in trials])
+        values = explained([*kept, *trials])[len(kept) :]
         peak = replace(turn, **{name: float(np.exp(_peak(np.log(grid), values)))})
-        turn = max((turn, replace(turn, travel=0.0), trials[int(values.argmax())], peak), key=explained)
+        likely = [*kept, trials[int(values.argmax())], peak]
+        turn = likely[int(explained(likely).argmax())]
     return turn
 
 

@@ -11,7 +11,7 @@ the noise model, or they would become noise."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.signal
@@ -35,6 +35,10 @@ class Whitener:
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         return np.asarray(self.L @ x)
+
+    def only(self, chosen: np.ndarray) -> Whitener:
+        """Of some rows (k,), whole pieces."""
+        return replace(self, L=self.L[chosen][:, chosen])
 
     @property
     def news(self) -> float:

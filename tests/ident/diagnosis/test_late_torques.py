@@ -11,7 +11,7 @@ from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.recorded import recorder
+from ident.diagnosis.recorded import recorders
 from ident.diagnosis.settling import as_late, in_time, refined_together
 from ident.diagnosis.state import Found, recolumned, with_found
 from ident.diagnosis.terms import Term
@@ -122,8 +122,8 @@ def test_a_sign_is_recorded_late(late):
     m = state.motions[0]
     step = np.where(m.t < m.t[len(m.t) // 2], -1.0, 1.0)
     term = Term(E, whole(late.layout), {}, (4 / m.rate_hz,))
-    assert recorder([replace(term, size=None)], state.model.channels, state.motions) is None
-    (told,) = recorder([term], state.model.channels, state.motions[:1])(0, [step])
+    assert not recorders([replace(term, size=None)], state.model.channels, state.motions)
+    (told,) = recorders([term], state.model.channels, state.motions[:1])[0]([step])
     assert told[10:-10] == pytest.approx(np.roll(step, 4)[10:-10], abs=1e-9)
 
 

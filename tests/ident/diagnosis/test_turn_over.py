@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from dry_arm import opened_dry_arm
 
+from ident.diagnosis.signs import SignColumns, sign_columns
 from ident.diagnosis.state import turned as turned_over
-from ident.diagnosis.turn_over import SHORTEST, SignColumns, _peak, grids, reverses, sign_column
+from ident.diagnosis.turn_over import SHORTEST, _peak, grids, reverses
 from ident.signals.dry_friction import TurnOver
 
 RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns over
@@ -28,13 +29,13 @@ def test_the_rates_are_recovered(turned):
 
 def test_kept_columns_are_those_of_their_motion(turned):
     """Another motion's columns are its own; without room nothing is kept and all is told."""
-    turn, kept, none = TurnOver(0.05, 0.001), SignColumns(), SignColumns(0.0)
+    turns, kept, none = [TurnOver(0.05, 0.001), TurnOver(0.02)], SignColumns(), SignColumns(0.0)
     still = tuple(replace(s, q=0.5 * s.q, speed=-s.speed) for s in turned.segments)
     for segments in (turned.segments, still, turned.segments):
-        fresh = sign_column(segments, turned.rows, 1, 1, turn)
+        fresh = sign_columns(segments, turned.rows, 1, 1, turns)
         for memory in (kept, kept, none):
-            assert np.array_equal(sign_column(segments, turned.rows, 1, 1, turn, kept=memory), fresh)
-    assert len(kept.kept) == 1 and not none.kept
+            assert np.array_equal(sign_columns(segments, turned.rows, 1, 1, turns, kept=memory), fresh)
+    assert len(kept.kept) == 2 and not none.kept
 
 
 def test_no_travel_is_made_up(turned):
