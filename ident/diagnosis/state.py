@@ -241,7 +241,8 @@ def turned(state: State, afresh: Collection[int] = ()) -> State:
         if turn is not None and turn != state.turns.get(d.joint):
             made = {c: sign_column(state.segments, rows, d.joint, c, turn) for c, _ in d.places}
             rows = with_column(rows, d, made)
-    segments = with_turn_overs(state.segments, turns)
+    changed = {j: turn for j, turn in turns.items() if turn != state.turns.get(j)}
+    segments = with_turn_overs(state.segments, changed)
     motions = tuple(motion_of(s) for s in segments)
     return recolumned(replace(state, rows=rows, segments=segments, motions=motions, turns=turns))
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 LN2 = float(np.log(2.0))
+NONE = -40.0  # exponent of what is nothing beside LN2; far smaller ones are slow to compute
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +48,13 @@ def mean_sign(dq: np.ndarray, rate: float) -> np.ndarray:
         return np.asarray(np.tanh(dq / rate) if rate > 0 else np.sign(dq))
     half = 0.5 * np.gradient(dq)
     a, b = dq - half, dq + half
-    wide = np.abs(b - a) > 1e-9 * (np.abs(a) + np.abs(b)) + 1e-300
-    gap = np.where(wide, b - a, 1.0)
+    gap = b - a
+    wide = np.abs(gap) > 1e-9 * (np.abs(a) + np.abs(b)) + 1e-300
+    if wide.all():
+        return np.asarray((_primitive(b, rate) - _primitive(a, rate)) / gap)
     direct = np.tanh(dq / rate) if rate > 0 else np.sign(dq)
-    return np.asarray(np.where(wide, (_primitive(b, rate) - _primitive(a, rate)) / gap, direct))
+    mean = (_primitive(b, rate) - _primitive(a, rate)) / np.where(wide, gap, 1.0)
+    return np.asarray(np.where(wide, mean, direct))
 
 
 def _primitive(x: np.ndarray, rate: float) -> np.ndarray:
@@ -58,4 +62,4 @@ def _primitive(x: np.ndarray, rate: float) -> np.ndarray:
     size = np.abs(x)
     if rate <= 0:
         return size
-    return np.asarray(size + rate * (np.log1p(np.exp(-2 * size / rate)) - LN2))
+    return np.asarray(size + rate * (np.log1p(np.exp(np.maximum(-2 * size / rate, NONE))) - LN2))

@@ -10,6 +10,7 @@ import numpy as np
 
 Array = np.ndarray
 FADE = 12.0  # of the exponent, after which a stretch of travel is summed anew
+FULL = 40.0  # from which on 1 - exp(-x) is 1; what is smaller by far is slow to compute
 
 
 def monotone_pieces(q: Array) -> Iterator[tuple[int, int, float]]:
@@ -32,26 +33,25 @@ def integrate_dahl(q: Array, theta: Mapping[str, float], initial: float = 0.0) -
     The recurrence is summed in stretches of travel whose decay is `FADE`; what is older than two of them is
     below exp(-2 FADE) and left out.
     """
-    step = np.diff(q, prepend=q[:1])
-    travelled = np.cumsum(np.abs(step)) / theta["width"]
-    stretch = np.floor(travelled / FADE)
-    first = np.flatnonzero(np.diff(stretch, prepend=-1.0))
-    number = np.cumsum(np.diff(stretch, prepend=-1.0) != 0) - 1
-    base = travelled[first][number]
-    own = -np.expm1(-np.abs(step) / theta["width"]) * np.sign(step)
-    if len(q):
-        own[0] = initial
-    summed = np.cumsum(own * np.exp(travelled - base))
-    before = np.concatenate(([0.0], summed))[first]
-    z = (summed - before[number]) * np.exp(base - travelled)
+    if not len(q):
+        return np.zeros(0)
+    step = np.diff(q, prepend=q[:1]) / theta["width"]
+    size = np.abs(step)
+    travelled = np.cumsum(size)
+    first = np.flatnonzero(np.diff(np.floor(travelled / FADE), prepend=-1.0))
     last = np.append(first[1:], len(q)) - 1
-    ends = z[last]  # of each stretch, without what came before it
-    gap = np.exp(-np.diff(travelled[last], prepend=0.0))
+    length, begin, end = last - first + 1, travelled[first], travelled[last]
+    grown = np.exp(travelled - np.repeat(begin, length))
+    own = -np.expm1(-np.minimum(size, FULL)) * np.sign(step)
+    own[0] = initial
+    summed = np.cumsum(own * grown)
+    before = np.concatenate(([0.0], summed[last[:-1]]))
+    ends = (summed[last] - before) / grown[last]  # of each stretch, without what came before it
     older = np.zeros(len(ends))
     older[1:] = ends[:-1]
-    older[2:] += ends[:-2] * gap[1:-1]
-    at_end = np.concatenate(([0.0], travelled[last][:-1]))
-    return np.asarray(z + older[number] * np.exp(at_end[number] - travelled))
+    older[2:] += ends[:-2] * np.exp(end[:-2] - end[1:-1])
+    carried = older * np.exp(np.concatenate(([0.0], end[:-1])) - begin)
+    return np.asarray((summed + np.repeat(carried - before, length)) / grown)
 
 
 def integrate_play(q: Array, theta: Mapping[str, float], initial: float = 0.0) -> Array:
