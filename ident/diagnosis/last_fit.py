@@ -15,6 +15,7 @@ from ident.diagnosis.weighed_again import swapped
 from ident.diagnosis.weighing import Equivalent, simplicity
 from ident.equations.placing import entry_of
 from ident.equations.terms import Term as StudyTerm
+from ident.equations.terms import late_by
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError
 from ident.estimation.fit import Examined, FitResult, fit_study
 from ident.estimation.found_effects import FoundEffect, found_effects
@@ -49,7 +50,10 @@ def _at(known: Examined, outcome: Outcome, cutoff: float) -> Examined:
     study = known.prepared.study
     settings = study.filter.model_copy(update={"decimation_cutoff_hz": cutoff})
     again = known.again(study.with_(filter=settings))
-    return again.built() if len(outcome.last.terms) > len(study.effects) else again
+    if len(outcome.last.terms) == len(study.effects):
+        return again
+    late = late_by(again.prepared.columns, outcome.last.terms)
+    return replace(again, prepared=again.prepared.with_late(late)).built()
 
 
 def extended(

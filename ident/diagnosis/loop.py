@@ -29,6 +29,7 @@ from ident.diagnosis.settling import (
     late_alone,
     late_as_a_whole,
     late_joints,
+    on_late_rows,
     refined_together,
     settled_anew,
     settled_in,
@@ -172,6 +173,7 @@ def trace(
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
+    state = on_late_rows(state)
     state, steps, left = leftovers(state, steps, unnamed, tau, alpha)
     there = {term.key for term in state.terms}  # what is found itself is no other explanation of the rest
     steps = [replace(s, equivalent=tuple(e for e in s.equivalent if e.term.key not in there)) for s in steps]

@@ -1,5 +1,5 @@
 """A study as the diagnosis opens it: the fit's own equations, at a higher cut-off, with the fine signals
-beside.
+beside. It is opened again where torques come late (`Source`).
 
 Rows go up to the study's position cut-off, or a twelfth of the slowest recording's rate; positions are then
 filtered at four times that, so that the rows' own filter is what limits both sides of the equations. Of long
@@ -26,6 +26,7 @@ from ident.equations.observation import RecordingSystem, stack
 from ident.equations.placing import layout_of, terms_of
 from ident.equations.prepared import Prepared
 from ident.equations.terms import Term as StudyTerm
+from ident.equations.terms import late_by
 from ident.estimation.least_squares import channel_sigma, weighted_least_squares
 from ident.progress import Progress, silent
 from ident.signals.filtering import prepare
@@ -48,6 +49,38 @@ class Opened:
     cutoff_hz: float
     thinned: bool
     room: Room
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where rows and fine signals come from: recordings with their filters, and what is looked at of them."""
+
+    prepared: Prepared
+    cutoff_hz: float
+    on_disk: bool
+    cuts: tuple[Cut, ...] = ()
+    thinned: bool = False
+
+    def with_late(self, seconds: Sequence[Sequence[float]]) -> Source:
+        """With torques that come late by so much, of each joint; itself where they do already."""
+        late = self.prepared.with_late(seconds)
+        return self if late is self.prepared else replace(self, prepared=late)
+
+    def built(self, progress: Progress = silent) -> tuple[tuple[RecordingSystem, ...], FineKeeper]:
+        study, columns = self.prepared.study, self.prepared.columns
+        keeper = FineKeeper(columns, self.cutoff_hz, study.filter.order, self.on_disk)
+        return build(self.prepared, self.cutoff_hz, observer=keeper, progress=progress), keeper
+
+    def looked_at(
+        self, systems: Sequence[RecordingSystem], keeper: FineKeeper
+    ) -> tuple[Rows, tuple[FineSegment, ...]]:
+        """Rows and fine signals of the cuts; what was kept is handed over."""
+        segments = keeper.segments([system.label for system in systems], self.cuts)
+        systems, segments = _seen(systems, segments, self.cuts) if self.thinned else (systems, segments)
+        return rows_of(systems, len(self.prepared.columns.parameters)), segments
+
+    def read(self) -> tuple[Rows, tuple[FineSegment, ...]]:
+        return self.looked_at(*self.built())
 
 
 def diagnosis_cutoff(prepared: Prepared) -> float:
@@ -75,20 +108,19 @@ def opened(
     )
     room = room_for(prepared, cutoff, memory)
     banks = tuple(prepare(stream, settings, study.turn_overs) for stream in prepared.streams)
-    keeper = FineKeeper(columns, cutoff, study.filter.order, bytes_of(prepared, cutoff) > HELD)
-    systems = build(replace(prepared, banks=banks), cutoff, observer=keeper, progress=progress)
+    ahead = replace(prepared, banks=banks).with_late(late_by(columns, fitted or ()))
+    source = Source(ahead, cutoff, bytes_of(prepared, cutoff) > HELD)
+    systems, keeper = source.built(progress)
     chosen = cuts(systems, room.rows, lambda: _left(systems, prepared))
     thinned = sum(cut.stop - cut.start for cut in chosen) < sum(len(p.t) for s in systems for p in s.segments)
-    segments = keeper.segments([system.label for system in systems], chosen)
-    systems, segments = _seen(systems, segments, chosen) if thinned else (systems, segments)
-    del keeper
-    rows = rows_of(systems, len(columns.parameters))
+    source = replace(source, cuts=tuple(chosen), thinned=thinned)
+    rows, segments = source.looked_at(systems, keeper)
     n = len(columns.need.joints)
     low = np.min([s.q.min(axis=0) for s in segments], axis=0)
     high = np.max([s.q.max(axis=0) for s in segments], axis=0)
     layout = layout_of(study, columns, tuple(float(x) for x in high - low))
     layout = replace(layout, recordings=rows.names)
-    problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n))
+    problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n), source)
     state = told_as_effects(first_state(problem, rows, segments))
     declared = [
         Term(term.effect, term.place, dict(term.theta), tuple(term.size) or None)

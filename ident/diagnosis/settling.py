@@ -16,6 +16,7 @@ from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import (
     Found,
     State,
+    as_late_rows,
     converged,
     recolumned,
     settled,
@@ -68,6 +69,16 @@ def _refined_once(state: State) -> State:
         found[number] = Found(term, best.columns, best.sizes)
         state = solved(replace(state, found=tuple(found)))
     return settled(converged(state), 1)
+
+
+def on_late_rows(state: State) -> State:
+    """The state on the rows of torques as late as they were found (`as_late_rows`), settled there."""
+    for _ in range(ROUNDS):
+        late = as_late_rows(state)
+        if late is state:
+            break
+        state = refined_together(late)
+    return state
 
 
 def place_of(state: State, term: Term) -> int | None:

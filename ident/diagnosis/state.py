@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse
@@ -22,6 +23,7 @@ from ident.diagnosis.turn_over import Dry, TurnOver, settle, with_column, with_t
 from ident.diagnosis.whitened import Whitener, whiteners
 from ident.equations.columns import Columns
 from ident.equations.fitted import FittedModel
+from ident.equations.terms import late_by
 from modelgen.effects.place import Motion
 from modelgen.geometry.robot import Robot
 
@@ -29,13 +31,22 @@ QUIETER = 0.9  # of what was new from row to row: dry friction is sought in all 
 ROUNDS, CHANGE = 8, 1e-3  # of the residual, from which on columns that read the model stay as they are
 
 
+class Source(Protocol):
+    """What rows and fine signals come from (opening.py)."""
+
+    def with_late(self, seconds: Sequence[Sequence[float]]) -> Source: ...
+    def read(self) -> tuple[Rows, tuple[FineSegment, ...]]: ...
+
+
 @dataclass(frozen=True)
 class Problem:
-    """What does not change while effects are looked for."""
+    """What does not change while effects are looked for; `source` does where a torque is found to come
+    late."""
 
     robot: Robot
     columns: Columns
     dry: tuple[Dry, ...]
+    source: Source | None = field(default=None, compare=False)
     signs: SignColumns = field(default_factory=SignColumns, compare=False)
 
 
@@ -305,6 +316,29 @@ def _found_dry(state: State) -> tuple[Dry, ...]:
             out.append(Dry(int(term.place.joint or 0), tuple((c, at) for c in f.columns)))
         at += p
     return tuple(out)
+
+
+def as_late_rows(state: State) -> State:
+    """The state on rows without the samples whose sign a torque as late as it was found does not tell
+    (signals/filtering.py); itself where they are left out already."""
+    p = state.problem
+    source = None if p.source is None else p.source.with_late(late_by(p.columns, state.terms))
+    if source is None or source is p.source:
+        return state
+    rows, segments = source.read()
+    if len(rows.t) != len(state.rows.t):  # a stretch is too short to be filtered with so much beside it
+        return state
+    for d in p.dry:
+        turn = state.turns.get(d.joint)
+        if turn is not None:
+            rows = with_column(
+                rows, d, {c: sign_column(segments, rows, d.joint, c, turn) for c, _ in d.places}
+            )
+    segments = with_turn_overs(segments, state.turns)
+    motions = tuple(motion_of(s) for s in segments)
+    state = replace(state, problem=replace(p, source=source), rows=rows, segments=segments, motions=motions)
+    state = converged(state)
+    return solved(replace(state, whiteners=whiteners(state.rows, state.noise, state.rows.usable)))
 
 
 def recolumned(state: State) -> State:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,9 +32,17 @@ class Prepared:
 
     def again(self, study: Study) -> Prepared:
         """The same recordings, not read again, for a study that differs in its effects, in how friction turns
-        over or in the decimation's cut-off alone."""
-        columns = columns_of(study)
-        return Prepared(study, columns.model, columns, self.streams, banks_of(study, self.streams))
+        over or in the decimation's cut-off alone. Torques come as late."""
+        columns, banks = columns_of(study), banks_of(study, self.streams)
+        banks = tuple(replace(bank, late=own.late) for bank, own in zip(banks, self.banks))
+        return Prepared(study, columns.model, columns, self.streams, banks)
+
+    def with_late(self, seconds: Sequence[Sequence[float]]) -> Prepared:
+        """With torques that come late by so much, of each joint (filtering.py); itself where they do already,
+        to the sample."""
+        banks = tuple(bank.with_late(seconds) for bank in self.banks)
+        same = all(bank.late == own.late for bank, own in zip(banks, self.banks))
+        return self if same else replace(self, banks=banks)
 
 
 def columns_of(study: Study) -> Columns:

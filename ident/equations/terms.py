@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -99,6 +99,27 @@ def with_terms(columns: Columns, terms: Sequence[Term]) -> Columns:
         units=(*columns.units, *(unit for term in terms for unit in term.units)),
         regroups={**columns.regroups, **{n: term.effect.summary for term in terms for n in term.names}},
     )
+
+
+class Placed(Protocol):
+    """An effect at a place; `size`: of the linear parameters in use, where they are known."""
+
+    @property
+    def effect(self) -> Effect: ...
+    @property
+    def place(self) -> Place: ...
+    @property
+    def size(self) -> tuple[float, ...] | None: ...
+
+
+def late_by(model: Columns, terms: Sequence[Placed]) -> tuple[tuple[float, ...], ...]:
+    """Of each joint the seconds by which the terms have its torques recorded late, where they do."""
+    seconds = np.zeros(len(model.channels))
+    for term in terms:
+        if term.size:
+            seconds[list(term.place.rows(model.need.channels))] += term.effect.late(np.array(term.size))
+    joints = range(len(model.need.joints))
+    return tuple(tuple(sorted({*seconds[(model.joint_of == j) & (seconds != 0)].tolist()})) for j in joints)
 
 
 def places_of(columns: Columns, terms: Sequence[Term]) -> dict[str, slice]:

@@ -22,7 +22,7 @@ from ident.equations.comparison import Fitted, FullRate, compare_torques
 from ident.equations.fitted import FittedModel
 from ident.equations.observation import RecordingSystem
 from ident.equations.prepared import Prepared, prepare_study
-from ident.equations.terms import Term
+from ident.equations.terms import Term, late_by
 from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.blocks import widened
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
@@ -31,7 +31,7 @@ from ident.estimation.least_squares import Estimate, bounded
 from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson
 from ident.estimation.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
 from ident.estimation.remarks import excitation, implausible, impossible, payload_notes, resting
-from ident.estimation.shapes import Extended, extend
+from ident.estimation.shapes import Extended, declared, extend
 from ident.estimation.solving import estimate_all
 from ident.examination.check import Check, worst_first
 from ident.examination.examine import examine_fit, examine_tables, sentences
@@ -42,6 +42,7 @@ from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study
 
 Percent = dict[str, dict[str, float]]
+LATER = 3  # times that rows are made again where a delay is another than they were made for
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,8 +208,10 @@ def _fitted(known: Examined, progress: Progress) -> FitResult:
         )
     else:
         begin, cutoff = None, study.filter.decimation_cutoff_hz
-    systems = known.systems or build(prepared, cutoff, progress=progress)
-    return fit_systems(prepared, systems, cutoff, trials, progress, begin, checks)
+    late = prepared.with_late(late_by(prepared.columns, declared(prepared) if begin is None else begin))
+    ahead = known.systems if late is prepared else None
+    systems = ahead or build(late, cutoff, progress=progress)
+    return fit_systems(late, systems, cutoff, trials, progress, begin, checks)
 
 
 def fit_systems(
@@ -223,7 +226,7 @@ def fit_systems(
     """Estimate, reduce, test and compare, from equations at one cut-off; `begin`: terms to begin with,
     `checks`: what a quick fit showed (examine_fit)."""
     study = prepared.study
-    extended = extend(prepared, systems, cutoff_hz, progress, begin)
+    prepared, extended = _extended(prepared, systems, cutoff_hz, progress, begin)
     columns, systems = extended.columns, extended.systems
     fitted = [system for system in systems if system.role == "identify"]
     progress("least squares")
@@ -294,6 +297,26 @@ def fit_systems(
         widened(fitted, full, full_covariance) if extended.terms and its.plain else None,
         its.feedback,
     )
+
+
+def _extended(
+    prepared: Prepared,
+    systems: Sequence[RecordingSystem],
+    cutoff_hz: float,
+    progress: Progress,
+    begin: Sequence[Term] | None,
+) -> tuple[Prepared, Extended]:
+    """The study's effects fitted, on rows of which those samples are left out that a torque as late as it was
+    found does not tell the sign of (filtering.py), and the study with such rows."""
+    extended = extend(prepared, systems, cutoff_hz, progress, begin)
+    for _ in range(LATER):
+        late = prepared.with_late(late_by(prepared.columns, extended.terms))
+        if late is prepared:
+            break
+        prepared = late
+        systems = build(prepared, cutoff_hz, progress=progress)
+        extended = extend(prepared, systems, cutoff_hz, progress, extended.terms)
+    return prepared, extended
 
 
 def _reduction(study: Study, extended: Extended, full: Estimate, share: float) -> Reduction:

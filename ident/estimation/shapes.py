@@ -28,6 +28,7 @@ from ident.estimation.solving import estimate_all
 from ident.estimation.starts import fine_signals, started
 from ident.progress import Progress, silent
 from ident.recordings.study import Study
+from modelgen.geometry.place import Layout
 
 TURNS = 40
 STILL = 1e-3  # of a standard deviation: a step below it is none
@@ -90,10 +91,7 @@ def extend(
         return Extended((), columns, None, tuple(systems), np.zeros(len(columns.parameters)))
     fitted = [system for system in systems if system.role == "identify"]
     streams = {stream.label: (stream, bank) for stream, bank in zip(prepared.streams, prepared.banks)}
-    n = len(columns.need.joints)
-    highest = np.max([s.survey.highest[:n] for s, _ in streams.values()], axis=0)
-    lowest = np.min([s.survey.lowest[:n] for s, _ in streams.values()], axis=0)
-    layout = layout_of(study, columns, highest - lowest)
+    layout = _layout(prepared)
     terms = tuple(begin) if begin is not None else terms_of(study, columns, layout)
     if columns.gain_columns and any(term.free or not plain(term) for term in terms):
         raise StudyError(
@@ -125,6 +123,19 @@ def extend(
     every = tuple(done[system.label] for system in systems)
     notes += tuple(f"{name} stands at the end of the range that is searched" for name in search.at_bound)
     return Extended(terms, wide, search.model, every, _held(wide, terms), search.at_bound, notes)
+
+
+def declared(prepared: Prepared) -> tuple[Term, ...]:
+    """The study's effects where they begin. Raises StudyError."""
+    study = prepared.study
+    return terms_of(study, prepared.columns, _layout(prepared)) if study.effects else ()
+
+
+def _layout(prepared: Prepared) -> Layout:
+    n = len(prepared.columns.need.joints)
+    highest = np.max([s.survey.highest[:n] for s in prepared.streams], axis=0)
+    lowest = np.min([s.survey.lowest[:n] for s in prepared.streams], axis=0)
+    return layout_of(prepared.study, prepared.columns, highest - lowest)
 
 
 def _held(columns: Columns, terms: Sequence[Term]) -> np.ndarray:

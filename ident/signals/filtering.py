@@ -23,8 +23,11 @@ deviations. Hence
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a true
      equation; errors are reported over all samples nevertheless,
   3. where it counts, the column is the sign; between -vs and vs it is tanh(2.5 dq / vs),
-  4. samples that are no measurement (examination/samples.py) do not count either,
-  5. it runs through the same decimation filter as the torque, as all columns do.
+  4. a torque that comes late carries the sign of then: where it is known by how much, samples do not count
+     either whose joint was too slow then. (Counted, they put delays of a twin 0.3 to 0.8 of 17 ms, 2 to 5
+     standard deviations, too low.)
+  5. samples that are no measurement (examination/samples.py) do not count either,
+  6. it runs through the same decimation filter as the torque, as all columns do.
 Rest at the ends is not used, nor the first and last moments of a segment, which the filter made up.
 """
 
@@ -165,14 +168,25 @@ class FilterBank:
     vs: np.ndarray | None  # (n,) rad/s; None until estimated
     turn_over: tuple[TurnOver, ...] = ()  # of each joint's dry friction; none given: tanh(2.5 dq / vs)
     resting: tuple[int, ...] = ()  # joints that stand at one place throughout the study
+    late: tuple[tuple[int, ...], ...] = ()  # of each joint: samples by which its torques come late, if any do
+
+    @property
+    def beside(self) -> int:
+        """Samples on either side of a block that are filtered with it."""
+        return 2 + max((abs(k) for its in self.late for k in its), default=0)
 
     @property
     def halo(self) -> int:
-        return max(self.position.halo, self.sign.halo) + 2
+        return max(self.position.halo, self.sign.halo) + self.beside
 
     @property
     def transient(self) -> int:
         return self.position.transient + 2
+
+    def with_late(self, seconds: Sequence[Sequence[float]]) -> FilterBank:
+        """The same where the torques of each joint come late by so many seconds."""
+        late = tuple(tuple(sorted({round(s * self.position.rate_hz) for s in its} - {0})) for its in seconds)
+        return replace(self, late=late if any(late) else ())
 
 
 def filter_bank(settings: FilterSettings, rate_hz: float) -> FilterBank:
@@ -229,12 +243,23 @@ def certainty(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
     return np.clip(np.abs(dq) / np.maximum(vs, 1e-9) - 1.0, 0.0, 1.0)
 
 
+def _certain(around: np.ndarray, vs: np.ndarray, bank: FilterBank, count: int) -> np.ndarray:
+    """(count, n) of a block, from the speeds `around` it: where a torque comes late, of then as well."""
+    sure, begin = certainty(around, vs), bank.beside - 2
+    out = sure[begin:][:count].copy()
+    for j, its in enumerate(bank.late):
+        for k in its:
+            out[:, j] *= sure[begin - k :][:count, j]
+    return out
+
+
 @dataclass(frozen=True, slots=True)
 class Smoothed:
     """One window of a segment (its number) after the transforms.
 
-    first: number of its first row in the segment; q, light, bent (N + 4, n): positions through the position
-    filter, through the sign's, and the gears' bending (`positions: joint`), with two rows more at either end;
+    first: number of its first row in the segment; q, bent (N + 4, n): positions through the position filter
+    and the gears' bending (`positions: joint`), with two rows more at either end; light (N + 2 beside, n):
+    positions through the sign's filter, with as many more as its bank asks for;
     motor, sensor (N, .): torques as recorded; weight (N, n) bool: what is a measurement.
     """
 
@@ -279,11 +304,12 @@ def _smoothed(stream: RecordingStream, bank: FilterBank) -> Iterator[tuple[Smoot
             continue
         size = fast_length(len(window))
         wide = slice(inner.start - 2, inner.stop + 2)
+        wider = slice(inner.start - bank.beside, inner.stop + bank.beside)
         frequency = np.fft.rfftfreq(size, period)
         low = bank.position.response(frequency)[:, None]
         spectrum = np.fft.rfft(window[:, :n], size, axis=0)
         q = np.fft.irfft(spectrum * low, size, axis=0)[wide].copy()
-        light = np.fft.irfft(spectrum * bank.sign.response(frequency)[:, None], size, axis=0)[wide].copy()
+        light = np.fft.irfft(spectrum * bank.sign.response(frequency)[:, None], size, axis=0)[wider].copy()
         bent: np.ndarray | None = None
         if stream.stiffness is not None:  # q = q_m - tau_l / k, of the position filter's band alike
             bending = np.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
@@ -307,10 +333,12 @@ def _block(
     rate, n = bank.position.rate_hz, len(stream.need.joints)
     t, span = _span(stream.survey.segments[its.segment], bank, its.first, len(its.weight))
     vs = bank.vs if bank.vs is not None else np.zeros(n)
-    speed = first_difference(its.light, rate)
+    here = slice(bank.beside, bank.beside + len(its.weight))
+    around = first_difference(its.light, rate)  # two rows less at either end
+    speed = around[bank.beside - 2 :][: len(its.weight)]
     dq, ddq = first_difference(its.q, rate), second_difference(its.q, rate)
-    sign = told_sign(its.light[2:-2][span], speed[span], vs, bank.turn_over, states)
-    certain = certainty(speed[span], vs)
+    sign = told_sign(its.light[here][span], speed[span], vs, bank.turn_over, states)
+    certain = _certain(around, vs, bank, len(its.weight))[span]
     for j in bank.resting:  # rounding is no motion; its load is seen all the same, beside static friction
         dq[:, j] = ddq[:, j] = speed[:, j] = sign[:, j] = 0.0
         certain[:, j] = 1.0
@@ -403,7 +431,7 @@ def filter_stream(
 
     `torque_too` passes the torques through the position filter as well (for the error at the full rate).
     """
-    n, key = len(stream.need.joints), (bank.position, bank.sign)
+    n, key = len(stream.need.joints), (bank.position, bank.sign, bank.beside)
     low = np.zeros((0, 0))
 
     def made() -> Iterator[Smoothed]:

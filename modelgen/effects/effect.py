@@ -184,6 +184,11 @@ class Effect(Expressions, Telling):
         steps that hold one of the two converge for factors between 0 and 2 alone."""
         return 1.0
 
+    def late(self, size: Array) -> float:
+        """Seconds by which a torque is recorded later than the motion that it belongs to, with the sign that
+        dry friction had then; `size` (p,) as for `columns`."""
+        return 0.0
+
     # ---- what it does to a simulated truth
 
     def stages(self, place: Place) -> tuple[Stage, ...]:

@@ -66,6 +66,9 @@ class TimeDelay(RecordingEffect):
             out[c] = change[:, None]
         return out
 
+    def late(self, size: Array) -> float:
+        return float(size[0])
+
     def recorded(self, tau: Array, truth: Truth, place: Place, values: Mapping[str, float]) -> Array:
         """As it was `delay` ago; before the first sample, the first."""
         if values["delay"] == 0:

@@ -157,7 +157,9 @@ def test_15_ms_of_one_joint_that_dry_friction_takes_up(tmp_path):
     not (DATA / "rokae_xmate3pro").is_dir(), reason="the recordings of measured robots are not here"
 )
 def test_one_late_joint_of_a_measured_robot(tmp_path):
-    """Seven seconds of a rokae; a joint of which no fit predicts half decided between delay and lag."""
+    """Seven seconds of a rokae: 23 ms are found (20 beside what it has of its own), and by as much as they
+    change from stretch to stretch they are not told from zero. So nothing is blamed, and what it looks like
+    is said, where it is."""
     (base,) = (b for b in BASES if b.robot == "rokae_xmate3pro")
 
     def late(table, torque, joint):
@@ -165,8 +167,6 @@ def test_one_late_joint_of_a_measured_robot(tmp_path):
 
     fault = Fault("one torque late", ("time_delay",), 2, table=late)
     document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
-    (finding,) = document["findings"]
-    told = {finding["effect"], *(its["effect"] for its in finding["equivalent"])}
-    assert finding["joints"] == [2] and told == {"time_delay", "torque_lag"}
-    before, after = (document["error_percent"][k]["test"]["total"] for k in ("before", "after"))
-    assert after < 0.85 * before
+    assert not document["findings"]
+    (left,) = document["unexplained"]
+    assert (left["joints"], left["nearest"]["effect"]) == ([2], "time_delay")
