@@ -154,12 +154,7 @@ def elsewhere(ranking: Ranking, asked: Collection[Ranked], tau: float, most: int
 def _contained(best: Mapping[tuple, Ranked], listed: Sequence[Ranked]) -> list[Ranked]:
     """The simpler effects that those of the list are at special values: what does not differ from them is
     theirs. (AIRBOT: friction under load that drives and brakes alike was told as one that differs.)"""
-    wanted = {(name, _where(r.term.place)) for r in listed for name in r.term.effect.contains}
-    return [r for r in best.values() if (r.term.effect.name, _where(r.term.place)) in wanted]
-
-
-def _where(place: Place) -> tuple:
-    return place.joint, place.source, place.recording
+    return [r for r in best.values() if any(its.term.contains(r.term) for its in listed)]
 
 
 def _weigh(

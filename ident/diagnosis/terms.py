@@ -39,6 +39,15 @@ class Term:
         """Parameters that the data choose."""
         return len(self.effect.parameters_of(self.place)) + len(self.effect.bounds(self.place))
 
+    @property
+    def where(self) -> tuple[int | None, int | None, str | None]:
+        """Joint, the one whose motion it is, recording."""
+        return self.place.joint, self.place.source, self.place.recording
+
+    def contains(self, other: Term) -> bool:
+        """Whether it is the other one, or nearly, at special values."""
+        return other.effect.name in self.effect.contains and other.where == self.where
+
     def at(self, **theta: float) -> Term:
         return replace(self, theta={**self.theta, **theta})
 

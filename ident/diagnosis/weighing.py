@@ -199,15 +199,31 @@ def rivals_of(
     how many blocks, is no reason to reject it against the best. What leaves the best one all that it says
     explains another part of the residual."""
     own = max((e.log_e for r, e in weighed.passed if r.term.key == best.term.key), default=0.0)
+
+    def gains(r: Refined, e: Evidence) -> bool:
+        if r.term.contains(best.term):
+            return _pays(weighed.metric, (best, evidence), (r, e))
+        return e.log_e > own
+
     return tuple(
         Equivalent(r.term, e.log_e)
         for r, e in weighed.possible
         if r.term.key != best.term.key
-        and (r.term.free <= best.term.free or e.log_e > own or r.term.key in weighed.turning)
+        and (r.term.free <= best.term.free or gains(r, e) or r.term.key in weighed.turning)
         and not evidence.beats(e, tau, alpha)
         and not _stays_beside(weighed.metric, (best, evidence), (r, e), tau, alpha)
         and (set(r.columns) & set(best.columns) or _same(weighed.metric, (best, evidence), (r, e), tau))
     )
+
+
+def _pays(m: Metric, best: tuple[Refined, Evidence], other: tuple[Refined, Evidence]) -> bool:
+    """Whether a law that contains the best one says more on all rows than the numbers that it adds must: any
+    noise lets it say a little more. (Beside four of fifteen Stribeck frictions one that fades as the joint
+    warms was told, 0.4 nats ahead of 230.)"""
+    (r, e), (its, x) = best, other
+    rows = int(((m.fitted.mask | m.judged.mask) & m.rows.use.any(axis=0)).sum())
+    more = x.gain + x.log_e - e.gain - e.log_e
+    return more > 0.5 * (its.term.free - r.term.free) * np.log(rows)
 
 
 def _same(m: Metric, best: tuple[Refined, Evidence], other: tuple[Refined, Evidence], tau: float) -> bool:
