@@ -247,7 +247,7 @@ def _designed(  # type: ignore[no-untyped-def]
         quick = all(plain(term) for term in separation.terms)
         more = starts + starts // 2  # they end in optima further apart than those of other criteria
         more = max(2 * more // len(separation.pairs), 1)  # every two suspects cost as much as two alone
-        starts, iterations = (more, min(iterations, 40)) if quick else (1, min(iterations, 8))
+        starts, iterations = (more, min(iterations, 40)) if quick else (1, min(iterations, 16))
     return optimise(
         holding, basis, request.duration, separation or along(rows, basis, criterion), start=start,
         seed=request.seed, starts=starts, iterations=iterations, progress=progress, stop=stop,

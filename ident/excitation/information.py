@@ -102,17 +102,23 @@ class Rows:
         return self._many.get(count) or self._many.setdefault(count, self._one.map(count))
 
 
-def along(rows: Rows, basis: Basis, criterion: Criterion) -> Callable[[Array], tuple[float, Array]]:
+def along(
+    rows: Rows, basis: Basis, criterion: Criterion
+) -> Callable[[Array], tuple[float, Callable[[], Array]]]:
     """x (n, K) -> the criterion of one period of the motion, and its slope, for `optimal.optimise`."""
     N = max(12 * basis.harmonics, 80)
     B = basis.at((np.arange(N) + 0.5) * basis.period / N)[:3]
 
-    def objective(x: Array) -> tuple[float, Array]:
+    def objective(x: Array) -> tuple[float, Callable[[], Array]]:
         q, dq, ddq = (b @ x.T for b in B)
         A = rows(q, dq, ddq)
         value, slope = criterion(A.reshape(-1, A.shape[2]))
-        back = rows.back(q, dq, ddq, slope.reshape(A.shape))
-        return value, sum((g.T @ b for g, b in zip(back, B)), np.zeros_like(x))
+
+        def back() -> Array:
+            through = rows.back(q, dq, ddq, slope.reshape(A.shape))
+            return sum((g.T @ b for g, b in zip(through, B)), np.zeros_like(x))
+
+        return value, back
 
     return objective
 

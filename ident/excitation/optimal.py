@@ -21,7 +21,7 @@ from ident.progress import Progress, silent
 from modelgen.effects.frames import frames
 
 Array = np.ndarray
-Objective = Callable[[Array], tuple[float, Array]]  # x (n, K) -> value, slope (n, K)
+Objective = Callable[[Array], tuple[float, Callable[[], Array]]]  # x (n, K) -> value, the way to its slope
 FINER = 3  # times the instants of the grid at which bodies and boxes are looked at
 FINEST = 20  # times the instants at which positions are, where the start is next to a limit
 MARGIN = 0.98  # of the torque limits on the grid
@@ -143,15 +143,15 @@ def _solver(
         return x
 
     factor = np.hstack([bounds.half[:, None], np.tile(scale[:, None], (1, K - 1))])
-    memo: list[Any] = [None, None]  # value and slope are asked for one after the other
+    memo: list[Any] = [None, None]  # the slope is asked for after the value, where a step is taken
 
-    def both(z: Any) -> tuple[float, Array]:
+    def both(z: Any) -> tuple[float, Callable[[], Array]]:
         x = plain(z)
         if memo[0] is None or not np.array_equal(memo[0], x):
             memo[:] = [x, objective(x)]
         return memo[1]
 
-    value = external("value", n * K, 1, lambda z: both(z)[0], lambda z: both(z)[1] * factor)
+    value = external("value", n * K, 1, lambda z: both(z)[0], lambda z: both(z)[1]() * factor)
     z = ca.MX.sym("z", n * K)
     g, low, high = [linear @ z], [-np.ones(linear.shape[0])], [np.ones(linear.shape[0])]
     kept = [value]

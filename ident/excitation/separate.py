@@ -35,9 +35,11 @@ Array = np.ndarray
 RATE_HZ = 50.0  # at which a motion is designed
 SAME = 1e-4  # share of what is visible of an effect below which it is imitated
 NEAR = 1e-2  # the same where one contains the other in a limit, which bounds keep it from reaching
+TURNS, STILL = 6, 1e-6  # a size that changes less from turn to turn, relative, is that of its columns
 SHAPES = 60  # starting shapes that are tried
 OTHER = 0.3  # share of a torque: a first step of a shape that changes more is halved
 HALVINGS = 30
+TRIES, CLOSE, EXACT = 60, 0.01, 1e-7  # a search ends by so many a number, or next to its best: steps, share
 CLEAR = 1e-8  # of the largest eigenvalue of W'W: with less its square roots are not known well enough
 
 
@@ -162,24 +164,31 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
 
     def solved(term: Term) -> tuple[Array, Term]:
         aim = left
-        for _ in range(1 if plain(term) else 3):  # columns may be secants that go with the size
+        for _ in range(1 if plain(term) else TURNS):  # columns may be secants that go with the size
             C = project.off(project.columns(term))
             aim = left - C[:, len(low) :].sum(axis=1)
             C = C[:, : len(low)]
             if len(low):
-                size = scipy.optimize.lsq_linear(C, aim, (low, high), method="bvls").x
+                size, before = scipy.optimize.lsq_linear(C, aim, (low, high), method="bvls").x, term.size
                 aim, term = aim - C @ size, replace(term, size=tuple(map(float, size)))
+                if np.allclose(size, before, STILL, 0.0):
+                    break
         return aim, term
 
+    last = b.size  # of the shape before: that of the next one is next to it
+
     def left_by(theta: Mapping[str, float]) -> tuple[Array, Term]:
+        nonlocal last
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", RuntimeWarning)
-            residual, term = solved(replace(b, theta=dict(theta)))
-        return (residual if np.isfinite(residual).all() else np.full_like(left, 1e150)), term
+            residual, term = solved(replace(b, theta=dict(theta), size=last))
+        if not np.isfinite(residual).all():
+            return np.full_like(left, 1e150), term
+        last = term.size
+        return residual, term
 
-    def tried(theta: Mapping[str, float]) -> tuple[float, Term]:
-        residual, term = left_by(theta)
-        return float(residual @ residual), term
+    def power(tried: tuple[Array, Term]) -> float:
+        return float(tried[0] @ tried[0])
 
     shapes = [dict(b.theta)]
     if b.free and not warm:
@@ -187,15 +196,17 @@ def imitation(project: Projector, a: Term, b: Term, warm: bool = False) -> Imita
         channel = min(b.place.rows(project.known.channels), default=0)
         like = torque_of(a, project.motion, project.known, {})[:, channel]  # type: ignore[arg-type]
         shapes += list(b.effect.starts(b.place, [project.motion], [like], project.known))[:SHAPES]
-    found = sorted((tried(shape) for shape in shapes), key=lambda entry: entry[0])
+    shapes = [shape for k, shape in enumerate(shapes) if shape not in shapes[:k]]
+    found = sorted(map(left_by, shapes), key=power)
     best = found[0]
     if b.free and warm:
-        best = tried(_polished(lambda shape: left_by(shape)[0], _Shape(best[1], project.torque)))
+        best = left_by(_polished(lambda shape: left_by(shape)[0], _Shape(best[1], project.torque)))
     elif b.free:
+        enough = EXACT * float(left @ left)
         for _, near in found[:2]:
-            refined = _refined(lambda shape: tried(shape)[0], _Shape(near, project.torque), 60)
-            best = min(best, tried(refined), key=lambda entry: entry[0])
-    residual, other = solved(best[1])
+            refined = _refined(lambda shape: power(left_by(shape)), _Shape(near, project.torque), enough)
+            best = min(best, left_by(refined), key=power)
+    residual, other = best
     d = project.back @ (project.Q.T @ (Y - project.torque(other)))
     return Imitation(
         per_second * float(residual @ residual),
@@ -240,14 +251,15 @@ class _Shape:
         return {**self.near.theta, **dict(zip(self.near.free, map(float, y)))}
 
 
-def _refined(value: Callable[[Mapping[str, float]], float], shape: _Shape, tries: int) -> dict[str, float]:
-    """From near a minimum to it, by a simplex."""
-    simplex = np.vstack([shape.at, shape.at + np.diag(shape.step)])
-    options = {"maxfev": tries * len(shape.at), "xatol": 1e-6, "fatol": 0.0, "initial_simplex": simplex}
+def _refined(value: Callable[[Mapping[str, float]], float], shape: _Shape, enough: float) -> dict[str, float]:
+    """From near a minimum to it, by a simplex whose ends differ by no more than `enough` then."""
+    k = len(shape.at)
+    simplex = np.vstack([np.zeros(k), np.eye(k)])
+    options = {"maxfev": TRIES * k, "xatol": CLOSE, "fatol": enough, "initial_simplex": simplex}
     found = scipy.optimize.minimize(
-        lambda x: value(shape(x)), shape.at, method="Nelder-Mead", options=options
+        lambda x: value(shape(shape.at + x * shape.step)), simplex[0], method="Nelder-Mead", options=options
     )
-    return shape(found.x)
+    return shape(shape.at + found.x * shape.step)
 
 
 def _polished(residual: Callable[[Mapping[str, float]], Array], shape: _Shape) -> dict[str, float]:
@@ -290,9 +302,12 @@ class Separation:
 
     def each(self, x: Array, warm: bool = False, motion: Motion | None = None) -> list[Imitation]:
         """Of every pair, what of the first the second cannot imitate; `motion`: instead of that of x."""
-        project = Projector(self.known, motion or self.motion(x), self.sigma)
+        return self._imitated(self.pairs, motion or self.motion(x), warm)
+
+    def _imitated(self, pairs: Sequence[tuple[Term, Term]], motion: Motion, warm: bool) -> list[Imitation]:
+        project = Projector(self.known, motion, self.sigma)
         found = []
-        for a, b in self.pairs:
+        for a, b in pairs:
             key = (a.label, b.label)
             its = imitation(project, a, self.warm.get(key, b) if warm else b, warm and key in self.warm)
             self.warm[key] = its.other
@@ -319,23 +334,21 @@ class Separation:
                 found.append(seconds_of(both, same, so_far(a.label, b.label)))
         return max(found, default=np.inf)
 
-    def asked(self, each: Sequence[Imitation]) -> list[tuple[Imitation, Term]]:
-        """Of all pairs, both ways round, what is to be told apart."""
-        left_out = zip(each, self.pairs, self.contained)
-        return [(its, a) for its, (a, _), out in left_out if not out]
-
-    def __call__(self, x: Array) -> tuple[float, Array]:
-        found = self.asked(self.each(x, warm=True))
+    def __call__(self, x: Array) -> tuple[float, Callable[[], Array]]:
+        asked = [pair for pair, out in zip(self.pairs, self.contained) if not out]
+        found = [(its, a) for its, (a, _) in zip(self._imitated(asked, self.motion(x), True), asked)]
         rates = np.array([max(its.rate, 1e-12) for its, _ in found])
-        total = (1 / rates).sum()
-        states = [b @ x.T for b in self.B]
+        return float(np.log((1 / rates).sum())), lambda: self._back(x, found, rates)
+
+    def _back(self, x: Array, found: Sequence[tuple[Imitation, Term]], rates: Array) -> Array:
+        total, states = (1 / rates).sum(), [b @ x.T for b in self.B]
         out = np.zeros_like(x)
         for (its, a), rate in zip(found, rates):
             weight = -2 * ROWS_HZ / len(self.t) / (rate**2 * total) * its.residual  # (N, C)
             out += self._slope(x, states, a, its.other, weight)
             back = self.rows.back_through_torque(states[0], states[1], states[2], -weight, its.d)
             out += sum(g.T @ b for g, b in zip(back, self.B))
-        return float(np.log(total)), out
+        return out
 
     def _slope(self, x: Array, states: Sequence[Array], a: Term, other: Term, weight: Array) -> Array:
         """weight' dE / dx of E = F_a - F_other at fixed parameters."""

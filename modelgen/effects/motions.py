@@ -5,7 +5,6 @@ link: `link_torque` is the model of the link side (B, or A without rotor inertia
 """
 
 from collections.abc import Callable
-from functools import lru_cache
 
 import numpy as np
 
@@ -67,21 +66,28 @@ def _let_stay(change: Array, model: Model, j: int, shift: tuple[Array, Array, Ar
             change[:, c] -= friction * shift[1] + (model.drive_inertia(j) + rotor) * shift[2]
 
 
-@lru_cache(64)
-def _third_order(rate_hz: float, cutoff_hz: float) -> Array:
-    from scipy.signal import butter
-
-    return butter(3, cutoff_hz, fs=rate_hz, output="sos")
+def _third_order(rate_hz: float, cutoff_hz: float) -> tuple[Array, Array]:
+    """Sections (2, 6) of a Butterworth low-pass, each of gain one, and their states (2, 2) of a constant one:
+    cut-offs that follow a motion are many."""
+    w = np.tan(np.pi * cutoff_hz / rate_hz)
+    first = np.array([w, w, 0.0, 1 + w, w - 1, 0.0]) / (1 + w)
+    second = np.array([w * w, 2 * w * w, w * w, 1 + w + w * w, 2 * (w * w - 1), 1 - w + w * w])
+    sections = np.stack([first, second / second[3]])
+    last = sections[:, 2] - sections[:, 5]
+    return sections, np.stack([sections[:, 1] - sections[:, 4] + last, last], axis=1)
 
 
 def low_passed(x: Array, rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
     """x (N,) through a zero-phase third-order Butterworth, with its first and second time derivative."""
-    from scipy.signal import sosfiltfilt
+    from scipy.signal import sosfilt
 
     if cutoff_hz < 0.45 * rate_hz and len(x) > 12:
-        x = sosfiltfilt(
-            _third_order(rate_hz, cutoff_hz), x, padlen=min(len(x) - 1, int(2 * rate_hz / cutoff_hz))
-        )
+        sections, rest = _third_order(rate_hz, cutoff_hz)
+        pad = min(len(x) - 1, int(2 * rate_hz / cutoff_hz))
+        x = np.concatenate((2 * x[0] - x[pad:0:-1], x, 2 * x[-1] - x[-2 : -pad - 2 : -1]))
+        for _ in range(2):  # forward, backward
+            x = sosfilt(sections, x, zi=rest * x[0])[0][::-1]
+        x = x[pad:-pad]
     dx = np.gradient(x, 1.0 / rate_hz) if len(x) > 1 else np.zeros_like(x)
     return x, dx, np.gradient(dx, 1.0 / rate_hz) if len(x) > 1 else np.zeros_like(x)
 

@@ -76,7 +76,13 @@ def test_designs_hold_their_limits_at_every_sample(planar, seed, fast, strong):
     aim = np.random.default_rng(seed).normal(size=(2, basis.size))
     try:
         best = optimise(
-            holding, basis, 6.0, lambda x: (float((aim * x).sum()), aim), seed=seed, starts=1, iterations=15
+            holding,
+            basis,
+            6.0,
+            lambda x: (float((aim * x).sum()), lambda: aim),
+            seed=seed,
+            starts=1,
+            iterations=15,
         )
     except ExcitationError as error:
         assert "tau of joint" in str(error)  # gravity alone is too much
@@ -94,7 +100,7 @@ def test_the_optimum_is_better_than_random_motions(planar):
     B = basis.at(basis.grid)[1]
 
     def swing(x):  # how much joint 1 moves, a convex function to be made large
-        return -float(np.sum((B @ x[0]) ** 2)), np.stack([-2 * B.T @ (B @ x[0]), 0 * x[1]])
+        return -float(np.sum((B @ x[0]) ** 2)), lambda: np.stack([-2 * B.T @ (B @ x[0]), 0 * x[1]])
 
     rng = np.random.default_rng(3)
     rest = holding.rest(None, rng)
@@ -112,7 +118,7 @@ def test_a_start_next_to_a_limit_binds_its_own_joint_alone(planar, inside):
     B = basis.at(basis.grid)[1]
 
     def swing(x):  # how much both joints move
-        return -float(np.sum((B @ x.T) ** 2)), -2 * (x @ B.T) @ B
+        return -float(np.sum((B @ x.T) ** 2)), lambda: -2 * (x @ B.T) @ B
 
     start = np.array([1.0 - inside, 0.5])
     best = optimise(holding, basis, 6.0, swing, start=start, starts=1, iterations=40)
@@ -131,7 +137,7 @@ def test_a_start_at_the_end_of_a_range_is_refused():
 def test_a_stopped_search_gives_the_best_so_far(planar):
     robot, model, chi = planar
     holding, basis = Holding(bounds_of(robot), model, chi, np.zeros(2)), Basis(6.0, 4)
-    best = optimise(holding, basis, 6.0, lambda x: (x.sum(), np.ones_like(x)), stop=lambda: True)
+    best = optimise(holding, basis, 6.0, lambda x: (x.sum(), lambda: np.ones_like(x)), stop=lambda: True)
     assert best.stopped and holding.use(best.motion)[0] <= 1
 
 
