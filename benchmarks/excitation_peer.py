@@ -1,6 +1,8 @@
-"""Designed motions against those that figaroh's own optimiser finds: the same robot, limits and length.
+"""Designed motions against those that figaroh's own optimiser finds: the same robot, limits and length; and
+against FloBaRoID's published method, restated.
 
     python benchmarks/excitation_peer.py
+    python benchmarks/excitation_peer.py --flobaroid [--seed 0]
     python -m venv /tmp/figaroh && /tmp/figaroh/bin/pip install figaroh cyipopt-wheels
     python benchmarks/excitation_peer.py --figaroh /tmp/figaroh/bin/python [--seconds 10] [--seed 0]
 
@@ -13,6 +15,14 @@ every two seconds, 20 Hz, at most 100 iterations), on the KUKA iiwa 7 of this re
 that it drew from the URDF, and for accelerations the largest that its motion takes. Motions are judged by the
 same regressor at as many instants, by the condition number as it is and with columns of unit length, and by
 log det.
+
+FloBaRoID is no package and publishes no figure of an optimised motion. With --flobaroid its published method
+is restated here, not its code run: unknowns, bounds and soft costs of kjyv/FloBaRoID, configs/kuka_lwr4.yaml
+(commit 06dcd2a6507085e0665b9436ac907c03863de2db) and excitation/trajectoryOptimizer.py (commit
+0133a1d82ef2e380c8a687d0a8b62adf8dc1bf9b), on the LWR4+ at a period of 10 s (it allows 6.3 to 21), without
+its collisions. Its sampler (400 trials of Optuna) is SciPy's differential evolution, with at least as many;
+its two steps of IPOPT are SLSQP to its end. `condition` is the objective of its versions before 0.9. What
+it takes is time of this restatement, not FloBaRoID's.
 """
 
 from __future__ import annotations
@@ -24,10 +34,14 @@ import time
 from pathlib import Path
 
 import numpy as np
+import scipy.optimize
 
 import generated
 from ident.excitation.experiment import Request, excite
 from ident.excitation.information import CRITERIA, scaled_condition
+from ident.excitation.known import known_robot
+from ident.excitation.limits import bounds_of
+from modelgen.geometry.robot_file import load_robot
 
 UR10 = """\
 name: ur10
@@ -117,6 +131,78 @@ np.savez(out, q=q, dq=dq, ddq=ddq, took=took, own=own, low=search.CB.lower_q, hi
 """
 
 
+HARMONICS = (3, 3, 4, 4, 5, 6, 6)  # of FloBaRoID's LWR4+, joint by joint
+CENTRE, COEFFICIENT = np.deg2rad(25.0), 1.0  # rad, rad/s: bounds of its unknowns
+RIDGE, UTILISATION, LEAST = 1e-4, 0.25, 0.02  # its defaults: of the largest eigenvalue, of the torque limits
+GENERATIONS = 20
+
+
+class Restated:
+    """FloBaRoID's motions x (n + 2 sum of HARMONICS,), centres then coefficients; what it asks of them."""
+
+    def __init__(self, robot: str, seconds: float, kind: str) -> None:
+        self.known, self.bounds = known_robot(load_robot(robot), robot), bounds_of(load_robot(robot))
+        self.kind, self.seconds, self.scale = kind, seconds, 0.0
+        self.bodies = bodies_of(self.known.model)
+        self.t = np.arange(0.0, seconds, 0.02)
+        n = len(HARMONICS)
+        self.high = np.concatenate((np.full(n, CENTRE), np.full(2 * sum(HARMONICS), COEFFICIENT)))
+
+    def states(self, x: np.ndarray, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, dq, ddq (N, n): a Fourier series about a centre, which need not rest where it begins."""
+        n, w = len(HARMONICS), 2 * np.pi / self.seconds
+        out = np.zeros((3, len(t), n))
+        out[0] = self.bounds.middle + x[:n]
+        parts = np.split(x[n:], np.cumsum((*HARMONICS, *HARMONICS))[:-1])
+        for j, (a, b) in enumerate(zip(parts[:n], parts[n:])):
+            k = w * np.arange(1, len(a) + 1)
+            s, c = np.sin(np.outer(t, k)), np.cos(np.outer(t, k))
+            out[0, :, j] += s @ (a / k) - c @ (b / k)
+            out[1, :, j] = c @ a + s @ b
+            out[2, :, j] = -s @ (a * k) + c @ (b * k)
+        return out[0], out[1], out[2]
+
+    def over(self, x: np.ndarray) -> np.ndarray:
+        """Not positive where it holds: positions, rates, torques below their limits, the torques not idle."""
+        q, dq, ddq = self.states(x, self.t)
+        tau = np.abs(self.known.model.torque(q, dq, ddq, self.known.chi)).max(axis=0)
+        b = self.bounds
+        return np.concatenate((b.low - q.min(0), q.max(0) - b.high, np.abs(dq).max(0) - b.dq,
+                               tau - b.tau, LEAST * b.tau - tau))  # fmt: skip
+
+    def __call__(self, x: np.ndarray) -> float:
+        q, dq, ddq = self.states(x, self.t)
+        A = self.known.model.regressor(q, dq, ddq)[:, :, self.bodies].reshape(-1, self.bodies.sum())
+        eigenvalues = np.linalg.eigvalsh(A.T @ A)
+        if self.kind == "condition":
+            return float(np.log(eigenvalues[-1] / max(eigenvalues[0], 1e-300)) / 2)
+        used = np.abs(self.known.model.torque(q, dq, ddq, self.known.chi)).max(axis=0) / self.bounds.tau
+        swing = np.ptp(q, axis=0) / (self.bounds.high - self.bounds.low)
+        volume = -np.log(eigenvalues + RIDGE * eigenvalues[-1]).sum()
+        self.scale = self.scale or 10 / abs(volume)  # ten where it begins
+        soft = used.std() / used.mean() + max(0.0, 1 - used.mean() / UTILISATION) + 1 - swing.mean()
+        return float(self.scale * volume + 10 * soft)
+
+    def found(self, seed: int) -> np.ndarray:
+        """The best of GENERATIONS of as many motions as there are unknowns, refined."""
+        box = scipy.optimize.Bounds(-self.high, self.high)
+        limits = scipy.optimize.NonlinearConstraint(self.over, -np.inf, 0.0)
+        tried = scipy.optimize.differential_evolution(
+            self,
+            box,
+            constraints=limits,
+            maxiter=GENERATIONS,
+            popsize=1,
+            seed=seed,
+            polish=False,
+        )
+        refined = scipy.optimize.minimize(
+            self, tried.x, bounds=box, method="SLSQP", options={"maxiter": 100},
+            constraints={"type": "ineq", "fun": lambda x: -self.over(x)},
+        )  # fmt: skip
+        return refined.x if self.over(refined.x).max() < 0.01 else tried.x
+
+
 def bodies_of(model: generated.Model) -> np.ndarray:
     """(b,) parameters that figaroh designs for."""
     return np.array([not name.startswith(("Ia", "Fv", "Fc", "Off")) for name in model.parameters])
@@ -182,6 +268,21 @@ def live(python: str, seconds: float, seed: int) -> None:
     ours(robot, seconds, limits, np.linspace(0.0, seconds, len(peer["q"])))
 
 
+def restated(seconds: float, seed: int) -> None:
+    """FloBaRoID's method and ours on the LWR4+; accelerations: ours get the largest of its motions."""
+    robot, tops, t = "kuka_lwr4p", [], np.arange(0.0, seconds, 0.02)
+    for kind in ("log det and soft costs", "condition"):
+        its = Restated(robot, seconds, kind)
+        begin, cpu = time.perf_counter(), time.process_time()
+        x = its.found(seed)
+        took = f", {time.perf_counter() - begin:.0f} s ({time.process_time() - cpu:.1f} s of processor)"
+        states = its.states(x, t)
+        tops.append(float(np.abs(states[2]).max()))
+        told(its.known.model, f"FloBaRoID restated ({kind}), {its.over(x).max():.3f} over", states, took)
+    print(f"LWR4+, {seconds:g} s, at most {max(tops):.2f} rad/s^2 on every joint")
+    ours(robot, seconds, [f"ddq={max(tops):.4g}", "jerk=1000"], t)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -189,8 +290,11 @@ def main() -> None:
     parser.add_argument("--figaroh", default=None, help="a Python that has figaroh and cyipopt")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--flobaroid", action="store_true", help="its published method, restated")
     given = parser.parse_args()
-    if given.figaroh:
+    if given.flobaroid:
+        restated(given.seconds, given.seed)
+    elif given.figaroh:
         live(given.figaroh, given.seconds, given.seed)
     else:
         published()
