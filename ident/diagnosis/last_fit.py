@@ -9,6 +9,8 @@ import numpy as np
 
 from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
+from ident.diagnosis.parameters_apart import beside_changes
+from ident.diagnosis.settling import place_of
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighed_again import swapped
@@ -167,7 +169,8 @@ def compared_exactly(
                 tried.append((other, fit))
         own_rows = step.term.place.rows(outcome.last.model.channels)
         nats = [_nats(outcome.last, fit, own_rows) for _, fit in tried]
-        equal = [k for k, n in enumerate(nats) if n > max(nats) - outcome.tau]
+        limit = outcome.tau * _overdispersion(outcome, step.term)
+        equal = [k for k, n in enumerate(nats) if n > max(nats) - limit]
         best = min(equal, key=lambda k: (*simplicity(tried[k][0].steps[at].term), -nats[k]))
         own = step.evidence.log_e
         told = tuple(
@@ -178,6 +181,15 @@ def compared_exactly(
         outcome, last = tried[best]
         outcome = outcome.with_step(at, replace(outcome.steps[at], equivalent=(*told, *others)))
     return outcome, last
+
+
+def _overdispersion(outcome: Outcome, term: Term) -> float:
+    """How many times too large noise is, where a term acts."""
+    number = place_of(outcome.last, term)
+    if number is None:
+        return 1.0
+    changes = beside_changes(outcome.last.but(number), outcome.last.found[number], outcome.tau)
+    return 1.0 if changes is None else changes.kappa
 
 
 def is_told(fit: FitResult, term: Term) -> bool:
