@@ -8,7 +8,7 @@ nothing are the same for every estimate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -47,7 +47,7 @@ class FittedModel:
     vs: Mapping[str, np.ndarray] = field(default_factory=dict)
     before: Callable[[Motion], np.ndarray] | None = None
     asked: Asked = field(default_factory=Asked)
-    kept: dict[tuple[str, int], tuple[Motion, np.ndarray]] | None = None
+    kept: dict[tuple[tuple[Hashable, ...], int], tuple[Motion, np.ndarray]] | None = None
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -67,7 +67,7 @@ class FittedModel:
         """(N, C) torque of the rigid model with its friction, at the motion or another one."""
         self.asked.estimate = True
         if q is None and dq is None and ddq is None:
-            return self._once("torque", motion, lambda: self._torque(motion, self._block(motion)))
+            return self.once(("torque",), motion, lambda: self._torque(motion, self._block(motion)))
         return self._torque(motion, self._block(motion, q, dq, ddq))
 
     def _torque(self, motion: Motion, block: FilteredBlock) -> np.ndarray:
@@ -81,18 +81,18 @@ class FittedModel:
     def slopes(self, motion: Motion, joint: int) -> np.ndarray:
         """(3, N, C) derivatives of that torque by the joint's q, dq and ddq; kept of one joint at a time."""
         self.asked.estimate = True
-        kind = f"slopes {joint}"
+        kind = ("slopes", joint)
         kept = self.kept or {}
-        for key in [key for key in kept if key[0].startswith("slopes") and key[0] != kind]:
+        for key in [key for key in kept if key[0][0] == "slopes" and key[0] != kind]:
             del kept[key]
-        return self._once(kind, motion, lambda: torque_slopes(self.torque, motion, joint))
+        return self.once(kind, motion, lambda: torque_slopes(self.torque, motion, joint))
 
     def total(self, motion: Motion) -> np.ndarray:
         """(N, C) torque with the effects that act before the one that asks."""
         before = self.before
         if before is None:
             return self.torque(motion)
-        return self._once("total", motion, lambda: self.torque(motion) + before(motion))
+        return self.once(("total",), motion, lambda: self.torque(motion) + before(motion))
 
     def link_torque(self, motion: Motion) -> np.ndarray:
         """(N, n) torque that each gear passes on: the sensor channel's where the model has one, else the
@@ -104,7 +104,7 @@ class FittedModel:
             compiled = self._compiled(self._behind, motion, self._block(motion))
             return np.asarray(compiled[:, -n:] if self.columns.need.model == "C" else compiled[:, :n])
 
-        return self._once("link", motion, make)
+        return self.once(("link",), motion, make)
 
     def regressor(self, motion: Motion) -> np.ndarray:
         """(N, C, b) columns of the parameters."""
@@ -139,7 +139,7 @@ class FittedModel:
                 return float(self.chi[k])
         return None
 
-    def _once(self, kind: str, motion: Motion, make: Callable[[], np.ndarray]) -> np.ndarray:
+    def once(self, kind: tuple[Hashable, ...], motion: Motion, make: Callable[[], np.ndarray]) -> np.ndarray:
         if self.kept is None:
             return make()
         if (kind, id(motion)) not in self.kept:

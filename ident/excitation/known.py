@@ -8,7 +8,7 @@ standard deviation of each channel at ROWS_HZ independent rows a second, as of a
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -72,6 +72,9 @@ class Known:
 
     def slopes(self, motion: Motion, joint: int) -> Array:
         return torque_slopes(self.torque, motion, joint)
+
+    def once(self, kind: tuple[Hashable, ...], motion: Motion, make: Callable[[], Array]) -> Array:
+        return make()
 
     def total(self, motion: Motion) -> Array:
         return self.torque(motion)

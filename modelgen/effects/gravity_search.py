@@ -13,7 +13,7 @@ import numpy as np
 import sympy as sp
 
 from modelgen.dynamics.newton_euler import regressor
-from modelgen.effects.loads import gravity_columns, independent, some_motion
+from modelgen.effects.loads import independent, some_motion, unit_weights
 from modelgen.effects.place import Motion
 from modelgen.geometry.kinematics import geometry, state
 from modelgen.geometry.names import GRAVITY, INERTIAL, Channel
@@ -122,8 +122,7 @@ def _products(
         y = m.measured[pick]
         blocks = np.zeros((4, len(q), robot.n, len(names)))
         blocks[0] = standard_columns(zero, q, dq, ddq)
-        for axis in range(3):
-            blocks[axis + 1][:, :, at] = gravity_columns(robot, q, np.eye(3)[axis], weights)
+        blocks[1:, :, :, at] = np.moveaxis(unit_weights(robot, q, weights), 3, 0)
         rows = np.zeros((4, len(q), len(channels), wide))
         for c, channel in enumerate(channels):
             if channel.side != "drive":

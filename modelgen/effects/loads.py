@@ -57,10 +57,15 @@ def gravity_torque(robot: Robot, q: Array, standard: Mapping[str, float], gravit
     as in the robot file; under a turned gravity the first moments of link 1, which they leave out, may
     matter too.
     """
-    return _gravity_torque(frames(robot, q), standard, np.asarray(gravity, dtype=float))
+    return weights(robot, q, standard) @ np.asarray(gravity, dtype=float)
 
 
-def _gravity_torque(arm: Frames, standard: Mapping[str, float], g: Array) -> Array:
+def weights(robot: Robot, q: Array, standard: Mapping[str, float]) -> Array:
+    """(N, n, 3) that `gravity_torque` has of a unit gravity along each base axis."""
+    return _weights(frames(robot, q), standard)
+
+
+def _weights(arm: Frames, standard: Mapping[str, float]) -> Array:
     """Weight beyond a joint as one body: first moment about the base's origin and mass."""
     N, L = len(arm.p), len(arm.joint)
     moment, mass, there = np.zeros((L, N, 3)), np.zeros(L), np.zeros(L, bool)
@@ -76,17 +81,15 @@ def _gravity_torque(arm: Frames, standard: Mapping[str, float], g: Array) -> Arr
             moment[before] += moment[row]
             mass[before] += mass[row]
             there[before] = True
-    tau = np.zeros((N, arm.n))
+    tau = np.zeros((N, arm.n, 3))
     for row in range(L):
         if arm.joint[row] < 0 or not there[row]:
             continue
         z = arm.R[:, row, :, 2]
         if arm.sigma[row] == 0:
-            lever = moment[row] - mass[row] * arm.p[:, row]
-            turn = np.array([[0, -g[2], g[1]], [g[2], 0, -g[0]], [-g[1], g[0], 0]])  # g x
-            tau[:, arm.joint[row]] = -np.einsum("ni,ni->n", lever, z @ turn.T)
+            tau[:, arm.joint[row]] = np.cross(moment[row] - mass[row] * arm.p[:, row], z)
         else:
-            tau[:, arm.joint[row]] = -mass[row] * (z @ g)
+            tau[:, arm.joint[row]] = -mass[row] * z
     return tau
 
 
@@ -134,7 +137,7 @@ def tilt_of(gravity: Array, found: Array) -> tuple[float, float]:
 def tilt_torque(robot: Robot, q: Array, standard: Mapping[str, float], roll: float, pitch: float) -> Array:
     """(N, n) torques that a tilt adds: holding against the turned gravity less holding against the file's."""
     g = np.array([float(robot.value(x)) for x in robot.gravity])
-    return _gravity_torque(frames(robot, q), standard, tilted(g, roll, pitch) - g)
+    return weights(robot, q, standard) @ (tilted(g, roll, pitch) - g)
 
 
 def body_columns(robot: Robot, q: Array, dq: Array, ddq: Array, row: int, kinds: tuple[str, ...]) -> Array:
@@ -209,8 +212,12 @@ def gravity_columns(robot: Robot, q: Array, gravity: Array, names: tuple[str, ..
 
     What a tilt brings in beside the known parameters: MX1 and MY1 of an upright first axis.
     """
-    arm = frames(robot, q)
-    g = np.asarray(gravity, dtype=float)
+    return unit_weights(robot, q, names) @ np.asarray(gravity, dtype=float)
+
+
+def unit_weights(robot: Robot, q: Array, names: tuple[str, ...]) -> Array:
+    """(N, n, len(names), 3) that `gravity_columns` has of a unit gravity along each base axis."""
     if not names:
-        return np.zeros((*np.shape(q), 0))
-    return np.stack([_gravity_torque(arm, {name: 1.0}, g) for name in names], axis=-1)
+        return np.zeros((*np.shape(q), 0, 3))
+    arm = frames(robot, q)
+    return np.stack([_weights(arm, {name: 1.0}) for name in names], axis=2)

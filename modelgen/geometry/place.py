@@ -3,7 +3,7 @@ fitted."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, Protocol
 
@@ -179,6 +179,10 @@ class Model(Protocol):
 
     def slopes(self, motion: Motion, joint: int) -> Array:
         """(3, N, C) derivatives of that torque by the joint's q, dq and ddq."""
+        ...
+
+    def once(self, kind: tuple[Hashable, ...], motion: Motion, make: Callable[[], Array]) -> Array:
+        """make(), which `kind` and the motion determine; a model that is asked often keeps it."""
         ...
 
     def total(self, motion: Motion) -> Array:

@@ -3,7 +3,7 @@
 Nothing is derived or compiled: torques are the standard regressor's columns times numbers written here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,6 +85,9 @@ class ArmModel:
 
     def slopes(self, motion: Motion, joint: int) -> np.ndarray:
         return torque_slopes(self.torque, motion, joint)
+
+    def once(self, kind: tuple[Hashable, ...], motion: Motion, make: Callable[[], np.ndarray]) -> np.ndarray:
+        return make()
 
     def total(self, motion: Motion) -> np.ndarray:
         return self.torque(motion) + (0 if self.found is None else self.found)

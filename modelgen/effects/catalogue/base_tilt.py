@@ -8,7 +8,7 @@ import sympy as sp
 from modelgen.effects.effect import Array, NonlinearParameter, Quantity, Report
 from modelgen.effects.gravity_search import directions, newly_visible
 from modelgen.effects.kinds import LoadEffect
-from modelgen.effects.loads import gravity_columns, gravity_torque, tilt_of, tilt_torque, tilted
+from modelgen.effects.loads import gravity_columns, tilt_of, tilt_torque, tilted, unit_weights, weights
 from modelgen.effects.place import Layout, Model, Motion, Place
 from modelgen.effects.truth import Truth
 from modelgen.geometry.names import GRAVITY, ParameterName
@@ -88,9 +88,8 @@ class BaseTilt(LoadEffect):
     def joint_columns(self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model) -> Array:
         """First moments that the turned gravity shows and the file's did not."""
         g = tilted(file_gravity(model.robot), theta["roll"], theta["pitch"])
-        if not place.parts:
-            return np.zeros((len(motion.t), model.robot.n, 0))
-        return gravity_columns(model.robot, motion.q, g, place.parts)
+        kind = ("unit weights", *place.parts)
+        return model.once(kind, motion, lambda: unit_weights(model.robot, motion.q, place.parts)) @ g
 
     def regressor_change(
         self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model
@@ -98,11 +97,11 @@ class BaseTilt(LoadEffect):
         """Gravity's part of each first moment and mass, under the change of gravity."""
         file = file_gravity(model.robot)
         change = tilted(file, theta["roll"], theta["pitch"]) - file
-        weights = _weights(model, motion)
-        columns = gravity_columns(model.robot, motion.q, change, tuple(weights.values()))
+        bodies = _weights(model, motion)
+        columns = gravity_columns(model.robot, motion.q, change, tuple(bodies.values()))
         seen = np.array([c.side != "drive" for c in model.channels], dtype=float)
         joint = [c.joint for c in model.channels]
-        return {number: columns[:, joint, k] * seen for k, number in enumerate(weights)}
+        return {number: columns[:, joint, k] * seen for k, number in enumerate(bodies)}
 
     def torque_change(
         self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model, chi: Array
@@ -113,7 +112,8 @@ class BaseTilt(LoadEffect):
         for number, name in _weights(model, motion).items():
             standard[name] = standard.get(name, 0.0) + float(chi[number])
         change = tilted(file, theta["roll"], theta["pitch"]) - file
-        torque = gravity_torque(model.robot, motion.q, standard, change)
+        kind = ("weights", *standard.items())
+        torque = model.once(kind, motion, lambda: weights(model.robot, motion.q, standard)) @ change
         seen = np.array([c.side != "drive" for c in model.channels], dtype=float)
         return torque[:, [c.joint for c in model.channels]] * seen
 
