@@ -5,9 +5,8 @@ sign that is not late takes the delay's place, and none of the two finds back. S
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import cast
 
 import numpy as np
@@ -15,8 +14,6 @@ import numpy as np
 from ident.diagnosis.terms import Term
 from modelgen.effects.place import Model, Motion
 from modelgen.geometry.names import Channel
-
-Record = Callable[[Sequence[np.ndarray]], list[np.ndarray]]  # [(N,) of a stretch, ...] as it is recorded
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,26 +32,37 @@ def comes_late(term: Term) -> bool:
     return term.effect.kind == "measurement" and term.effect.shifts_time and term.size is not None
 
 
+@dataclass(frozen=True)
+class Record:
+    """How the torque of a channel is recorded: `late`, one term after the other, over these stretches."""
+
+    late: tuple[Term, ...]
+    channel: Channel
+    motions: Sequence[Motion]
+
+    def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """[(N,) of a stretch, ...] as it is recorded."""
+        memories: list[dict] = [{} for _ in self.late]
+        out = []
+        for values, motion in zip(parts, self.motions):
+            for term, memory in zip(self.late, memories):
+                size = np.array(term.size)
+                model = cast(Model, _Torque((self.channel,), values))
+                made = term.effect.columns(term.place, term.theta, size, motion, model, memory)
+                values = values + made[0] @ size
+            out.append(values)
+        return out
+
+    @property
+    def key(self) -> Hashable:
+        """What it is a matter of, of one motion: time alone moves."""
+        return tuple((term.key, tuple(sorted(term.theta.items())), term.size) for term in self.late)
+
+
 def recorders(
     terms: Sequence[Term], channels: Sequence[Channel], motions: Sequence[Motion]
 ) -> Mapping[int, Record]:
     """Of each channel whose torque comes late how it is recorded; the others are recorded as they are."""
     late = [(term, term.place.rows(channels)) for term in terms if comes_late(term)]
-    of = {c: [term for term, rows in late if c in rows] for c in range(len(channels))}
-    return {c: partial(_recorded, own, channels[c], motions) for c, own in of.items() if own}
-
-
-def _recorded(
-    late: Sequence[Term], channel: Channel, motions: Sequence[Motion], parts: Sequence[np.ndarray]
-) -> list[np.ndarray]:
-    """One channel's torque (N,) of every stretch after these terms, one after the other."""
-    memories: list[dict] = [{} for _ in late]
-    out = []
-    for values, motion in zip(parts, motions):
-        for term, memory in zip(late, memories):
-            size = np.array(term.size)
-            model = cast(Model, _Torque((channel,), values))
-            made = term.effect.columns(term.place, term.theta, size, motion, model, memory)
-            values = values + made[0] @ size
-        out.append(values)
-    return out
+    of = {c: tuple(term for term, rows in late if c in rows) for c in range(len(channels))}
+    return {c: Record(own, channels[c], motions) for c, own in of.items() if own}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -15,14 +15,15 @@ from ident.signals.dry_friction import TurnOver, mean_sign, slid
 Signs = Callable[[TurnOver], list[np.ndarray]]  # of one joint: (N,) smoothed sign of each stretch
 
 
-def signs_of(segments: Sequence[FineSegment], joint: int) -> Signs:
-    """A joint's smoothed signs; what only one of the widths enters is kept while the other one is sought."""
+def signs_of(segments: Sequence[FineSegment], joint: int, kept: int = 2) -> Signs:
+    """A joint's smoothed signs; what only one of the widths enters is kept while the other one is sought, of
+    so many widths."""
 
-    @lru_cache(maxsize=2)
+    @lru_cache(maxsize=kept)
     def direct(rate: float) -> list[np.ndarray]:
         return [mean_sign(s.speed[:, joint], rate) for s in segments]
 
-    @lru_cache(maxsize=2)
+    @lru_cache(maxsize=kept)
     def state(travel: float) -> list[np.ndarray]:
         turn = TurnOver(0.0, travel)
         return [turn.state(s.q[:, joint], s.speed[:, joint]) for s in segments]
@@ -36,28 +37,40 @@ def signs_of(segments: Sequence[FineSegment], joint: int) -> Signs:
 
 
 class SignColumns:
-    """Decimated smoothed signs (M,) of one motion, kept: a later search tries the widths of an earlier one
-    again, three times out of four."""
+    """Smoothed signs of one motion, kept as they are and as decimated columns (M,), the latest of them: a
+    later search tries the widths of an earlier one again, three times out of four."""
 
     def __init__(self, limit_bytes: float = 1e7) -> None:
-        self.limit = self.room = limit_bytes
+        self.limit = limit_bytes
         self.motion: tuple[np.ndarray, ...] = ()
-        self.kept: dict[tuple[int, TurnOver], np.ndarray] = {}
+        self.signs: dict[int, Signs] = {}
+        self.kept: dict[tuple[int, Hashable, TurnOver], np.ndarray] = {}
 
     def columns(
-        self, segments: Sequence[FineSegment], joint: int, turns: Sequence[TurnOver], signs: Signs
+        self, segments: Sequence[FineSegment], joint: int, turns: Sequence[TurnOver], record: Record | None
     ) -> np.ndarray:
         """(M, turns)"""
+        signs, how = self._signs(segments, joint), None if record is None else record.key
+        keys = [(joint, how, turn) for turn in turns]
+        new = [key for key in dict.fromkeys(keys) if key not in self.kept]
+        if new:
+            made = _decimated(segments, joint, [signs(turn) for *_, turn in new], record)
+            self.kept |= zip(new, np.ascontiguousarray(made.T))
+        for key in dict.fromkeys(keys):
+            self.kept[key] = self.kept.pop(key)  # the latest are last
+        out = np.stack([self.kept[key] for key in keys], axis=1)
+        for key in list(self.kept)[: -int(self.limit / out[:, 0].nbytes) or None]:
+            del self.kept[key]
+        return out
+
+    def _signs(self, segments: Sequence[FineSegment], joint: int) -> Signs:
         motion = tuple(s.q for s in segments)
         if len(motion) != len(self.motion) or any(q is not its for q, its in zip(motion, self.motion)):
-            self.motion, self.kept, self.room = motion, {}, self.limit
-        new = [turn for turn in turns if (joint, turn) not in self.kept]
-        made = dict(zip(new, _decimated(segments, joint, map(signs, new)).T if new else ()))
-        for turn, column in made.items():
-            if column.nbytes <= self.room:
-                self.room -= column.nbytes
-                self.kept[joint, turn] = column.copy()
-        return np.stack([made[t] if t in made else self.kept[joint, t] for t in turns], axis=1)
+            self.motion, self.signs, self.kept = motion, {}, {}
+        if joint not in self.signs:
+            each = 2 * sum(q.nbytes for q in motion)  # of all joints, by each of the widths
+            self.signs[joint] = signs_of(segments, joint, max(2, int(2 * self.limit / each)))
+        return self.signs[joint]
 
 
 def sign_columns(
@@ -67,17 +80,13 @@ def sign_columns(
     channel: int,
     turns: Sequence[TurnOver],
     record: Record | None = None,
-    signs: Signs | None = None,
     kept: SignColumns | None = None,
 ) -> np.ndarray:
-    """(M, turns) decimated smoothed signs; record: what is recorded of one, where the torque comes late."""
-    signs = signs or signs_of(segments, joint)
-    if record is None and kept is not None:
-        made = kept.columns(segments, joint, turns, signs)
-    else:
-        each = map(signs, turns)
-        made = _decimated(segments, joint, each if record is None else map(record, each))
-    return made * rows.scale[channel][:, None]
+    """(M, turns) decimated smoothed signs; record: how one is recorded, where the torque comes late."""
+    if kept is not None:
+        return kept.columns(segments, joint, turns, record) * rows.scale[channel][:, None]
+    signs = signs_of(segments, joint)
+    return _decimated(segments, joint, map(signs, turns), record) * rows.scale[channel][:, None]
 
 
 def sign_column(
@@ -93,8 +102,11 @@ def sign_column(
 
 
 def _decimated(
-    segments: Sequence[FineSegment], joint: int, signs: Iterable[Sequence[np.ndarray]]
+    segments: Sequence[FineSegment],
+    joint: int,
+    signs: Iterable[Sequence[np.ndarray]],
+    record: Record | None,
 ) -> np.ndarray:
-    """(M, k) of k signs (N,) of each stretch."""
-    each = zip(segments, zip(*signs))
+    """(M, k) of k signs (N,) of each stretch, as they are recorded."""
+    each = zip(segments, zip(*(signs if record is None else map(record, signs))))
     return np.concatenate([s.decimate(np.array(parts).T, joint) for s, parts in each])

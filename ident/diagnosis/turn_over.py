@@ -20,7 +20,7 @@ import scipy.linalg
 from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record
 from ident.diagnosis.rows import Rows
-from ident.diagnosis.signs import SignColumns, Signs, sign_columns, signs_of
+from ident.diagnosis.signs import SignColumns, sign_columns
 from ident.diagnosis.whitened import Whitener
 from ident.signals.dry_friction import TurnOver
 
@@ -109,7 +109,7 @@ def settle(
     `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: {channel:
     what is recorded of a sign}; kept: columns of an earlier search; motion: all segments, whose range it is,
     where only some are fitted."""
-    motion = motion or segments
+    motion, kept = motion or segments, kept or SignColumns()
     dry = [d for d in dry if reverses(motion, d.joint)]
     normal = _Normal.of(rows, design, B, whiteners)
     out = dict(turns)
@@ -119,8 +119,7 @@ def settle(
         for d in dry:
             if not moved[d.joint]:
                 continue
-            signs = signs_of(segments, d.joint)
-            columns = partial(_columns, segments, rows, whiteners, d, record, signs, kept)
+            columns = partial(_columns, segments, rows, whiteners, d, record, kept)
             explained = normal.explaining(d, columns)
             before = out.get(d.joint)
             ladders = grids(motion, d.joint)
@@ -151,13 +150,12 @@ def _columns(
     whiteners: Sequence[Whitener],
     dry: Dry,
     record: Mapping[int, Record],
-    signs: Signs,
-    kept: SignColumns | None,
+    kept: SignColumns,
     turns: Sequence[TurnOver],
 ) -> dict[int, np.ndarray]:
     """{channel: (M, turns)} a joint's dry friction as it turns over, whitened."""
     return {
-        c: whiteners[c] @ sign_columns(segments, rows, dry.joint, c, turns, record.get(c), signs, kept)
+        c: whiteners[c] @ sign_columns(segments, rows, dry.joint, c, turns, record.get(c), kept)
         for c in {c for c, _ in dry.places}
     }
 
