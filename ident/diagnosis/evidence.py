@@ -134,12 +134,13 @@ def weights(expected: np.ndarray) -> np.ndarray:
 def enough(weight: np.ndarray, alpha: float) -> int:
     """The least weight that must agree, of blocks with so much each: coins seldom add up to it."""
     rare = rarely(len(weight), alpha)
-    likely = np.ones(1)
-    for step in weight:
-        longer = np.zeros(len(likely) + step)
-        longer[: len(likely)] += likely / 2
-        longer[step:] += likely / 2
-        likely = longer
+    likely, top = np.zeros(int(weight.sum()) + 1), 1
+    likely[0] = 1.0
+    for step in weight.tolist():
+        half = likely[:top] / 2
+        likely[:top] = half
+        likely[step : step + top] += half
+        top += step
     tail = np.cumsum(likely[::-1])[::-1]
     return int(np.argmax(tail <= rare)) if tail[-1] <= rare else len(tail)
 

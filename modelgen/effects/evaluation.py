@@ -43,7 +43,7 @@ class Terms(Protocol):
 def columns(effect: Terms, values: Mapping[str, Array], theta: Mapping[str, float], rows: int) -> Array:
     """(N, n_linear) of the terms."""
     parts = _compiled(effect)(values, theta)
-    return np.stack([np.broadcast_to(part, rows) for part in parts], axis=1).astype(float)
+    return np.stack([np.broadcast_to(part, rows) for part in parts], axis=1).astype(float, copy=False)
 
 
 def told(effect: Terms, values: Mapping[str, float], covariance: Array) -> tuple[Array, Array]:

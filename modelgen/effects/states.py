@@ -4,7 +4,7 @@ Both states depend on the path of q alone, and have a closed form while q is mon
 N samples costs one vector expression per reversal and not one step per sample.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -13,18 +13,12 @@ FADE = 12.0  # of the exponent, after which a stretch of travel is summed anew
 FULL = 40.0  # from which on 1 - exp(-x) is 1; what is smaller by far is slow to compute
 
 
-def monotone_pieces(q: Array) -> Iterator[tuple[int, int, float]]:
-    """(first, last, direction) of the stretches between reversals of q; last is the next first."""
+def reversals(q: Array) -> Array:
+    """Samples at which q turns back, with the first."""
     step = np.diff(q)
     moving = np.flatnonzero(step)
-    if moving.size == 0:
-        return
-    direction = np.sign(step[moving])
-    turns = np.flatnonzero(np.diff(direction)) + 1
-    starts = np.concatenate(([0], moving[turns]))
-    ends = np.concatenate((moving[turns], [len(q) - 1]))
-    for first, last, sign in zip(starts, ends, direction[np.concatenate(([0], turns))]):
-        yield int(first), int(last), float(sign)
+    turned = np.flatnonzero(np.diff(np.sign(step[moving]))) + 1
+    return np.concatenate(([0], moving[turned]))
 
 
 def integrate_dahl(q: Array, theta: Mapping[str, float], initial: float = 0.0) -> Array:
@@ -56,8 +50,13 @@ def integrate_dahl(q: Array, theta: Mapping[str, float], initial: float = 0.0) -
 
 def integrate_play(q: Array, theta: Mapping[str, float], initial: float = 0.0) -> Array:
     """z (N,) of the play operator: the motor's place in the gap, held by the flanks at +-1."""
-    z = np.full(len(q), initial, dtype=float)
-    for first, last, _ in monotone_pieces(q):
-        moved = z[first] + 2.0 * (q[first + 1 : last + 1] - q[first]) / theta["travel"]
-        z[first + 1 : last + 1] = np.clip(moved, -1.0, 1.0)
-    return z
+    if len(q) < 2:
+        return np.full(len(q), initial, dtype=float)
+    first = reversals(q)
+    last = np.append(first[1:], len(q) - 1)
+    begin, z = [], initial
+    for moved in (2.0 * (q[last] - q[first]) / theta["travel"]).tolist():
+        begin.append(z)
+        z = min(max(z + moved, -1.0), 1.0)
+    base = np.repeat(np.stack([begin, q[first]]), last - first, axis=1)
+    return np.append(initial, np.clip(base[0] + 2.0 * (q[1:] - base[1]) / theta["travel"], -1.0, 1.0))

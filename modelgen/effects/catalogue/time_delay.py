@@ -78,7 +78,7 @@ class TimeDelay(RecordingEffect):
 
 def _then(tau: Array, samples: float) -> Array:
     """(N,) tau (N,) so many samples ago (Lagrange's cubic; at the ends the first and the last are held)."""
-    whole = int(np.floor(samples))
+    N, whole = len(tau), int(np.floor(samples))
     u = 1 - (samples - whole)
     weights = (
         -u * (u - 1) * (u - 2) / 6,
@@ -86,8 +86,10 @@ def _then(tau: Array, samples: float) -> Array:
         -(u + 1) * u * (u - 2) / 2,
         (u + 1) * u * (u - 1) / 6,
     )
-    first = np.arange(len(tau)) - whole - 2
-    return np.asarray(sum(w * tau[np.clip(first + k, 0, len(tau) - 1)] for k, w in enumerate(weights)))
+    whole = min(max(whole, -N - 1), N + 1)
+    ends = np.concatenate((np.full(max(whole + 2, 0), tau[0]), tau, np.full(max(1 - whole, 0), tau[-1])))
+    first = max(-whole - 2, 0)
+    return np.asarray(sum(w * ends[first + k : first + k + N] for k, w in enumerate(weights)))
 
 
 EFFECT = TimeDelay()
