@@ -83,9 +83,12 @@ def _numbers(theta: Mapping[str, float]) -> Numbers:
 def _identity(
     a: Term, b: Term, of_a: Numbers, of_b: Numbers, terms: Mapping[str, sp.Expr] | None = None
 ) -> str | None:
-    """`terms`: b's own, unless others stand for them."""
-    theirs = [(terms or b.effect.terms)[name].subs(of_b) for name in b.linear]
-    theirs += [sp.Integer(1), S.dq, S.ddq, S.sign_dq]
+    """`terms`: limits of b's own, which are written."""
+    model = [sp.Integer(1), S.dq, S.ddq, S.sign_dq]
+    written, theirs = (
+        [its[name].subs(of_b) for name in b.linear] + model
+        for its in (b.effect.terms, terms or b.effect.terms)
+    )
     told = []
     for name in a.linear:
         mine = a.effect.terms[name].subs(of_a)
@@ -101,13 +104,12 @@ def _identity(
         weights = np.linalg.lstsq(span, y, rcond=1e-10)[0]
         if np.abs(span @ weights - y).max() > 1e-7 * np.abs(y).max(initial=0.0):
             return None  # no need to ask what is slow to answer
-        same = sum(
-            (sp.nsimplify(round(w, 7), rational=True) * e for w, e in zip(weights, theirs)), sp.Integer(0)
-        )
+        shares = [sp.nsimplify(round(w, 7), rational=True) for w in weights]
+        same, shown = (sum((w * e for w, e in zip(shares, its)), sp.Integer(0)) for its in (theirs, written))
         both = (mine - same).subs(sp.Abs(S.dq), S.dq * S.sign_dq)
         if sp.simplify(sp.expand(both).subs(S.sign_dq**2, 1)) != 0:
             return None
-        told.append(_written(mine, same))
+        told.append(_written(mine, shown))
     return "; ".join(told)
 
 

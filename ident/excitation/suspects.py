@@ -139,7 +139,9 @@ def _sentence(pair: Pair, moved: str) -> str:
     sure = SURE if pair.so_far == NOTHING else f"{SURE} and what was diagnosed stays in the study"
     seconds = pair.seconds
     if seconds > PATIENCE:
-        needed = f"{seconds / 3600:.2g} h" if np.isfinite(seconds) else "more time than there is"
+        needed = (
+            f"{float(f'{seconds / 3600:.2g}'):g} h" if np.isfinite(seconds) else "more time than there is"
+        )
         much = f"{needed} of this {moved} would decide, {sure}; that is too long: {INSTEAD}"
     elif seconds > pair.both[0].period:
         much = f"{seconds:.3g} s of this {moved} decide, {sure}"

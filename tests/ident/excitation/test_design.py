@@ -105,7 +105,8 @@ def test_an_effect_contains_what_it_becomes_in_a_limit(arm):
     motion = planned(basis, x, 50.0)
     names = ("stribeck_friction", "thermal_stribeck_friction", "thermal_friction", "thermal_coulomb_friction")
     lasting, fading, viscous, dry = (term_of(known, f"{name}:3", bounds, motion) for name in names)
-    assert "T is large" in proof_in_limit(lasting, fading) and proof_in_limit(fading, lasting) is None
+    told = proof_in_limit(lasting, fading)
+    assert told.endswith("t/T) where T is large") and proof_in_limit(fading, lasting) is None
     assert "vs is large" in proof_in_limit(dry, fading) and proof_in_limit(viscous, fading) is None
     soon = replace(fading, bounds={**fading.bounds, "T": (2.0, 400.0)})
     project = Projector(known, motion, known.sigma(motion))
