@@ -343,33 +343,38 @@ class Separation:
     def _back(self, x: Array, found: Sequence[tuple[Imitation, Term]], rates: Array) -> Array:
         total, states = (1 / rates).sum(), [b @ x.T for b in self.B]
         out = np.zeros_like(x)
+        imitating, imitated = [], {term.label: (term, np.zeros(1)) for term in self.terms}
         for (its, a), rate in zip(found, rates):
             weight = -2 * ROWS_HZ / len(self.t) / (rate**2 * total) * its.residual  # (N, C)
-            out += self._slope(x, states, a, its.other, weight)
+            imitating.append((its.other, -weight))
+            imitated[a.label] = a, imitated[a.label][1] + weight
             back = self.rows.back_through_torque(states[0], states[1], states[2], -weight, its.d)
             out += sum(g.T @ b for g, b in zip(back, self.B))
+        for term, weight in (*imitating, *imitated.values()):
+            if weight.any():
+                out += self._slope(x, states, term, weight)
         return out
 
-    def _slope(self, x: Array, states: Sequence[Array], a: Term, other: Term, weight: Array) -> Array:
-        """weight' dE / dx of E = F_a - F_other at fixed parameters."""
-        out = np.zeros_like(x)
-        for term, sign in ((a, 1.0), (other, -1.0)):
-            here = self._torque(term, states)
-            own = [j for j in (term.place.joint, term.place.source) if j is not None]
-            for j, k in ((j, k) for j in own for k in range(3) if _instant(term)):
+    def _slope(self, x: Array, states: Sequence[Array], term: Term, weight: Array) -> Array:
+        """weight' dF / dx of a term's torque at fixed parameters."""
+        out, here = np.zeros_like(x), self._torque(term, states)
+        own = [j for j in (term.place.joint, term.place.source) if j is not None]
+        joints = own if plain(term) else range(len(x))
+        if _instant(term):
+            for j, k in ((j, k) for j in joints for k in range(3)):
                 moved = list(states)
                 step = 1e-5 * max(abs(moved[k][:, j]).max(), 0.1)
                 moved[k] = moved[k].copy()
                 moved[k][:, j] += step
                 change = (weight * (self._torque(term, moved) - here) / self.sigma).sum(axis=1)
-                out[j] += sign / step * (change @ self.B[k])
-            joints = [] if _instant(term) else own if plain(term) else range(len(x))
-            for j, k in ((j, k) for j in joints for k in range(x.shape[1])):
-                step = 1e-5 * max(abs(x[j]).max(), 0.1)
-                y = x.copy()
-                y[j, k] += step
-                change = self._torque(term, [B @ y.T for B in self.B]) - here
-                out[j, k] += sign / step * float(np.sum(weight * change / self.sigma))
+                out[j] += change @ self.B[k] / step
+            return out
+        for j, k in ((j, k) for j in joints for k in range(x.shape[1])):
+            step = 1e-5 * max(abs(x[j]).max(), 0.1)
+            y = x.copy()
+            y[j, k] += step
+            change = self._torque(term, [B @ y.T for B in self.B]) - here
+            out[j, k] += float(np.sum(weight * change / self.sigma)) / step
         return out
 
     def _torque(self, term: Term, states: Sequence[Array]) -> Array:
@@ -377,5 +382,6 @@ class Separation:
 
 
 def _instant(term: Term) -> bool:
-    """An instant's torque is that of the joint's state then: no memory, no model."""
-    return plain(term) and not term.effect.state and type(term.effect).states is Effect.states
+    """An instant's torque is that of the joints' states then: no memory."""
+    its = type(term.effect)
+    return its.columns is Effect.columns and not term.effect.state and its.states is Effect.states

@@ -68,16 +68,25 @@ def test_gradients_are_those_of_differences(arm, name):
     assert found.ravel() @ way.ravel() == pytest.approx(differences, rel=1e-4)  # of differences of 1e-6
 
 
-def test_the_slope_of_a_separation_is_that_of_differences(arm):
+@pytest.mark.parametrize(
+    ("texts", "near"),
+    [
+        (("asymmetric_friction:2", "quadratic_friction:2"), 1e-3),
+        (
+            ("quadratic_friction:2", "load_dependent_friction:2", "hysteresis:2"),
+            1e-3,
+        ),  # of all joints, the past
+        (("joint_elasticity:2", "quadratic_friction:2"), 1e-2),  # its columns go with its size
+    ],
+)
+def test_the_slope_of_a_separation_is_that_of_differences(arm, texts, near):
     known, bounds, basis, x = arm
     motion = planned(basis, x)
-    pair = [
-        term_of(known, text, bounds, motion) for text in ("asymmetric_friction:2", "quadratic_friction:2")
-    ]
+    pair = [term_of(known, text, bounds, motion) for text in texts]
     separation = Separation(known, basis, known.sigma(motion), 0.05 * bounds.dq, pair)
     way = np.random.default_rng(3).normal(size=x.shape)
     ends = [separation(x + h * way)[0] for h in (1e-5, -1e-5)]
-    assert np.sum(separation(x)[1]() * way) == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=1e-3)
+    assert np.sum(separation(x)[1]() * way) == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=near)
 
 
 def test_a_motion_that_shows_nothing_separates_nothing(arm):
