@@ -245,9 +245,9 @@ def _designed(  # type: ignore[no-untyped-def]
     starts, iterations = request.starts, request.iterations
     if separation is not None:  # its slopes cost more, those of effects that move the link most
         quick = all(plain(term) for term in separation.terms)
-        share = 2 / len(separation.pairs)  # every two suspects cost as much as two alone
-        more = max(int(share * (starts + starts // 2)), 1)  # optima are further apart than of other criteria
-        most = 40 if quick else max(int(share * 16), 8)
+        pairs = len(separation.pairs) // 2  # every two suspects cost as much as two alone
+        more = max((starts + starts // 2) // pairs, 1)  # optima are further apart than of other criteria
+        most = 40 if quick else max(16 // pairs, 8)
         starts, iterations = more if quick else 1, min(iterations, most)
     return optimise(
         holding, basis, request.duration, separation or along(rows, basis, criterion), start=start,
