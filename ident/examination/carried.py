@@ -48,8 +48,9 @@ def carried_faults(asked: Asked) -> list[Carried]:
     plain = Explained.by(whole, how)
     others = list(rivals(whole, how, asked.currents))
     rate = ODD / (len(others) + len(how.order))
-    told = [*_scales(asked, whole), *_others(asked, others)]
-    told = [its for its in told if steadily(plain, its[1], rate)]
+    likely = [its for its in others if steadily(plain, its.explained, rate)]
+    told = [its for its in _scales(asked, whole) if steadily(plain, its[1], rate)]
+    told += _others(asked, likely)
     if not told:
         return []
     best, explained = max(told, key=lambda its: its[1].fit.gain_over(plain.fit))
