@@ -128,11 +128,8 @@ class State:
         design, B = self.design
         own = set(term.place.rows(self.model.channels))
         scaled = [(p, v * term.factor) if c in own else (p, v) for c, (p, v) in enumerate(design)]
-        beta, found, at = weighted_fit(self.rows, scaled, B, self.rows.fitted), [], self.rows.b
-        for f in self.found:
-            found.append(replace(f, sizes=beta[at : at + len(f.sizes)]))
-            at += len(f.sizes)
-        return replace(self, beta=beta, found=tuple(found)).model
+        beta = weighted_fit(self.rows, scaled, B, self.rows.fitted)
+        return replace(self, beta=beta, found=_sized(self.found, beta, self.rows.b)).model
 
     def plus(self, *found: Found) -> State:
         """With more in it, not settled yet."""
@@ -178,8 +175,7 @@ def solved(state: State) -> State:
     follow. (In coloured noise a wrong model would be fitted to its fast part: whitening decides, it does not
     estimate.)"""
     design, B = state.design
-    beta = weighted_fit(state.rows, design, B, state.rows.fitted)
-    found, at = [], state.rows.b
+    beta, at = weighted_fit(state.rows, design, B, state.rows.fitted), state.rows.b
     every: np.ndarray | None = None
     for f in state.found:
         p = next(iter(f.columns.values())).shape[1]
@@ -187,9 +183,18 @@ def solved(state: State) -> State:
             if every is None:
                 every = weighted_fit(state.rows, design, B, state.rows.usable)
             beta[at : at + p] = every[at : at + p]
-        found.append(replace(f, sizes=beta[at : at + p]))
         at += p
-    return replace(state, beta=beta, found=tuple(found))
+    return replace(state, beta=beta, found=_sized(state.found, beta, state.rows.b))
+
+
+def _sized(found: Sequence[Found], beta: np.ndarray, at: int) -> tuple[Found, ...]:
+    """What was found at the sizes that an estimate beta (B,) has from `at` on."""
+    out = []
+    for f in found:
+        p = next(iter(f.columns.values())).shape[1]
+        out.append(replace(f, sizes=beta[at : at + p]))
+        at += p
+    return tuple(out)
 
 
 def weighted_fit(
