@@ -121,7 +121,7 @@ def test_the_readme_from_top_to_bottom(tmp_path, monkeypatch):
     found = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())["findings"]
     assert [(f["effect"], f["joints"]) for f in found] == [("stribeck_friction", [2])]
     names = {p["name"] for p in json.loads((tmp_path / "cell-fit" / "fit.json").read_text())["parameters"]}
-    assert any("wind" in name for name in names), names
+    assert any("grease" in name for name in names), names
     for written in ("prediction/predict.json", "arm_identified.urdf", "study.html", "fit.html", "c_code/A.h"):
         assert (tmp_path / written).is_file(), written
     header = (tmp_path / "c_code" / "A.h").read_text()
