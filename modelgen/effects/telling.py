@@ -73,7 +73,10 @@ class Telling(Definition):
     def _measured_twice(
         self, names: Sequence[str], values: Mapping[str, float], covariance: Array
     ) -> tuple[Mapping[str, float], Array]:
-        """Sizes that a shape measures too, as both say together: weights that leave least variance."""
+        """Sizes that a shape measures too, as both say together: weights that leave least variance, and as
+        many times the deviation as the two are further apart than theirs allow (R. T. Birge, Phys. Rev. 40,
+        1932): what the columns are wrong by, either measures in its own way. (Beside the impacts of 14 mrad
+        of a gear's play the two were 18 and 6, and their mean 7.4 +- 0.5.)"""
         for size, shape in self.one_quantity.items():
             i, j = names.index(size), names.index(shape)
             own, other, both = covariance[i, i], covariance[j, j], covariance[i, j]
@@ -82,7 +85,9 @@ class Telling(Definition):
             apart = own + other - 2 * both
             w = float(np.clip((other - both) / apart, 0.0, 1.0)) if own > 0 and apart > 0 else 0.0
             change = np.eye(len(covariance))
+            distance = (values[size] - values[shape]) / np.sqrt(apart) if own > 0 and apart > 0 else 0.0
             change[i, i], change[i, j] = w, 1.0 - w
+            change[i] *= max(1.0, abs(distance))
             covariance = change @ covariance @ change.T
             values = {**values, size: w * values[size] + (1.0 - w) * values[shape]}
         return values, covariance

@@ -75,7 +75,11 @@ def test_a_gap_that_two_numbers_measure_is_their_mean():
     told = E.report(v, np.diag([8e-4, 5e-3, 5e-6]) ** 2)
     assert told["gap"]["value"] == pytest.approx(6e-4, rel=1e-3)
     assert told["gap"]["std"] == pytest.approx(5e-6, rel=1e-3)
-    told = E.report({**v, "gap": 4e-4}, np.diag([1e-4, 5e-3, 1e-4]) ** 2)
-    assert told["gap"]["value"] == pytest.approx(5e-4) and told["gap"]["std"] == pytest.approx(1e-4 / 2**0.5)
+    told = E.report({**v, "gap": 5e-4}, np.diag([1e-4, 5e-3, 1e-4]) ** 2)
+    assert told["gap"]["value"] == pytest.approx(5.5e-4) and told["gap"]["std"] == pytest.approx(
+        1e-4 / 2**0.5
+    )
+    told = E.report({**v, "gap": 2e-4}, np.diag([1e-4, 5e-3, 1e-4]) ** 2)  # 2.8 deviations apart
+    assert told["gap"]["value"] == pytest.approx(4e-4) and told["gap"]["std"] == pytest.approx(2e-4)
     assert E.report({**v, "gap": 4e-4}, None)["gap"]["value"] == 4e-4  # as it is given
     assert "gap" not in E.needed  # a drop alone is a backlash
