@@ -1,7 +1,8 @@
 """Where the search for the parameters inside effects begins: each effect's own starts, screened linearly.
 
 A start is judged by what its columns leave of the weighted residual when everything linear is fitted with
-them. Columns are made on strided fine signals (fine.py), one pass over the recordings for all of them.
+them. Columns are made on strided fine signals (fine.py), one pass over the recordings for all of them. The
+best start need not lie in the valley of the best fit: several are handed over.
 """
 
 from __future__ import annotations
@@ -26,6 +27,7 @@ from ident.signals.neighbours import first_samples
 from modelgen.geometry.place import Motion
 
 CANDIDATES = 48  # starts that are screened together
+SEVERAL = 5  # starts of an effect that are handed over
 
 
 def fine_signals(
@@ -47,37 +49,57 @@ def started(
     streams: Streams,
     model: FittedModel,
     terms: Sequence[Term],
-) -> tuple[Term, ...]:
+) -> list[tuple[Term, ...]]:
     """Terms with a start for every shape: given ones as they are, the others the best of the effect's own
-    starts, one term after the other, on fine signals of the identify recordings."""
+    starts, one term after the other, on fine signals of the identify recordings. Behind them the same terms
+    with another start in the place of one."""
     if not any(set(term.effect.nonlinear_names) - set(term.theta) for term in terms):
-        return tuple(terms)
+        return [tuple(terms)]
     motions = [
         (segment, fine_motion(segment, streams[s.label][0])) for s in fitted for segment in fine[s.label]
     ]
     residuals = [segment.torque - model.torque(motion) for segment, motion in motions]
     systems = tuple(fitted)
     out: list[Term] = []
+    others: list[tuple[int, Term]] = []
     columns = model.columns
-    for term in terms:
+    for number, term in enumerate(terms):
+        before = systems, columns
+        trials = [term]
         if set(term.effect.nonlinear_names) - set(term.theta):
-            term = _best_start(study, term, motions, residuals, model, systems, columns)
-        systems, columns = _joined_term(systems, columns, term, motions, model)
-        estimate, _ = estimate_all(systems, study, columns)
-        size = estimate.chi[-len(term.unknown) :] if term.unknown else np.zeros(0)
-        placed = term.moved(np.array([*size, *(term.theta[name] for name in term.free)]))
+            trials = _best_starts(study, term, motions, residuals, model, systems, columns)
+        placed, systems, columns = _placed(study, trials[0], motions, model, *before)
         for k, (_, motion) in enumerate(motions):
             for channel, found in _columns(placed, motion, model).items():
                 residuals[k][:, channel] -= found @ np.array(placed.size)
-        out.append(term if plain(term) else replace(term, size=placed.size))
-    return tuple(out)
+        out.append(trials[0] if plain(term) else replace(trials[0], size=placed.size))
+        for trial in trials[1:]:
+            size = trial.size if plain(term) else _placed(study, trial, motions, model, *before)[0].size
+            others.append((number, replace(trial, size=size)))
+    return [tuple(out), *((*out[:k], term, *out[k + 1 :]) for k, term in others)]
+
+
+def _placed(
+    study: Study,
+    term: Term,
+    motions: Sequence[tuple[FineSegment, Motion]],
+    model: FittedModel,
+    systems: Sequence[RecordingSystem],
+    columns: Columns,
+) -> tuple[Term, tuple[RecordingSystem, ...], Columns]:
+    """A term at the sizes that fit best at its shapes, with the systems and columns that have it."""
+    systems, columns = _joined_term(systems, columns, term, motions, model)
+    estimate, _ = estimate_all(systems, study, columns)
+    size = estimate.chi[-len(term.unknown) :] if term.unknown else np.zeros(0)
+    placed = term.moved(np.array([*size, *(term.theta[name] for name in term.free)]))
+    return placed, systems, columns
 
 
 def _columns(term: Term, motion: Motion, model: FittedModel) -> dict[int, np.ndarray]:
     return term.effect.columns(term.place, term.theta, np.array(term.size), motion, model, {})
 
 
-def _best_start(
+def _best_starts(
     study: Study,
     term: Term,
     motions: Sequence[tuple[FineSegment, Motion]],
@@ -85,8 +107,9 @@ def _best_start(
     model: FittedModel,
     systems: Sequence[RecordingSystem],
     columns: Columns,
-) -> Term:
-    """The term at the start that leaves least of the weighted residual."""
+) -> list[Term]:
+    """The term at the starts that leave least of the weighted residual, the best one first, no two of which
+    have a shape in common: neighbours lead to one place."""
     channel = next(iter(term.place.rows(model.channels)), 0)
     joint = model.columns.joint_of[channel]
     shown = [
@@ -100,7 +123,12 @@ def _best_start(
     losses: list[float] = []
     for first in range(0, len(tries), CANDIDATES):
         losses += _losses(study, tries[first : first + CANDIDATES], motions, model, systems, columns)
-    return tries[int(np.argmin(losses))]
+    out: list[Term] = []
+    for k in np.argsort(losses, kind="stable"):
+        own = set(tries[k].theta.items()) - set(term.theta.items())
+        if len(out) < SEVERAL and not any(own & set(other.theta.items()) for other in out):
+            out.append(tries[k])
+    return out
 
 
 def _losses(

@@ -13,7 +13,7 @@ from ident.estimation.fit import examined, fit_study
 from ident.estimation.found_effects import extended_study, found_effects
 from ident.recordings.study import load_study, study_from
 from ident.report.files import fit_document
-from ident.twin import PlannedRun, simulate, write_simulation
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 
 RUNS = (PlannedRun("run1", "identify", 40.0, 20), PlannedRun("run3", "validate", 30.0))
 
@@ -209,3 +209,23 @@ def test_twins_of_every_kind(tmp_path, hidden, declared):
     for name, parameter in its.parameters.items():
         if name in truth and not parameter.given:
             assert abs(parameter.value - truth[name]) < 4 * parameter.std + 0.02 * abs(truth[name]), name
+
+
+@pytest.mark.parametrize(
+    "effect, names",
+    [("counterbalance", ("Kl", "q0", "rho")), ("current_saturation", ("share", "limit"))],
+)
+def test_shapes_are_found_from_another_start_than_the_nearest(tmp_path, effect, names):
+    """The best start of either lies in another valley: 9 and 17 % of error were left where 0.7 can be, with
+    deviations of a hundredth (q0 = 0.450 +- 0.003, limit = 6.44 +- 0.05)."""
+    rate = Sensors(rate_hz=250.0)
+    made = simulate("staubli_tx40", "A", (f"{effect}:2",), seed=3, sensors=rate, runs=RUNS)
+    truth = made.truth["effects"][0]["parameters"]
+    file = write_simulation(made, tmp_path / "twin")
+    data = yaml.safe_load(file.read_text()) | {"effects": [f"{effect}:2"]}
+    result = fit_study(study_from(data, file))
+    (found,) = found_effects(result)
+    for name in names:
+        its = found.parameters[name]
+        assert abs(its.value - truth[name]) < 3.3 * its.std, (name, its)
+    assert result.full_rate_error["validate"]["total"] < 1.0
