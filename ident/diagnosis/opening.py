@@ -72,15 +72,17 @@ class Source:
         return build(self.prepared, self.cutoff_hz, observer=keeper, progress=progress), keeper
 
     def looked_at(
-        self, systems: Sequence[RecordingSystem], keeper: FineKeeper
+        self, systems: Sequence[RecordingSystem], segments: Sequence[FineSegment]
     ) -> tuple[Rows, tuple[FineSegment, ...]]:
-        """Rows and fine signals of the cuts; what was kept is handed over."""
-        segments = keeper.segments([system.label for system in systems], self.cuts)
-        systems, segments = _seen(systems, segments, self.cuts) if self.thinned else (systems, segments)
-        return rows_of(systems, len(self.prepared.columns.parameters)), segments
+        """Rows and fine signals of the cuts, of segments one a cut."""
+        if self.thinned:
+            systems, segments = _seen(systems, segments, self.cuts)
+        return rows_of(systems, len(self.prepared.columns.parameters)), tuple(segments)
 
     def read(self) -> tuple[Rows, tuple[FineSegment, ...]]:
-        return self.looked_at(*self.built())
+        """Those of all recordings, opened again."""
+        systems, keeper = self.built()
+        return self.looked_at(systems, keeper.segments([its.label for its in systems], self.cuts))
 
 
 def diagnosis_cutoff(prepared: Prepared) -> float:
@@ -114,7 +116,8 @@ def opened(
     chosen = cuts(systems, room.rows, lambda: _left(systems, prepared))
     thinned = sum(cut.stop - cut.start for cut in chosen) < sum(len(p.t) for s in systems for p in s.segments)
     source = replace(source, cuts=tuple(chosen), thinned=thinned)
-    rows, segments = source.looked_at(systems, keeper)
+    rows, segments = source.looked_at(systems, keeper.segments([its.label for its in systems], chosen))
+    del keeper, systems
     n = len(columns.need.joints)
     low = np.min([s.q.min(axis=0) for s in segments], axis=0)
     high = np.max([s.q.max(axis=0) for s in segments], axis=0)
