@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -113,7 +114,7 @@ def opened(
     ahead = replace(prepared, banks=banks).with_late(late_by(columns, fitted or ()))
     source = Source(ahead, cutoff, bytes_of(prepared, cutoff) > HELD)
     systems, keeper = source.built(progress)
-    chosen = cuts(systems, room.rows, lambda: _left(systems, prepared))
+    chosen = cuts(systems, room.rows, partial(_left, systems, prepared))
     thinned = sum(cut.stop - cut.start for cut in chosen) < sum(len(p.t) for s in systems for p in s.segments)
     source = replace(source, cuts=tuple(chosen), thinned=thinned)
     rows, segments = source.looked_at(systems, keeper.segments([its.label for its in systems], chosen))
