@@ -9,7 +9,7 @@ torque) its columns follow the estimate until both stand still.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -116,7 +116,7 @@ def extend(
             _Search(study, fitted, streams, model, start, cutoff_hz, fine)
             for start in started(study, fitted, fine, streams, model, terms)
         )
-        search = min(trials, key=lambda its: its.tried(progress))
+        search = _best(trials, progress)
     notes = search.run(progress)
     if fine is not None and not rough:
         search.fine = None
@@ -128,6 +128,20 @@ def extend(
     every = tuple(done[system.label] for system in systems)
     notes += tuple(f"{name} stands at the end of the range that is searched" for name in search.at_bound)
     return Extended(terms, wide, search.model, every, _held(wide, terms), search.at_bound, notes)
+
+
+def _best(trials: Iterable[_Search], progress: Progress) -> _Search:
+    """The one that leaves least after some steps, channels weighed alike in all of them."""
+    best: tuple[float, _Search] | None = None
+    sigma: np.ndarray | None = None
+    for trial in trials:
+        trial.sigma = sigma
+        loss = trial.tried(progress)
+        sigma = trial.sigma
+        if best is None or loss < best[0]:
+            best = loss, trial
+    assert best is not None  # there is a start where one is asked for
+    return best[1]
 
 
 def declared(prepared: Prepared) -> tuple[Term, ...]:
