@@ -9,6 +9,7 @@ from ident.report.wording import joined, number, percent, with_deviation
 PLACED = ("source_joint", "recording", "from", "to", "link")  # said as a place, not as a value
 SIDES = {"motor": "motor side", "link": "link side", "sensor": "torque sensor", "drive": "drive"}
 NOISY = 1.5  # times its noise floor, up to which what is left is called noise: as far as the floor may be off
+AS_MUCH = 0.05  # nats: less is rounding
 FAR = 2.0  # from this ratio on an error is called larger than another; only words depend on it
 
 
@@ -294,9 +295,16 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     elif near is not None:
         own, its = item.get("log_e"), near.get("log_e")
         known = own is not None and its is not None
-        against = f" (log E {number(its, 3)}, {number(own - its, 3)} short of it)" if known else ""
+        against = f" (log E {number(its, 3)}, {_against(own - its)})" if known else ""
         text += f" Nearest is {effect_name(near['effect'])} on {place(near['joints'])}{against}."
     return text
+
+
+def _against(short: float) -> str:
+    """By how many nats an effect falls short of what was said, as far as these are told apart."""
+    if abs(short) < AS_MUCH:
+        return "as much as that"
+    return f"{number(short, 3)} short of it" if short > 0 else f"{number(-short, 3)} more than that"
 
 
 def _depends(item: Mapping[str, Any]) -> str:
