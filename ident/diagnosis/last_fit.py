@@ -241,8 +241,7 @@ def _worse(last: FitResult, known: Examined, declared: int) -> list[int]:
         without = last.study.with_(effects=(*effects[:k], *effects[k + 1 :]))
         other = fit_study(without, known=known.again(without))
         before = _judged(other)
-        spoilt = after["total"] > (1 + SPOILT) * before["total"]
-        if names and (spoilt or all(after[name] >= before[name] for name in names)):
+        if names and (_behind(last, other) or all(after[name] >= before[name] for name in names)):
             return [k]
         if place.recording is not None and _spoilt(last, other):
             return [k]
@@ -253,7 +252,12 @@ def _above(last: FitResult, base: FitResult) -> list[int]:
     """The number of the last finding taken in, where what would be handed over predicts the runs that chose
     nothing with a larger error than the study as it came. (A drift of a KR 300's third joint: 13 -> 11 % of
     that joint, and 37 -> 44 % of all.)"""
-    return [len(last.terms) - 1] if _judged(last)["total"] > (1 + SPOILT) * _judged(base)["total"] else []
+    return [len(last.terms) - 1] if _behind(last, base) else []
+
+
+def _behind(fit: FitResult, other: FitResult) -> bool:
+    """Whether it predicts the runs that chose nothing worse than the other, all channels together."""
+    return _judged(fit)["total"] > (1 + SPOILT) * _judged(other)["total"]
 
 
 def _spoilt(fit: FitResult, other: FitResult) -> bool:

@@ -251,16 +251,22 @@ def turned(state: State, afresh: Collection[int] = ()) -> State:
     )  # fmt: skip
     if turns == state.turns:
         return state
-    rows = state.rows
-    for d in p.dry:
-        turn = turns.get(d.joint)  # None: a joint that rests, or goes one way, turns over nowhere
-        if turn is not None and turn != state.turns.get(d.joint):
-            made = {c: sign_column(state.segments, rows, d.joint, c, turn) for c, _ in d.places}
-            rows = with_column(rows, d, made)
     changed = {j: turn for j, turn in turns.items() if turn != state.turns.get(j)}
-    segments = with_turn_overs(state.segments, changed)
+    return recolumned(replace(_turning(state, state.rows, state.segments, changed), turns=turns))
+
+
+def _turning(
+    state: State, rows: Rows, segments: Sequence[FineSegment], turns: Mapping[int, TurnOver]
+) -> State:
+    """The state on these rows and signals, the joints in `turns` turning over so. (A joint that rests, or
+    goes one way, turns over nowhere.)"""
+    for d in state.problem.dry:
+        if d.joint in turns:
+            made = {c: sign_column(segments, rows, d.joint, c, turns[d.joint]) for c, _ in d.places}
+            rows = with_column(rows, d, made)
+    segments = with_turn_overs(segments, turns)
     motions = tuple(motion_of(s) for s in segments)
-    return recolumned(replace(state, rows=rows, segments=segments, motions=motions, turns=turns))
+    return replace(state, rows=rows, segments=segments, motions=motions)
 
 
 def fitted_alone(state: State) -> State:
@@ -333,16 +339,8 @@ def as_late_rows(state: State) -> State:
     rows, segments = source.read()
     if len(rows.t) != len(state.rows.t):  # a stretch is too short to be filtered with so much beside it
         return state
-    for d in p.dry:
-        turn = state.turns.get(d.joint)
-        if turn is not None:
-            rows = with_column(
-                rows, d, {c: sign_column(segments, rows, d.joint, c, turn) for c, _ in d.places}
-            )
-    segments = with_turn_overs(segments, state.turns)
-    motions = tuple(motion_of(s) for s in segments)
-    state = replace(state, problem=replace(p, source=source), rows=rows, segments=segments, motions=motions)
-    state = converged(state)
+    state = replace(state, problem=replace(p, source=source))
+    state = converged(_turning(state, rows, segments, state.turns))
     return solved(replace(state, whiteners=whiteners(state.rows, state.noise, state.rows.usable)))
 
 

@@ -96,12 +96,16 @@ def banks_of(study: Study, streams: Sequence[RecordingStream]) -> tuple[FilterBa
     return tuple(prepare(stream, study.filter, study.turn_overs, resting) for stream in streams)
 
 
+def travel_of(streams: Sequence[RecordingStream]) -> np.ndarray:
+    """(n,) from the lowest to the highest position of each joint in all recordings."""
+    n = len(streams[0].need.joints)
+    lowest = np.min([stream.survey.lowest[:n] for stream in streams], axis=0)
+    return np.asarray(np.max([stream.survey.highest[:n] for stream in streams], axis=0) - lowest)
+
+
 def resting_joints(streams: Sequence[RecordingStream]) -> tuple[int, ...]:
     """Joints that stand at one place in all recordings, unless all of them do. There its load moves no other
     torque that another link's would not: its own torque alone shows it, and may be a brake's without harm to
     the others."""
-    n = len(streams[0].need.joints)
-    lowest = np.min([stream.survey.lowest[:n] for stream in streams], axis=0)
-    highest = np.max([stream.survey.highest[:n] for stream in streams], axis=0)
-    still = highest - lowest < MOVED
+    still = travel_of(streams) < MOVED
     return () if still.all() else tuple(np.flatnonzero(still).tolist())

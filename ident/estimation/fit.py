@@ -193,7 +193,6 @@ def _fitted(known: Examined, progress: Progress) -> FitResult:
     prepared, checks = known.prepared, known.checks
     study = prepared.study
     trials: tuple[CutoffTrial, ...] = ()
-    begin: tuple[Term, ...] | None
     if study.filter.decimation_cutoff_hz == "auto":
         columns = prepared.columns
         first = first_cutoff(prepared.streams, study, len(columns.parameters))
@@ -207,8 +206,8 @@ def _fitted(known: Examined, progress: Progress) -> FitResult:
             prepared, Fitted(guess.model, estimate.chi, guess.at(estimate.chi)), seconds, progress
         )
     else:
-        begin, cutoff = None, study.filter.decimation_cutoff_hz
-    late = prepared.with_late(late_by(prepared.columns, declared(prepared) if begin is None else begin))
+        begin, cutoff = declared(prepared), study.filter.decimation_cutoff_hz
+    late = prepared.with_late(late_by(prepared.columns, begin))
     ahead = known.systems if late is prepared else None
     systems = ahead or build(late, cutoff, progress=progress)
     return fit_systems(late, systems, cutoff, trials, progress, begin, checks)

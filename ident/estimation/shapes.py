@@ -20,7 +20,7 @@ from ident.equations.fine import FineSegment
 from ident.equations.fitted import FittedModel
 from ident.equations.observation import RecordingSystem
 from ident.equations.placing import layout_of, terms_of
-from ident.equations.prepared import Prepared
+from ident.equations.prepared import Prepared, travel_of
 from ident.equations.terms import Term, plain, with_terms
 from ident.errors import StudyError
 from ident.estimation.least_squares import Estimate, solve, weighted_factor
@@ -84,8 +84,8 @@ def extend(
 ) -> Extended:
     """The study's effects fitted on the identify recordings, and every system with their columns.
 
-    `begin`: terms to begin with (of another cut-off); `rough`: on strided signals only. Raises StudyError for
-    effects that cannot act.
+    `begin`: terms to begin with, where they are known; `rough`: on strided signals only. Raises StudyError
+    for effects that cannot act.
     """
     study, columns = prepared.study, prepared.columns
     if not study.effects:
@@ -106,17 +106,18 @@ def extend(
     vs = {label: bank.vs for label, (_, bank) in streams.items() if bank.vs is not None}
     model = FittedModel(columns, layout.robot, estimate.chi, vs)
     samples = sum(system.samples for system in fitted)
-    open_starts = begin is None and any(set(t.effect.nonlinear_names) - set(t.theta) for t in terms)
+    open_starts = any(set(t.effect.nonlinear_names) - set(t.theta) for t in terms)
     fine = None
     if open_starts or (samples < HELD and any(t.free or not plain(t) for t in terms)):
         fine = fine_signals(prepared, fitted, streams, cutoff_hz)
-    search = _Search(study, fitted, streams, model, terms, cutoff_hz, fine)
     if open_starts and fine is not None:
         trials = (
             _Search(study, fitted, streams, model, start, cutoff_hz, fine)
             for start in started(study, fitted, fine, streams, model, terms)
         )
         search = _best(trials, progress)
+    else:
+        search = _Search(study, fitted, streams, model, terms, cutoff_hz, fine)
     notes = search.run(progress)
     if fine is not None and not rough:
         search.fine = None
@@ -151,10 +152,7 @@ def declared(prepared: Prepared) -> tuple[Term, ...]:
 
 
 def _layout(prepared: Prepared) -> Layout:
-    n = len(prepared.columns.need.joints)
-    highest = np.max([s.survey.highest[:n] for s in prepared.streams], axis=0)
-    lowest = np.min([s.survey.lowest[:n] for s in prepared.streams], axis=0)
-    return layout_of(prepared.study, prepared.columns, highest - lowest)
+    return layout_of(prepared.study, prepared.columns, travel_of(prepared.streams).tolist())
 
 
 def _held(columns: Columns, terms: Sequence[Term]) -> np.ndarray:

@@ -53,8 +53,6 @@ def started(
     """Terms with a start for every shape: given ones as they are, the others the best of the effect's own
     starts, one term after the other, on fine signals of the identify recordings. Behind them the same terms
     with another start in the place of one."""
-    if not any(set(term.effect.nonlinear_names) - set(term.theta) for term in terms):
-        return [tuple(terms)]
     motions = [
         (segment, fine_motion(segment, streams[s.label][0])) for s in fitted for segment in fine[s.label]
     ]

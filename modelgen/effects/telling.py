@@ -83,9 +83,11 @@ class Telling(Definition):
             if size not in values or not other > 0:
                 continue
             apart = own + other - 2 * both
-            w = float(np.clip((other - both) / apart, 0.0, 1.0)) if own > 0 and apart > 0 else 0.0
+            w, distance = 0.0, 0.0
+            if own > 0 and apart > 0:
+                w = float(np.clip((other - both) / apart, 0.0, 1.0))
+                distance = (values[size] - values[shape]) / np.sqrt(apart)
             change = np.eye(len(covariance))
-            distance = (values[size] - values[shape]) / np.sqrt(apart) if own > 0 and apart > 0 else 0.0
             change[i, i], change[i, j] = w, 1.0 - w
             change[i] *= max(1.0, abs(distance))
             covariance = change @ covariance @ change.T
