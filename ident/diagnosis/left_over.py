@@ -120,7 +120,7 @@ def _like_a_change(others: State, f: Found, beside: Changes) -> Unnamed:
     e, c = weigh(others.metric, f.columns), beside.channel
     read = tuple(sorted(signals_read(f.term) or ()))
     share = explained_share(others, c, f.columns[c] @ f.sizes)
-    near = Equivalent(f.term, e.log_e)
+    near = Equivalent(f.term, beside.told)  # where it shows: the judged rows alone need not
     return Unnamed(c, read, e.log_e, e.gain, share, near, times_noise=beside.kappa)
 
 

@@ -33,11 +33,12 @@ OF_ITS_OWN = float(np.log(2.0))  # of factors, logarithm: of robots as they are 
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What is left of log E beside such changes [nats]; kappa of the channel that says most."""
+    """What is left of log E beside such changes [nats]; kappa of the channel that says most; log E itself."""
 
     log_e: float
     kappa: float
     channel: int
+    told: float
 
 
 def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
@@ -79,7 +80,7 @@ def _of(m: Metric, f: Found, told: Evidence) -> Changes:
         distance, parameters = _distances(m, c, white[c] @ told.sizes)
         nats[c], kappas[c] = _left_of(float(told.per_channel[c]), distance, parameters)
     most = max(nats, key=lambda c: told.per_channel[c])
-    return Changes(sum(nats.values()), kappas[most], most)
+    return Changes(sum(nats.values()), kappas[most], most, told.log_e)
 
 
 def _of_whole(m: Metric, f: Found, told: Evidence) -> Changes:
@@ -92,7 +93,7 @@ def _of_whole(m: Metric, f: Found, told: Evidence) -> Changes:
     parameters = rss[1][1] + rss[2][1] - rss[0][1]
     without, with_it = (float(its) for its in rss[0][0] - rss[1][0] - rss[2][0])
     nats, kappa = _left_of(float(told.log_e), (without, with_it), parameters)
-    return Changes(nats, kappa, max(f.columns, key=lambda c: told.per_channel[c]))
+    return Changes(nats, kappa, max(f.columns, key=lambda c: told.per_channel[c]), told.log_e)
 
 
 def _left_of(log_e: float, distance: tuple[float, float], parameters: int) -> tuple[float, float]:
