@@ -135,7 +135,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     while (rest := remaining(outcome, last, refused, alpha)) is not outcome:
         outcome = rest
         last, refused = extended(again, outcome, base, alpha, silent)
-    outcome, last = compared_exactly(again, outcome, base, last, alpha)
+    outcome, last, refused = compared_exactly(again, outcome, base, last, refused, alpha)
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))

@@ -62,3 +62,27 @@ def test_the_sentence_says_that_the_size_is_not_told_from_zero():
     text = unexplained_sentence(item)
     assert "of what the model leaves there depends on q4, as spring on joint 4 would have it" in text
     assert "does not tell it from zero (p 0.033)" in text
+
+
+def test_rivals_are_compared_beside_what_all_of_them_are_told_with(monkeypatch):
+    """A lag was ahead of a delay by a hysteresis that only its own fit was told with."""
+    term = {key: SimpleNamespace(key=(key,)) for key in ("delay", "lag", "friction", "hysteresis")}
+
+    def study(own):
+        terms = (term[own], term["friction"], term["hysteresis"])
+        last = SimpleNamespace(terms=terms, found=tuple(SimpleNamespace(term=t) for t in terms))
+        return SimpleNamespace(last=last, steps=(SimpleNamespace(term=term[own]),))
+
+    told = {"delay": ("delay", "friction"), "lag": ("lag", "friction", "hysteresis")}
+    monkeypatch.setattr(last_fit, "is_told", lambda fit, t: t.key[0] in fit)
+    monkeypatch.setattr(last_fit, "replace", lambda its, **new: SimpleNamespace(**(vars(its) | new)))
+    asked = []
+
+    def extended(known, outcome, base, alpha, progress):
+        asked.append(tuple(found.term.key[0] for found in outcome.last.found))
+        return asked[-1], {}
+
+    monkeypatch.setattr(last_fit, "extended", extended)
+    tried = [(study(own), fit) for own, fit in told.items()]
+    fits = last_fit._beside_the_same(None, tried, 0, None, 0.01)
+    assert fits == [("delay", "friction"), ("lag", "friction")] and asked == [("lag", "friction")]
