@@ -101,16 +101,23 @@ def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
 
 
 def is_load(state: State, halves: tuple[Metric, Metric], columns: Columns, tau: float, alpha: float) -> bool:
-    """It says something beside the window's own friction, and all of the model's parameters say hardly more
-    than it (NEARLY, as of any law: what its columns are wrong by grows with it)."""
+    """It says something beside the window's own friction, or alone no less than that with fewer numbers; and
+    all of the model's parameters say hardly more than it (NEARLY, as of any law: what its columns are wrong
+    by grows with it). (A contact of 4 N and 2 s on a UR10e says 1366 nats, the friction of six drives 1317,
+    both 1332: what these learn of it is their price.)"""
     inside = acting(columns)
     drives, friction = own_friction(state, halves, inside)
     beside = {c: np.hstack([z, own]) for c, z, own in _together(columns, drives)}
-    load = cross_evidence(halves, beside, inside)
+    alone, load = (cross_evidence(halves, z, inside) for z in (columns, beside))
     whole = cross_evidence(halves, own_columns(state, inside, range(state.rows.b)), inside)
-    short = NEARLY * whole.log_e > load.log_e and whole.beats(load, tau, alpha)
-    more = load.log_e > tau if friction is None else load.beats(friction, tau, alpha)
-    return more and not short
+    simpler = friction is not None and alone.log_e >= friction.log_e and _numbers(columns) < _numbers(drives)
+    best = alone if simpler else load
+    more = load.log_e > tau if friction is None else simpler or load.beats(friction, tau, alpha)
+    return more and not (NEARLY * whole.log_e > best.log_e and whole.beats(best, tau, alpha))
+
+
+def _numbers(columns: Columns) -> int:
+    return int(next(iter(columns.values())).shape[1])
 
 
 def own_friction(
