@@ -146,7 +146,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         for step in outcome.steps
         if step.term.key in refused
     )
-    unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained)
+    unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained, outcome.tau)
     unexplained = tuple(u for u in unexplained if not _doubted(u, checks))
     progress("done", 1.0)
     return Diagnosis(

@@ -13,12 +13,13 @@ from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
 from ident.diagnosis.last_fit import is_told, same
 from ident.diagnosis.leading import OWN_COURSE
+from ident.diagnosis.oscillating import blocks, oscillation_says
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.settling import place_of, without_terms
 from ident.diagnosis.state import State, solved
-from ident.diagnosis.sufficiency import explained_share, signals_read
+from ident.diagnosis.sufficiency import FORETOLD, explained_share, signals_read
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Equivalent
 from ident.estimation.fit import FitResult
@@ -259,11 +260,11 @@ def not_fitted(step: Step, outcome: Outcome, by_chance: float | None) -> Unexpla
 
 
 def beyond_noise(
-    last: FitResult, state: State, findings: Sequence[Finding], told: Sequence[Unexplained]
+    last: FitResult, state: State, findings: Sequence[Finding], told: Sequence[Unexplained], tau: float
 ) -> tuple[Unexplained, ...]:
     """Channels of which nothing was said, and whose residual is no noise all the same: its error on the rows
     that judge is far beyond what noise and the parameters' uncertainty make there, or it goes its own way in
-    time, foretold by its own past (a vibration, a slosh, a drift)."""
+    time, foretold by its own past (a vibration, a slosh, a drift): by so much, or because it oscillates."""
     known = {joint for f in findings for joint in f.joints} | {joint for u in told for joint in u.joints}
     everywhere = any(not f.joints for f in findings)
     rows, out = state.rows, []
@@ -280,7 +281,9 @@ def beyond_noise(
         if found > FAR_OFF**2 * expected:
             share = 100.0 * float(1.0 - expected / found)
             out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
-        elif noise > OWN_COURSE**2 * new:
+        elif noise > OWN_COURSE**2 * new or (
+            noise * FORETOLD > new and _oscillates(last, state, c, fitted, judged) > tau
+        ):
             nats = 0.5 * float(fitted.sum()) * float(np.log(noise / new))
             share = 100.0 * float(1.0 - new / noise)
             shown = picture(state, None, c, ("t",))
@@ -288,12 +291,27 @@ def beyond_noise(
     return tuple(out)
 
 
+def _oscillates(last: FitResult, state: State, c: int, fitted: np.ndarray, judged: np.ndarray) -> float:
+    """log E of an oscillation of a channel's residual; beside the judged rows' parameters, which fitted rows
+    have taken their part from."""
+    X, C = _uncertain(last, state, c)
+    sides = ((fitted, 0.0 * C), (judged, C))
+    return oscillation_says(
+        state.rows.hop, *(blocks(state.rows, state.residual[c], on, X, own) for on, own in sides)
+    )
+
+
 def _parameter_variance(last: FitResult, state: State, c: int, where: np.ndarray) -> np.ndarray:
     """(rows,) variance of a channel's model torque from the fit's covariance for coloured noise."""
+    X, C = _uncertain(last, state, c)
+    return np.asarray(np.einsum("ij,jk,ik->i", X[where], C, X[where]))
+
+
+def _uncertain(last: FitResult, state: State, c: int) -> tuple[np.ndarray, np.ndarray]:
+    """A channel's columns (M, k) of W and the covariance (k, k) of their parameters, for coloured noise."""
     places, values = state.rows.base[c]
     mine = places < len(last.full_covariance)
-    X, C = values[where][:, mine], last.full_covariance[np.ix_(places[mine], places[mine])]
-    return np.asarray(np.einsum("ij,jk,ik->i", X, C, X))
+    return values[:, mine], last.full_covariance[np.ix_(places[mine], places[mine])]
 
 
 def _signal(variable: str, channel: str) -> str:

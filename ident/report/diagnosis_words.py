@@ -275,8 +275,8 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     if item["depends_on"] == ["t"] and item.get("carries_over") is False:
         return (
             f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there follows a "
-            "course of its own in time: its past foretells it, and no signal of the robot does (a vibration, "
-            "a slosh, a drift)."
+            "course of its own in time: its past foretells it, and no signal of the robot was found that "
+            "does (a vibration, a slosh, a drift)."
         )
     alike = list(item.get("or_on") or ())
     shape = (

@@ -1,0 +1,59 @@
+"""A residual that oscillates of its own, and slow noise, which does not."""
+
+import numpy as np
+import pytest
+
+from ident.diagnosis.oscillating import Block, most_likely, oscillation_says
+
+HOP, ROWS = 0.04, 200
+
+
+def noise(rng, corner_hz, size=3.0):
+    """White noise, and a relaxation `size` times as large."""
+    a = np.exp(-2 * np.pi * corner_hz * HOP)
+    x = np.zeros(ROWS + 2000)
+    for k, w in enumerate(rng.normal(size=len(x) - 1), 1):
+        x[k] = a * x[k - 1] + np.sqrt(1 - a * a) * w
+    return rng.normal(size=ROWS) + size * x[2000:]
+
+
+def block(x, lost, rng):
+    """Rows of which a share is left out."""
+    t = HOP * np.arange(ROWS)
+    kept = np.flatnonzero(rng.random(ROWS) > lost)
+    return Block(t[kept], x(t)[kept] if callable(x) else x[kept], np.zeros((len(kept), len(kept))))
+
+
+@pytest.mark.parametrize("corner_hz", [0.03, 0.3, 2.0])
+@pytest.mark.parametrize("lost", [0.0, 0.2])
+def test_slow_noise_forgets(corner_hz, lost):
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        six = [block(noise(rng, corner_hz), lost, rng) for _ in range(6)]
+        assert oscillation_says(HOP, six[:3], six[3:]) < 3.0
+
+
+@pytest.mark.parametrize("lost", [0.0, 0.2])
+def test_a_slosh_is_said_of_runs_that_it_was_not_learned_on(lost):
+    """Its frequency wanders; of runs that are without it, it is not said."""
+    rng = np.random.default_rng(1)
+
+    def slosh(t):
+        wandering = 2 * np.pi * 0.6 * t + 3.0 * np.sin(0.3 * t + 6 * rng.random())
+        return 3.0 * np.sin(wandering) + rng.normal(size=len(t))
+
+    with_it = [block(slosh, lost, rng) for _ in range(6)]
+    assert oscillation_says(HOP, with_it[:3], with_it[3:]) > 20.0
+    without = [block(noise(rng, 0.3), lost, rng) for _ in range(3)]
+    assert oscillation_says(HOP, with_it[:3], without) < 0.0
+
+
+def test_sizes_are_the_most_likely_ones():
+    """Of white noise alone the mean square; no other size has a larger likelihood."""
+    rng = np.random.default_rng(2)
+    (b,) = (block(2.0 * rng.normal(size=ROWS), 0.0, rng),)
+    sizes, likelihood = most_likely([b], [[np.eye(ROWS)]])
+    assert sizes[0] == pytest.approx(np.mean(b.residual**2), rel=1e-6)
+    variance = sizes[0]
+    expected = -0.5 * ROWS * (np.log(variance) + 1)
+    assert likelihood == pytest.approx(expected, rel=1e-6)
