@@ -29,6 +29,7 @@ UNLIKE = 0.5
 ABOVE_NOISE = 5.0  # what a signal changes in a cell of the comparison
 LAG_S = 0.05
 DEGREE = 180 / np.pi
+NEAR_DEGREES = 0.05
 
 
 def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> Iterator[Check]:
@@ -61,37 +62,10 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
         for j, s in alike.items()
         if max(SLIGHT, np.sqrt(1 - min(found[j][1] ** 2, 1.0))) < abs(s - 1) <= WRONG
     ]
-    if wrong:
-        values = np.array(list(wrong.values()))
-        factor = float(np.median(values))
-        together = len(wrong) == len(alike) and np.ptp(values) < 0.1 * abs(factor)
-        names = tuple(f"dq{j}" for j in wrong)
-        repair = column_line(
-            columns.maps, {f"dq{j}": {"scale": float(f"{1 / s:.6g}")} for j, s in wrong.items()}
-        )
-        if factor < 0 or not together:
-            text = ", ".join(f"{s:.4g}" for s in values)
-            why = "another sign" if factor < 0 else "another unit, or the motor's side of the gear"
-            message = f"{listed(names)}: {text} times the derivative of the positions ({why})"
-            remedy = f"write {repair}, or give the positions the scale or sign that makes them agree"
-        elif abs(factor / DEGREE - 1) < 0.05 or abs(factor * DEGREE - 1) < 0.05:
-            which = "velocities are in degrees" if factor > 1 else "positions are in degrees"
-            message = (
-                f"the logged velocities are {factor:.4g} times the derivative of the positions: the {which}"
-            )
-            qs = column_line(columns.maps, {f"q{j}": {"scale": 0.0174533} for j in columns.labels})
-            remedy = f"write {repair if factor > 1 else qs}"
-        else:
-            message = (
-                f"the logged velocities are {factor:.4g} times the derivative of the positions over t on "
-                f"{'every joint' if len(wrong) > 1 else 'joint ' + next(iter(wrong))}: the clock runs "
-                f"{max(factor, 1 / factor):.3g} times too {'slow' if factor < 1 else 'fast'}, or the "
-                "velocities have another unit"
-            )
-            clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.6g}")}})
-            remedy = f"write {clock} where t is wrong, {repair} where the velocities are"
-        check = "angle_unit" if "degrees" in message and factor < 1 else "clock_rate"
-        yield Check(check, ("t", *names), message, remedy, outcome="refused", recording=columns.recording)
+    degrees, others = _in_degrees(columns, wrong)
+    yield from _degrees(columns, degrees, whole=len(degrees) == len(alike))
+    if others:
+        yield _another_rate(columns, others, together=len(others) == len(alike))
     if slight:
         text = ", ".join(f"dq{j} {alike[j]:.3f}" for j in slight)
         factor = float(np.median([alike[j] for j in slight]))
@@ -118,6 +92,70 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
             "check the columns",
             recording=columns.recording,
         )
+
+
+def _in_degrees(columns: Columns, wrong: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
+    """Turning joints whose velocity is 57.3 times the derivative of the position, or that part of it: one of
+    the two is in degrees; and the others. joint -> slope."""
+    turning = {j for j, straight in zip(columns.labels, columns.prismatic) if not straight}
+    degrees = {
+        j: s
+        for j, s in wrong.items()
+        if j in turning and min(abs(s / DEGREE - 1), abs(s * DEGREE - 1)) < NEAR_DEGREES
+    }
+    return degrees, {j: s for j, s in wrong.items() if j not in degrees}
+
+
+def _degrees(columns: Columns, found: dict[str, float], whole: bool) -> Iterator[Check]:
+    """found: joint -> slope, those of degrees; whole: every joint that moves is one of them, and what rests
+    is read from the same log."""
+    for signal, its in (
+        ("q", {j: s for j, s in found.items() if s < 1}),
+        ("dq", {j: s for j, s in found.items() if s > 1}),
+    ):
+        if not its:
+            continue
+        everywhere = whole and len(its) == len(found)
+        turning = [j for j, straight in zip(columns.labels, columns.prismatic) if not straight]
+        joints = turning if everywhere and signal == "q" else list(its)
+        plain = "positions" if signal == "q" else "velocities"
+        subject, of, which = "the logged velocities", "the positions", f"the {plain}"
+        if not everywhere:
+            subject, of, which = (listed(f"{name}{j}" for j in its) for name in ("dq", "q", signal))
+        verb = "are" if everywhere or len(its) > 1 else "is"
+        factor = float(np.median(list(its.values())))
+        scales = {f"{signal}{j}": {"scale": 0.0174533} for j in joints}
+        yield Check(
+            "angle_unit" if signal == "q" else "clock_rate",
+            ("t", *(f"dq{j}" for j in its)) if signal == "dq" else tuple(scales),
+            f"{subject} {verb} {factor:.4g} times the derivative of {of}: {which} {verb} in degrees",
+            f"write {column_line(columns.maps, scales)}",
+            outcome="refused",
+            recording=columns.recording,
+        )
+
+
+def _another_rate(columns: Columns, wrong: dict[str, float], together: bool) -> Check:
+    """wrong: joint -> slope; together: no joint that moves agrees with its velocity."""
+    values = np.array(list(wrong.values()))
+    factor = float(np.median(values))
+    names = tuple(f"dq{j}" for j in wrong)
+    repair = column_line(columns.maps, {f"dq{j}": {"scale": float(f"{1 / s:.6g}")} for j, s in wrong.items()})
+    if factor < 0 or not (together and np.ptp(values) < 0.1 * abs(factor)):
+        text = ", ".join(f"{s:.4g}" for s in values)
+        why = "another sign" if factor < 0 else "another unit, or the motor's side of the gear"
+        message = f"{listed(names)}: {text} times the derivative of the positions ({why})"
+        remedy = f"write {repair}, or give the positions the scale or sign that makes them agree"
+    else:
+        message = (
+            f"the logged velocities are {factor:.4g} times the derivative of the positions over t on "
+            f"{'every joint' if len(wrong) > 1 else 'joint ' + next(iter(wrong))}: the clock runs "
+            f"{max(factor, 1 / factor):.3g} times too {'slow' if factor < 1 else 'fast'}, or the "
+            "velocities have another unit"
+        )
+        clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.6g}")}})
+        remedy = f"write {clock} where t is wrong, {repair} where the velocities are"
+    return Check("clock_rate", ("t", *names), message, remedy, outcome="refused", recording=columns.recording)
 
 
 def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[float, float] | None:

@@ -1,0 +1,54 @@
+"""Velocities that are not the derivatives of the positions, of a simulated arm."""
+
+import numpy as np
+import pytest
+from recordings import motion, recording, write_parquet, write_study
+
+from ident.equations.prepared import prepare_study
+from ident.errors import RecordingError
+from ident.recordings.study import load_study
+
+
+def _refused(folder, change):
+    columns, _ = recording()
+    dq = motion(30.0, 200.0, 0)[2]
+    columns |= {f"dq{j + 1}": dq[:, j] for j in range(7)}
+    write_parquet(folder / "run.parquet", change(columns))
+    with pytest.raises(RecordingError) as caught:
+        prepare_study(load_study(write_study(folder, [{"file": "run.parquet"}])))
+    return str(caught.value), {check.check for check in caught.value.checks if check.outcome == "refused"}
+
+
+def _degrees(*names):
+    return lambda c: c | {name: np.rad2deg(c[name]) for name in names}
+
+
+@pytest.mark.parametrize(
+    ("names", "check", "words", "line"),
+    [
+        (["q3"], "angle_unit", "q3 is in degrees", "columns: {q3: {scale: 0.0174533}}"),
+        (
+            ["q3", "q5"],
+            "angle_unit",
+            "q3, q5 are in degrees",
+            "columns: {q3: {scale: 0.0174533}, q5: {scale: 0.0174533}}",
+        ),
+        (["dq3"], "clock_rate", "dq3 is in degrees", "columns: {dq3: {scale: 0.0174533}}"),
+        (
+            [f"q{j}" for j in range(1, 8)],
+            "angle_unit",
+            "the positions are in degrees",
+            ", ".join(f"q{j}: {{scale: 0.0174533}}" for j in range(1, 8)),
+        ),
+    ],
+)
+def test_the_side_that_is_in_degrees_is_told_and_its_line(tmp_path, names, check, words, line):
+    """Of one position in degrees its velocity was to be taken times 57.3."""
+    text, checks = _refused(tmp_path, _degrees(*names))
+    assert checks == {check} and words in text and line in text
+    assert "57.3" not in text.split("write ")[1]
+
+
+def test_degrees_and_a_gear_are_told_apart(tmp_path):
+    text, checks = _refused(tmp_path, lambda c: _degrees("q3")(c) | {"dq5": 100 * c["dq5"]})
+    assert checks == {"angle_unit", "clock_rate"} and "dq5" in text
