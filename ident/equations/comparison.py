@@ -3,13 +3,14 @@
 At the full rate both sides run through the position filter and nothing else; the model's friction with them:
 without that, a sign that jumps at a reversal would be held against a measurement that cannot jump. At the
 decimated rate both run through the decimation filter, as Y and W do in the fit. Samples of joints at rest,
-which the fit leaves out, are in both.
+which the fit leaves out, are in both; what was put in for samples that were lost is in neither.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,12 +29,13 @@ from ident.signals.neighbours import by_segment, sliced, wide_blocks
 CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off
 CURVE_POINTS = 12000  # of one recording; less where more than twenty share CURVES
 CURVES, LEAST_POINTS = 240_000, 400
+LOST = 0.5  # share of a filtered sample that was not measured, from which it is not compared
 
 
 @dataclass(frozen=True, slots=True)
 class Curves:
     """Torques of one recording for plots: t (m,), measured, modelled (m, channels); NaN rows part
-    segments."""
+    segments, and measured is NaN where it was lost."""
 
     label: str
     role: str
@@ -71,10 +73,13 @@ class Squares:
             {label: np.zeros(len(channels)) for label in roles},
         )
 
-    def add(self, label: str, measured: np.ndarray, modelled: np.ndarray) -> None:
-        """Rows (N, channels) of one recording."""
-        self.above[label] += np.sum((measured - modelled) ** 2, axis=0)
-        self.below[label] += np.sum(measured**2, axis=0)
+    def add(
+        self, label: str, measured: np.ndarray, modelled: np.ndarray, lost: np.ndarray | None = None
+    ) -> None:
+        """Rows (N, channels) of one recording; lost: their share that was not measured."""
+        real: Any = True if lost is None or not lost.size else lost < LOST
+        self.above[label] += np.sum((measured - modelled) ** 2, axis=0, where=real)
+        self.below[label] += np.sum(measured**2, axis=0, where=real)
 
     def by_role(self) -> dict[str, dict[str, float]]:
         """100 ||error|| / ||torque||: {role: {"total" | channel: percent}}."""
@@ -173,33 +178,40 @@ def compare_torques(
         kept: list[np.ndarray] = []
         filter, every = LowPass(cutoff_hz, stream.rate_hz, order), kept_every(cutoff_hz, stream.rate_hz)
         for _, blocks in by_segment(filter_stream(stream, bank)):
-            tap = _Tap(Decimator(filter, every, 3 * n))
+            holes = len(stream.survey.mending.rows) > 0
+            tap = _Tap(Decimator(filter, every, (3 + holes) * n), columns, holes)
             if kept:
                 kept.append(np.full((1, 1 + 2 * n), np.nan))
             torques = tap.torques(fitted_torques(columns, stream, blocks, (fit, full)))
             for k, both in low_pass_blocks(torques, bank.position):
-                at_full_rate.add(stream.label, both[:, :n], both[:, n:])
+                measured, modelled, lost = both[:, :n], both[:, n : 2 * n], both[:, 2 * n :]
+                at_full_rate.add(stream.label, measured, modelled, lost)
                 t = tap.start + (k + np.arange(len(both))) / stream.rate_hz
+                seen = np.where(lost < LOST, measured, np.nan) if holes else measured
                 first = -k % stride
-                kept.append(np.column_stack([t[first::stride], both[first::stride]]))
+                kept.append(np.column_stack([t, seen, modelled])[first::stride])
                 done += len(both)
                 progress("comparing measured and modelled torque", min(done / total, 1.0))
                 for part in tap.taken():
-                    decimated.add(stream.label, part[:n].T, part[n : 2 * n].T)
-                    full_model.add(stream.label, part[:n].T, part[2 * n :].T)
+                    decimated.add(stream.label, part[:n].T, part[n : 2 * n].T, part[3 * n :].T)
+                    full_model.add(stream.label, part[:n].T, part[2 * n : 3 * n].T, part[3 * n :].T)
             for part in (*tap.taken(), tap.fold.finish()):
-                decimated.add(stream.label, part[:n].T, part[n : 2 * n].T)
-                full_model.add(stream.label, part[:n].T, part[2 * n :].T)
+                decimated.add(stream.label, part[:n].T, part[n : 2 * n].T, part[3 * n :].T)
+                full_model.add(stream.label, part[:n].T, part[2 * n : 3 * n].T, part[3 * n :].T)
         rows = np.concatenate(kept) if kept else np.zeros((0, 1 + 2 * n))
         curves.append(Curves(stream.label, stream.role, rows[:, 0], rows[:, 1 : 1 + n], rows[:, 1 + n :]))
     return FullRate(at_full_rate, decimated, full_model, tuple(curves))
 
 
 class _Tap:
-    """Decimates the torques of one stretch on their way to the full-rate comparison."""
+    """Decimates the torques of one stretch on their way to the full-rate comparison.
 
-    def __init__(self, fold: Decimator) -> None:
-        self.fold = fold
+    holes: samples were lost. The fit's own torque stands in for them, so that the filters spread no error
+    into those beside them, and their share of a sample is handed on with it."""
+
+    def __init__(self, fold: Decimator, columns: Columns, holes: bool) -> None:
+        self.fold, self.holes = fold, holes
+        self.joint_of = columns.joint_of
         self.kept: list[np.ndarray] = []
         self.start = 0.0
 
@@ -211,14 +223,18 @@ class _Tap:
     def torques(
         self, found: Iterable[tuple[FilteredBlock, list[np.ndarray], list[np.ndarray]]]
     ) -> Iterator[np.ndarray]:
-        """[measured modelled] (N, 2 channels) of each block."""
+        """[measured modelled] (N, 2 channels) of each block, [measured modelled lost] with holes."""
         for number, (block, measured, modelled) in enumerate(found):
             if number == 0:
                 self.start = float(block.t[0])
-            done = self.fold.push(np.hstack([measured[0], modelled[0], modelled[1]]).T)
+            one, lost = measured[0], []
+            if self.holes and block.real is not None:
+                real = block.real[:, self.joint_of]
+                one, lost = np.where(real, one, modelled[0]), [1.0 - real]
+            done = self.fold.push(np.hstack([one, *modelled, *lost]).T)
             if done is not None:
                 self.kept.append(done)
-            yield np.hstack([measured[0], modelled[0]])
+            yield np.hstack([one, modelled[0], *lost])
 
 
 def low_pass_blocks(blocks: Iterator[np.ndarray], filter: LowPass) -> Iterator[tuple[int, np.ndarray]]:

@@ -143,7 +143,8 @@ class FilteredBlock:
     t (N,), q, dq, ddq, sign_dq (N, n); motor, sensor (N, n) or None: torques as recorded, not filtered (or
     filtered with the position filter when that was asked). vs (n,) is the speed from which a sign is certain,
     certain (N, n) the weight 0..1 that follows from it, speed (N, n) the rate whose sign it is. motor_ddq
-    (N, n): the motors' own acceleration where q is the joints' (`positions: joint`).
+    (N, n): the motors' own acceleration where q is the joints' (`positions: joint`). real (N, n), bool: where
+    the joint's torque and all positions were measured, not put in for samples that were lost.
     """
 
     t: np.ndarray
@@ -157,6 +158,7 @@ class FilteredBlock:
     certain: np.ndarray
     speed: np.ndarray | None = None
     motor_ddq: np.ndarray | None = None
+    real: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -354,6 +356,7 @@ def _block(
         certain * its.weight[span],
         speed[span],
         None if its.bent is None else (ddq + second_difference(its.bent, rate))[span],
+        its.weight[span] > 0,
     )
 
 
