@@ -18,6 +18,8 @@ CONTEXT = 64  # rows carried over from block to block
 FROZEN_S = 0.1
 STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots
 LEAST_STEP = 5e-3  # rad or m
+RESOLUTION = 1.5  # times the least changes of a position: its resolution, no leap
+FEW, FINE = 3, 0.02  # changes from which it is known; share of them that is let go as put in
 Block = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows (N,) of the table, t (N,), values (N, m)
 
 
@@ -82,6 +84,7 @@ class Mender:
     _found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=list)
     _dropped: list[np.ndarray] = field(default_factory=list)
     _wraps: list[tuple[int, int, int]] = field(default_factory=list)
+    _least: dict[int, tuple[int, np.ndarray]] = field(default_factory=dict)  # column: changes, the least
     _reach: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (m,) 5 to 95 % of the blocks seen
     _turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _still: tuple[int, float, np.ndarray] | None = None  # row, t, values at which a frozen stretch began
@@ -107,6 +110,11 @@ class Mender:
             rows, t, values = rows[:-1], t[:-1], values[:-1]
         if len(t) > begun:
             yield self._mend(rows, t, values, begun, len(t))[0]
+
+    @property
+    def leaps(self) -> list[tuple[int, int, float]]:
+        """Steps of positions that are more than their resolution."""
+        return [s for s in self.steps if abs(s[2]) > RESOLUTION * self._finest(s[1])]
 
     def mending(self) -> Mending:
         parts = (
@@ -197,6 +205,7 @@ class Mender:
         usual = dt < 2.5 * np.median(dt[dt > 0]) if (dt > 0).any() else dt < 0
         for k in range(self.n):
             d = np.diff(x[:, k])
+            self._changed(k, d)
             around = np.pad(d, 2, mode="edge")
             off = np.abs(d - median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:])) * usual
             if not off.max() > LEAST_STEP:
@@ -204,8 +213,22 @@ class Mender:
             scale = max(np.quantile(off, 0.99), 0.5 * np.quantile(np.abs(d), 0.95), LEAST_STEP / STEP)
             for at in np.flatnonzero(off > STEP * scale):
                 near = np.concatenate([off[max(0, at - 25) : max(0, at - 1)], off[at + 2 : at + 27]])
+                if abs(d[at]) <= RESOLUTION * self._finest(k):
+                    continue
                 if fresh[at + 1] and off[at] > STEP * near.max(initial=0.0):
                     self.steps.append((int(rows[at + 1]), k, float(d[at])))
+
+    def _changed(self, k: int, d: np.ndarray) -> None:
+        """Takes note of the changes d (N,) of a position."""
+        count, least = self._least.get(k, (0, np.zeros(0)))
+        fresh = np.abs(d[d != 0])
+        every = np.concatenate([least, fresh])
+        self._least[k] = count + len(fresh), np.sort(every)[:CONTEXT]
+
+    def _finest(self, k: int) -> float:
+        """A position's resolution, or far below it where it has none; 0 where it hardly changes."""
+        count, least = self._least.get(k, (0, np.zeros(0)))
+        return float(least[min(int(FINE * count), len(least) - 1)]) if count >= FEW else 0.0
 
     def _frozen(self, rows: np.ndarray, t: np.ndarray, x: np.ndarray, begun: int, done: int) -> np.ndarray:
         """Rows in which nothing at all changed, ending in a jump of a position: the logger stood still."""

@@ -138,7 +138,7 @@ def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
 def position_steps(columns: Columns, mender: Mender) -> Iterator[Check]:
     """A position that leaps and stays is an encoder that slipped, or rows that are gone."""
     spikes = mender.counts.get("spike", np.zeros(len(columns.signals)))
-    steps = [step for step in mender.steps if spikes[step[1]] < 20]  # what is left of spikes is no step
+    steps = [step for step in mender.leaps if spikes[step[1]] < 20]  # what is left of spikes is no step
     if not steps:
         return
     row, k, size = steps[0]

@@ -55,3 +55,24 @@ def test_what_a_clipped_signal_lets_through_is_no_spike():
     assert not is_spike(clipped, position=False).any()
     clipped[3500] = 40.0
     assert np.flatnonzero(is_spike(clipped, position=False)).tolist() == [3500]
+
+
+def _leaps(q):
+    t, mender = np.arange(N) / 1000, Mender(1, np.ones(2), np.zeros(2))
+    x = np.column_stack([q, np.cos(t)])
+    parts = [slice(k, min(k + BLOCK, N)) for k in range(0, N, BLOCK)]
+    list(mender.run((np.arange(N)[part], t[part], x[part]) for part in parts))
+    return [(row, round(size, 4)) for row, _, size in mender.leaps]
+
+
+@pytest.mark.parametrize("slip", [0.0, 0.05])
+def test_a_step_of_a_position_s_own_resolution_is_no_leap(slip):
+    """A joint that turns slowly between marks of 5 mrad was said to have slipped by them."""
+    t = np.arange(N) / 1000
+    true = 0.1 * np.sin(0.7 * t) + 0.3 * np.clip(t - 12, 0, 5)
+    q = np.round(true / 5e-3) * 5e-3 + slip * (t >= 5)
+    assert [row for row, _ in _leaps(q)] == ([5000] if slip else [])
+
+
+def test_a_resting_joint_that_slips_once_is_told():
+    assert _leaps(0.4 + 0.05 * (np.arange(N) >= 9000)) == [(9000, 0.05)]
