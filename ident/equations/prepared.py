@@ -16,6 +16,7 @@ from ident.recordings.need import need_of
 from ident.recordings.opening import open_recordings
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study, expand
+from ident.recordings.study_checks import within_rates
 from ident.signals.filtering import FilterBank, prepare
 from modelgen.errors import ModelgenError
 
@@ -87,7 +88,25 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
                 "joints; give one per joint, 0 for one that keeps the plain sign",
             )
     streams = tuple(open_recordings(study, columns.need, columns.model.prismatic))
+    study, streams = _filtered_as_recorded(study, streams)
     return Prepared(study, columns.model, columns, streams, banks_of(study, streams))
+
+
+def _filtered_as_recorded(
+    study: Study, streams: tuple[RecordingStream, ...]
+) -> tuple[Study, tuple[RecordingStream, ...]]:
+    """The study with the position filter that its slowest recording holds, which that one's notes say."""
+    slowest = min(streams, key=lambda stream: stream.rate_hz)
+    held = within_rates(study, slowest.rate_hz)
+    if held is study:
+        return study, streams
+    note = (
+        f"{slowest.label}: recorded at {slowest.rate_hz:.4g} Hz, so that positions are filtered at "
+        f"{held.filter.position_cutoff_hz:g} Hz instead of {study.filter.position_cutoff_hz:g}"
+    )
+    return held, tuple(
+        replace(stream, notes=(*stream.notes, note)) if stream is slowest else stream for stream in streams
+    )
 
 
 def banks_of(study: Study, streams: Sequence[RecordingStream]) -> tuple[FilterBank, ...]:

@@ -108,7 +108,8 @@ class RecordingEntry(_Strict):
 class FilterSettings(_Strict):
     """Cut-off frequencies [Hz] and orders of the two zero-phase Butterworth filters (paper 3.3).
 
-    `position_cutoff_hz` smooths positions before they are differentiated, `decimation_cutoff_hz` is the
+    `position_cutoff_hz` (10; where the slowest recording is slower than 25 Hz and the study does not say, 0.4
+    of its rate) smooths positions before they are differentiated, `decimation_cutoff_hz` is the
     parallel decimation of Y and of every column of W; `auto` chooses it by the Durbin-Watson rule.
     `sign_cutoff_hz` (default 4 x position) smooths the velocity whose sign Coulomb friction takes.
     `sign_velocity` [rad/s or m/s]: samples of a joint slower than this do not count in its fit; default:

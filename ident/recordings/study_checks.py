@@ -16,6 +16,9 @@ from modelgen.geometry import labels, plausible
 
 LARGEST = 1e12
 HIGHEST_SHARE = 0.45  # of the sampling rate: `filtering.MAX_SHARE`
+USUAL_SHARE = (
+    0.4  # and of a position cut-off that nobody wrote: below that of any log of nearly the same rate
+)
 RESAMPLED = 1.5  # times the recorded rate: rounding of stamps, not invention of samples
 SIGNAL = re.compile(r"(q|tau_m|tau_l|i)([1-9][0-9]*)")
 
@@ -159,13 +162,24 @@ def overlapping(entries: Iterable[Any]) -> tuple[str, ...]:
     return tuple(found)
 
 
+def within_rates(study: Any, slowest_hz: float) -> Any:
+    """The study with the position cut-off that its recordings can hold, where it does not say one itself."""
+    settings = study.filter
+    if "position_cutoff_hz" in settings.model_fields_set:
+        return study
+    held = float(f"{USUAL_SHARE * slowest_hz:.3g}")
+    if held >= settings.position_cutoff_hz:
+        return study
+    return study.with_(filter=settings.model_copy(update={"position_cutoff_hz": held}))
+
+
 def check_rates(study: Any, label: str, rate_hz: float) -> None:
-    """Cut-offs and resampling against the rate of a recording. Raises StudyError."""
+    """Cut-offs and resampling that the study says against the rate of a recording. Raises StudyError."""
     settings = study.filter
     highest = HIGHEST_SHARE * rate_hz
     for key in ("position_cutoff_hz", "sign_cutoff_hz", "decimation_cutoff_hz"):
         value = getattr(settings, key)
-        if isinstance(value, float) and value > highest:
+        if key in settings.model_fields_set and isinstance(value, float) and value > highest:
             raise StudyError(
                 str(study.file),
                 f"filter.{key}",

@@ -137,6 +137,7 @@ def summarise(study: Study, key: str = "", progress: Progress = silent) -> Summa
     """
     with one_blas_thread():
         prepared = prepare_study(study, progress)
+        study = prepared.study
         asked = study.filter.decimation_cutoff_hz
         cutoff = 0.08 * study.filter.position_cutoff_hz if asked == "auto" else asked
         checks = worst_first([*examine_tables(prepared), *examine_fit(prepared)])

@@ -331,6 +331,16 @@ def test_automatic_cutoff_obeys_the_rule(tmp_path, table):
     assert inside(result, table[1])
 
 
+def test_a_slow_log_is_filtered_as_it_can_be_and_that_is_said(tmp_path):
+    """Of logs of 20 Hz the default filter was refused, which nobody had written."""
+    write_parquet(tmp_path / "run.parquet", recording("A", seconds=120, rate=20)[0])
+    document = fit_document(run(tmp_path, [{"file": "run.parquet"}], filter={"decimation_cutoff_hz": 1}))
+    assert document["filter"]["position_cutoff_hz"] == 8.0
+    assert any("recorded at 20 Hz" in note and "8 Hz instead of 10" in note for note in document["notes"])
+    with pytest.raises(StudyError, match="write at most 9"):
+        run(tmp_path, [{"file": "run.parquet"}], filter={"position_cutoff_hz": 10})
+
+
 def test_document_follows_the_contract(tmp_path, reference, table):
     document = json.loads(json.dumps(fit_document(reference)))
     assert {

@@ -7,7 +7,7 @@ import pytest
 
 from ident.errors import StudyError
 from ident.recordings.study import expand, load_study, study_from
-from ident.recordings.study_checks import check_rates
+from ident.recordings.study_checks import check_rates, within_rates
 from modelgen.geometry.names import unit_of
 
 RUN = {"file": "run1.parquet"}
@@ -171,6 +171,16 @@ def test_rates_that_a_recording_does_not_have():
         with pytest.raises(StudyError, match=key):
             check_rates(study(filter=settings), "run1", 100.0)
     check_rates(study(), "run1", 100.0)
+
+
+def test_a_cut_off_that_nobody_wrote_follows_the_rate():
+    """Logs of 20 Hz were refused for a filter that the study does not hold."""
+    check_rates(study(filter={}), "run1", 20.0)
+    assert within_rates(study(filter={}), 20.0).filter.position_cutoff_hz == 8.0
+    for settings, rate in (({}, 25.0), ({"position_cutoff_hz": 10}, 20.0)):
+        assert within_rates(study(filter=settings), rate).filter.position_cutoff_hz == 10.0
+    with pytest.raises(StudyError, match="10 Hz is above"):
+        check_rates(study(filter={"position_cutoff_hz": 10}), "run1", 20.0)
 
 
 def test_an_environment_variable_that_is_not_set(monkeypatch):
