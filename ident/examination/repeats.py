@@ -25,6 +25,8 @@ TRAVELLED = 0.05  # rad or m, that a joint must move for its torque to be asked 
 FEWEST_STEPS, FEWEST_SCALES = 16, 4  # of means of one length, and lengths
 WHITE = 4.5  # standard deviations between scatter at one length and at the shortest
 LEVELS, TORQUE_LEVELS = 250, 6  # steps of its resolution that a signal's range holds
+STEPS_SHARE = 0.25  # of a position's acceleration, from which its resolution is said to make it
+SHORTEST = 256  # rows of a piece whose spectrum is looked at
 
 
 def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
@@ -200,13 +202,17 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
 
 
 def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
-    """Signals whose range holds few steps of their resolution."""
+    """Signals whose range holds few steps of their resolution, and positions of whose acceleration the steps
+    make much."""
     told: dict[str, float] = {}
+    shares: dict[str, tuple[float, float]] = {}  # position: step, share
     for k, name in enumerate(columns.signals):
-        x, levels = excerpt.column(k), LEVELS if k < columns.n else TORQUE_LEVELS
+        x, position = excerpt.column(k), k < columns.n
+        levels = LEVELS if position else TORQUE_LEVELS
         steps = np.abs(np.diff(x))
         small = np.count_nonzero(steps < np.ptp(x) / levels) - np.count_nonzero(steps == 0)
-        if small > 0.02 * len(steps) + 2:  # the quantile below is one of these, so that enough of them fit
+        # the quantile below is one of these, so that enough of them fit
+        if not position and small > 0.02 * len(steps) + 2:
             continue
         steps = steps[steps > 0]
         if len(steps) < 20 or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
@@ -217,9 +223,15 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
             continue
         if np.ptp(x) / step < levels:
             told[name] = step
+        elif position and (share := _share_of_steps(excerpt, k, step, columns.cutoff_hz)) > STEPS_SHARE:
+            shares[name] = step, share
     positions = {name: step for name, step in told.items() if name in columns.signals[: columns.n]}
+    finer, lower = (
+        "record with a finer resolution or a larger motion",
+        ", or a lower filter: {position_cutoff_hz: ...}",
+    )
     for its, what, also in (
-        (positions, "rates and accelerations are", ", or a lower filter: {position_cutoff_hz: ...}"),
+        (positions, "rates and accelerations are", lower),
         ({name: told[name] for name in told if name not in positions}, "what is fitted to them is", ""),
     ):
         if its:
@@ -228,5 +240,39 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
                 tuple(its),
                 f"{listed(its)} move{'s' if len(its) == 1 else ''} in steps of {max(its.values()):.3g}, few "
                 f"of which fit into the whole motion: {what} mostly those steps",
-                f"record with a finer resolution or a larger motion{also}",
+                finer + also,
             )
+    if shares:
+        step, share = (max(values) for values in zip(*shares.values()))
+        yield Check(
+            "coarse_signal",
+            tuple(shares),
+            f"{listed(shares)} move{'s' if len(shares) == 1 else ''} in steps of {step:.3g}: behind a filter "
+            f"of {columns.cutoff_hz:g} Hz they make {'up to ' if len(shares) > 1 else ''}{100 * share:.0f} % "
+            "of the acceleration, which errors and inertias feel",
+            finer + lower,
+        )
+
+
+def _share_of_steps(excerpt: Excerpt, k: int, step: float, cutoff_hz: float) -> float:
+    """Root mean square of the acceleration that rounding to `step` leaves below the cut-off, over that of the
+    position as recorded. Rounding is taken as white, step^2 / 12 spread up to half of the rate, the least
+    that it is there: of a slow motion more of it lies below."""
+    power, count, rates = 0.0, 0, []
+    for _, t, values in excerpt.pieces:
+        if len(t) < SHORTEST or not t[-1] > t[0]:
+            continue
+        N, rate = len(t), (len(t) - 1) / (t[-1] - t[0])
+        x = values[:, k] - np.linspace(values[0, k], values[-1, k], N)
+        window = np.hanning(N)
+        f = np.fft.rfftfreq(N, 1 / rate)
+        low = f < min(cutoff_hz, rate / 2)
+        density = np.abs(np.fft.rfft(x * window)[low]) ** 2 * (2 * np.pi * f[low]) ** 4
+        power += float(2 * density.sum() / np.sum(window**2))
+        count += N
+        rates.append(rate)
+    if not power:
+        return 0.0
+    rate = float(np.median(rates))
+    noise = step**2 / 12 * 2 / rate * (2 * np.pi) ** 4 * min(cutoff_hz, rate / 2) ** 5 / 5
+    return float(np.sqrt(min(noise * count / power, 1.0)))

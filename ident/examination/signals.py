@@ -35,6 +35,7 @@ class Columns:
     maps: Mapping[str, Any]  # the study's column maps
     channels: tuple[str, ...]  # torques in use
     prismatic: np.ndarray  # (n,) bool
+    cutoff_hz: float = 10.0  # of the filter that positions go through
 
     @property
     def n(self) -> int:

@@ -94,6 +94,7 @@ def open_recording(
         found.maps,
         need.names,
         np.array([str(joint) in prismatic for joint in need.joints]),
+        study.filter.position_cutoff_hz,
     )
     survey = seen.survey
     rows = survey.rows + len(survey.mending.dropped)  # all that were read: what was lost is a share of them

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 from ident.examination.clock import time_unit
+from ident.examination.excerpt import Excerpt
 from ident.examination.mending import Mender
+from ident.examination.repeats import coarse
+from ident.examination.signals import Columns
 from ident.examination.spikes import is_spike
 
 N, BLOCK = 20000, 3000
@@ -76,3 +79,18 @@ def test_a_step_of_a_position_s_own_resolution_is_no_leap(slip):
 
 def test_a_resting_joint_that_slips_once_is_told():
     assert _leaps(0.4 + 0.05 * (np.arange(N) >= 9000)) == [(9000, 0.05)]
+
+
+@pytest.mark.parametrize(("step", "told"), [(5e-3, True), (1e-3, True), (1e-5, False), (0.0, False)])
+def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_motion(step, told):
+    """Of a joint that sweeps 3 rad in steps of 5 mrad nothing was said, with errors of three times the
+    size."""
+    t = np.arange(5000) / 100
+    q = 1.5 * np.sin(0.6 * t) + 0.15 * np.sin(2.1 * t)
+    x = np.column_stack([np.round(q / step) * step if step else q, np.cos(t)])
+    excerpt = Excerpt()
+    excerpt.take((np.arange(len(t)), t, x))
+    columns = Columns("run", ("q1", "tau_m1"), np.array([0, 0]), ("1",), {}, ("tau_m1",), np.array([False]))
+    said = list(coarse(columns, excerpt, set()))
+    assert [check.signals for check in said] == ([("q1",)] if told else [])
+    assert all("of the acceleration" in check.message for check in said)
