@@ -34,13 +34,7 @@ NEAR_DEGREES = 0.05
 
 def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> Iterator[Check]:
     """Regression of dq on the derivative of q, joint by joint."""
-    has = {}
-    for j in columns.labels:
-        known = columns.maps.get(f"dq{j}")
-        where = known.column if known is not None else f"dq{j}"
-        where = table.columns[where] if isinstance(where, int) and where < len(table.columns) else where
-        if where in table.columns:
-            has[j] = (where, known.scale * known.sign if known else 1.0, known.offset if known else 0.0)
+    has = logged_velocities(columns, table)
     if not has or stream.stiffness is not None:
         return
     found = {}
@@ -50,6 +44,18 @@ def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> 
         if fit is not None:
             found[j] = fit
     yield from _judged(columns, found)
+
+
+def logged_velocities(columns: Columns, table: Table) -> dict[str, tuple[str, float, float]]:
+    """joint -> column, factor and offset of its velocity, of those that the table holds."""
+    has = {}
+    for j in columns.labels:
+        known = columns.maps.get(f"dq{j}")
+        where = known.column if known is not None else f"dq{j}"
+        where = table.columns[where] if isinstance(where, int) and where < len(table.columns) else where
+        if where in table.columns:
+            has[j] = (where, known.scale * known.sign if known else 1.0, known.offset if known else 0.0)
+    return has
 
 
 def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator[Check]:
@@ -203,10 +209,28 @@ def _read(
     columns: Columns, stream: RecordingStream, table: Table, has: dict[str, tuple[str, float, float]]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """t (N,), q and dq (N, k) of the joints that have both, from the first rows that move."""
+    parts, count = [], 0
+    for _, t, q, dq in with_velocities(columns, stream, table, has):
+        parts.append((t, q, dq))
+        if len(q) and np.ptp(q, axis=0).max() > 1e-3:
+            count += len(q)
+        if count >= ROWS:
+            break
+    if not parts:
+        return np.zeros(0), np.zeros((0, len(has))), np.zeros((0, len(has)))
+    t, q, dq = (np.concatenate(part) for part in zip(*parts))
+    return t, q, dq
+
+
+def with_velocities(
+    columns: Columns, stream: RecordingStream, table: Table, has: dict[str, tuple[str, float, float]]
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Blocks: rows (N,) of the table, t (N,), q and dq (N, k) of the joints that have both, inside the
+    window and without what was mended away."""
     timed = stream.counted_rate_hz is None
     n, m = len(columns.labels), len(stream.signal_joints)
-    mine = [columns.labels.index(j) for j in has]
-    parts, count, row = [], 0, 0
+    mine, row, mending = [columns.labels.index(j) for j in has], 0, stream.survey.mending
+    joints = np.concatenate([stream.signal_joints, np.zeros(len(has), int)])
     for block in table.blocks([*stream.names, *(where for where, _, _ in has.values())]):
         rows = np.arange(row, row + len(block))
         row += len(block)
@@ -216,16 +240,7 @@ def _read(
         if not inside.any():
             continue
         dq = block[:, len(stream.names) :] * [s for _, s, _ in has.values()] + [o for _, _, o in has.values()]
-        values = np.hstack([plain[:, -m:], dq])[inside]
-        joints = np.concatenate([stream.signal_joints, np.zeros(len(has), int)])
-        t, values, _ = stream.survey.mending.apply(rows[inside], t[inside], values, n, joints)
-        q = values[:, mine]
-        parts.append((t, q, values[:, m:]))
-        if len(q) and np.ptp(q, axis=0).max() > 1e-3:
-            count += len(q)
-        if count >= ROWS:
-            break
-    if not parts:
-        return np.zeros(0), np.zeros((0, len(has))), np.zeros((0, len(has)))
-    t, q, dq = (np.concatenate(part) for part in zip(*parts))
-    return t, q, dq
+        values, rows = np.hstack([plain[:, -m:], dq])[inside], rows[inside]
+        t, values, _ = mending.apply(rows, t[inside], values, n, joints)
+        rows = rows[~np.isin(rows, mending.dropped)] if len(mending.dropped) else rows
+        yield rows, t, values[:, mine], values[:, m:]

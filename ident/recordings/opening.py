@@ -22,6 +22,7 @@ from ident.examination.check import Check, refuse, worst_first
 from ident.examination.clock import rounded_stamps, time_stamps, uniform_clock
 from ident.examination.of_table import more_joints, of_table
 from ident.examination.signals import Columns
+from ident.examination.stopped import stopped_positions
 from ident.examination.velocity import velocity_agrees
 from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
@@ -104,6 +105,8 @@ def open_recording(
         whole = (rows + 1, rows + 1) if window == (-np.inf, np.inf) else None
         checks.append(Check("truncated", (), table.cut, "", "mended", stream.label, whole))
     checks += seen.leaps
+    refuse(stream.file, checks)
+    checks += stopped_positions(columns, replace(stream, survey=survey), table, seen.excerpt)
     refuse(stream.file, checks)
     checks += velocity_agrees(columns, replace(stream, survey=survey), table)
     refuse(stream.file, checks)

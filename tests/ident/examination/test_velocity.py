@@ -9,13 +9,17 @@ from ident.errors import RecordingError
 from ident.recordings.study import load_study
 
 
-def _refused(folder, change):
+def _opened(folder, change):
     columns, _ = recording()
     dq = motion(30.0, 200.0, 0)[2]
     columns |= {f"dq{j + 1}": dq[:, j] for j in range(7)}
     write_parquet(folder / "run.parquet", change(columns))
+    return prepare_study(load_study(write_study(folder, [{"file": "run.parquet"}]))).streams[0].checks
+
+
+def _refused(folder, change):
     with pytest.raises(RecordingError) as caught:
-        prepare_study(load_study(write_study(folder, [{"file": "run.parquet"}])))
+        _opened(folder, change)
     return str(caught.value), {check.check for check in caught.value.checks if check.outcome == "refused"}
 
 
@@ -52,3 +56,29 @@ def test_the_side_that_is_in_degrees_is_told_and_its_line(tmp_path, names, check
 def test_degrees_and_a_gear_are_told_apart(tmp_path):
     text, checks = _refused(tmp_path, lambda c: _degrees("q3")(c) | {"dq5": 100 * c["dq5"]})
     assert checks == {"angle_unit", "clock_rate"} and "dq5" in text
+
+
+def _held(name, begin, end):
+    def change(c):
+        x = c[name].copy()
+        x[begin:end] = x[begin]
+        return c | {name: x}
+
+    return change
+
+
+def test_a_position_that_stands_still_while_its_velocity_goes_on(tmp_path):
+    """Nothing was said of it, and the errors of all torques went up with it."""
+    text, checks = _refused(tmp_path, _held("q2", 3000, None))
+    assert checks == {"dead_channel"} and "q2 stands still" in text and "rows 3001 to 6000" in text
+    assert "with to: 15," in text
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_a_joint_that_rests_for_half_of_a_run_is_not_blamed(tmp_path, noise):
+    """With the noise and the bias that velocities of joints at rest have."""
+    turn, go = np.arange(6000) < 3000, 0.5 * (1 - np.cos(2 * np.pi * np.arange(6000) / 3000))
+    t = np.arange(6000) / 200
+    q = np.where(turn, 0.4 * go, 0.0)
+    dq = np.gradient(q, t) + noise * np.random.default_rng(0).normal(size=6000) + 0.4 * noise
+    assert _opened(tmp_path, lambda c: c | {"q2": q, "dq2": dq}) == ()
