@@ -20,6 +20,8 @@ MOST_SPIKES = 0.01
 MOVED = 1e-3  # rad or m: less is rest
 TURNS = 4 * np.pi
 COUNTS = 1000.0  # rad: beyond it no joint goes, but an encoder's counts do
+LARGEST = 2e4  # N m: more than robots' joints give
+BESIDE = 1000**0.5  # times smaller: torques of one robot in one unit rather than in two, a thousand apart
 CLIPPED_RUN = 5  # consecutive samples exactly at the extreme while the joint moves
 CLIPPED_EXCESS = 6.0  # of samples at the extreme over those just below it; a rounded peak has 2.4
 
@@ -281,14 +283,35 @@ def units(columns: Columns, mender: Mender, lowest: np.ndarray, highest: np.ndar
             + "; if the motor's side, the same with scale: 1/ratio of the gear (100: 0.01)",
             hint=True,
         )
-    large = [k for k in range(n, len(reach)) if reach[k] > 2e4]
-    if large:
-        names = [columns.signals[k] for k in large]
+    yield from _too_large(columns, reach)
+
+
+def _too_large(columns: Columns, reach: np.ndarray) -> Iterator[Check]:
+    """Torques beyond LARGEST, side by side of the gear: a log has one unit, so that where others stand beside
+    them as torques of one robot do they all have it. reach (m,)."""
+    n = columns.n
+    kinds = [name.rstrip("0123456789") for name in columns.signals]
+    for kind in dict.fromkeys(kinds[n:]):
+        side = [k for k in range(n, len(reach)) if kinds[k] == kind and reach[k] > 0]
+        large = [k for k in side if reach[k] > LARGEST]
+        if not large:
+            continue
+        top = max(large, key=lambda k: reach[k])
+        others = [k for k in side if k not in large]
+        beside = [k for k in others if BESIDE * reach[k] > reach[top]]
+        whole = 2 * len(beside) >= len(others)
+        milli = "mA" if kind == "i" else "N mm"
+        names, every = ([columns.signals[k] for k in ks] for ks in (large, side))
+        lines = [column_line(columns.maps, {m: {"scale": 0.001} for m in ms}) for ms in (names, every)]
+        remedy = f"if {milli}, write {lines[whole]}"
+        if beside and not whole:
+            remedy += f" where these alone are, {lines[1]} where all are"
         yield Check(
             "torque_scale",
-            tuple(names),
-            f"{names[0]} reaches {reach[large[0]]:.3g} N m, more than robots' joints give: N mm, or "
-            f"another gain ({listed(names)})",
-            "if N mm, write " + column_line(columns.maps, {name: {"scale": 0.001} for name in names}),
+            tuple(every if whole else names),
+            f"{columns.signals[top]} reaches {reach[top]:.3g} N m, more than robots' joints give"
+            f"{', and the others are of its size, as in one unit' if whole and others else ''}: {milli}, or "
+            f"another gain ({listed(every if whole else names)})",
+            remedy,
             hint=True,
         )

@@ -7,7 +7,7 @@ from ident.examination.clock import time_unit
 from ident.examination.excerpt import Excerpt
 from ident.examination.mending import Mender
 from ident.examination.repeats import coarse
-from ident.examination.signals import Columns
+from ident.examination.signals import Columns, units
 from ident.examination.spikes import is_spike
 
 N, BLOCK = 20000, 3000
@@ -94,3 +94,25 @@ def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_m
     said = list(coarse(columns, excerpt, set()))
     assert [check.signals for check in said] == ([("q1",)] if told else [])
     assert all("of the acceleration" in check.message for check in said)
+
+
+@pytest.mark.parametrize(
+    ("largest", "named"),
+    [
+        ([180e3, 60e3, 10e3, 7e3], (1, 2, 3, 4)),
+        ([180e3, 60.0, 10.0, 7.0], (1,)),
+        ([39e3, 2.9e3, 5.2e3, 300.0], (1, 2, 3, 4)),
+        ([15e3, 12e3, 3e3, 1e3], ()),
+    ],
+)
+def test_a_log_in_one_unit_is_told_with_all_its_torques(largest, named):
+    """Of a UR10e in N mm three torques of six were to be divided by a thousand."""
+    n = len(largest)
+    signals = (*(f"q{j + 1}" for j in range(n)), *(f"tau_m{j + 1}" for j in range(n)))
+    joint, labels = np.tile(np.arange(n), 2), tuple("1234")
+    columns = Columns("run", signals, joint, labels, {}, signals[n:], np.zeros(n, bool))
+    highest = np.array([1.0] * n + largest)
+    said = list(units(columns, Mender(n, np.ones(2 * n), np.zeros(2 * n)), -0.5 * highest, highest))
+    assert [check.signals for check in said] == ([tuple(f"tau_m{j}" for j in named)] if named else [])
+    for j in range(1, n + 1):
+        assert all((f"tau_m{j}: {{scale: 0.001}}" in check.remedy) == (j in named) for check in said)
