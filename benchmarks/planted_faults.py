@@ -225,31 +225,46 @@ def stribeck(q: np.ndarray, dq: np.ndarray, size: float) -> np.ndarray:
     return 0.3 * size * np.tanh(dq / (0.05 * slow)) * np.exp(-((dq / slow) ** 2))
 
 
-def weighted(table: Table, base: Base) -> None:
-    """A point mass half-way along the second link, as heavy as turns joint 2 with a fifth of its torque."""
+def carried(
+    table: Table, base: Base, link: int, at: np.ndarray, mass: float | None = None, window: int = 21
+) -> None:
+    """A point mass [kg] at a point (3,) [m] of a link, by Pinocchio's equations and accelerations that are
+    smoothed over so many samples; None: as heavy as turns the second joint with a fifth of its torque."""
     sys.path.insert(0, str(Path(__file__).parents[1]))
+    twin = _twin(base)
+    body = {(link, "M"): 1.0} | {(link, f"M{a}"): float(x) for a, x in zip("XYZ", at)}
+    outer = np.dot(at, at) * np.eye(3) - np.outer(at, at)
+    body |= {
+        (link, a + b): float(outer["XYZ".index(a), "XYZ".index(b)])
+        for a, b in ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
+    }
+    n, period = twin.model.nv, np.median(np.diff(table["t"]))
+    q, dq = (np.stack([table[f"{k}{j}"] for j in range(1, n + 1)], axis=1) for k in ("q", "dq"))
+    ddq = scipy.signal.savgol_filter(np.gradient(dq, period, axis=0), window, 3, axis=0)
+    states = (twin.regressor(*state) for state in zip(q, dq, ddq))
+    tau = np.array([sum(x * columns[key] for key, x in body.items()) for columns in states])
+    gains = np.array(base.gains or np.ones(n))
+    if mass is None:
+        mass = 0.2 * float(np.std(table[f"{base.torque}2"] * gains[1]) / np.std(tau[:, 1]))
+    for j in range(n):
+        table[f"{base.torque}{j + 1}"] = table[f"{base.torque}{j + 1}"] + mass * tau[:, j] / gains[j]
+
+
+def _twin(base: Base) -> Any:
     from modelgen.geometry.robot_file import load_robot
     from tests.support.pinocchio_robot import PinocchioRobot
 
-    robot = load_robot(_robot(base))
-    twin = PinocchioRobot(robot)
-    reach = 0.5 * twin.model.jointPlacements[3].translation if robot.n > 2 else np.array([0.2, 0.0, 0.0])
+    return PinocchioRobot(load_robot(_robot(base)))
+
+
+def weighted(table: Table, base: Base) -> None:
+    """A point mass half-way along the second link."""
+    sys.path.insert(0, str(Path(__file__).parents[1]))
+    model = _twin(base).model
+    reach = 0.5 * model.jointPlacements[3].translation if model.nv > 2 else np.array([0.2, 0.0, 0.0])
     if np.linalg.norm(reach[:2]) < 0.05:
         reach = reach + np.array([0.1, 0.0, 0.0])
-    body = {(2, "M"): 1.0} | {(2, f"M{a}"): float(x) for a, x in zip("XYZ", reach)}
-    outer = np.dot(reach, reach) * np.eye(3) - np.outer(reach, reach)
-    body |= {
-        (2, a + b): float(outer["XYZ".index(a), "XYZ".index(b)])
-        for a, b in ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
-    }
-    q, dq = (np.stack([table[f"{k}{j}"] for j in range(1, robot.n + 1)], axis=1) for k in ("q", "dq"))
-    ddq = scipy.signal.savgol_filter(np.gradient(dq, np.median(np.diff(table["t"])), axis=0), 21, 3, axis=0)
-    states = (twin.regressor(*state) for state in zip(q, dq, ddq))
-    tau = np.array([sum(x * columns[key] for key, x in body.items()) for columns in states])
-    gains = np.array(base.gains or np.ones(robot.n))
-    mass = 0.2 * np.std(table[f"{base.torque}2"] * gains[1]) / np.std(tau[:, 1])
-    for j in range(robot.n):
-        table[f"{base.torque}{j + 1}"] = table[f"{base.torque}{j + 1}"] + mass * tau[:, j] / gains[j]
+    carried(table, base, 2, reach)
 
 
 FAULTS = (
