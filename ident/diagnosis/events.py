@@ -17,10 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, side_of, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, orthonormal, project, side_of, weigh
 from ident.diagnosis.leading import outside_metric, quiet
 from ident.diagnosis.refine import Refined, fit_sizes
-from ident.diagnosis.state import Found, State
+from ident.diagnosis.state import Found, State, solved
 from ident.diagnosis.sufficiency import NEARLY
 from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect
@@ -97,6 +97,9 @@ def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
     """Of a load found before: beside all that was found since (the state is without it)."""
     assert f.term is not None
     own = outside_metric(state, Refined(f.term, f.columns, f.sizes, 0.0), acting(f.columns))
+    sizes, _ = fit_sizes(whole(own, state.rows.usable), f.columns)
+    if f.term.effect.windowed and not can_be(state, own, f.term, f.columns, sizes, tau):
+        return False
     return is_load(state, halves_of(state, own, f.columns), f.columns, tau, alpha)
 
 
@@ -129,6 +132,48 @@ def as_plain_rows(state: State, columns: Columns, every: Columns) -> bool:
 
 def _numbers(columns: Columns) -> int:
     return int(next(iter(columns.values())).shape[1])
+
+
+def can_be(state: State, own: Metric, term: Term, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
+    """Whether physics allows a load, or one that all usable rows hold against it by less than tau nats."""
+    names = term.effect.parameters_of(term.place)
+    values = {**term.theta, **dict(zip(names, sizes))}
+    if term.effect.physical(values, state.model) is not None:
+        return False
+    m = whole(own, state.rows.usable)
+    cross, products, _ = project(m, m.fitted, m.whiten(columns))
+    basis = orthonormal(products - cross.T @ cross)
+    return 0.5 * term.effect.beyond(values, basis @ basis.T, term.place, state.model) ** 2 < tau
+
+
+def stands_apart(state: State, own: Metric, term: Term, columns: Columns, tau: float) -> bool:
+    """Of each load found that acts when this one does: it says something where that one does not act, or that
+    one where this one does not. Two loads at one time are one that was not quite what it was told as. (Of a
+    push on an AIRBOT that set in over 0.2 s, half a kilogram in the same two seconds was left.)"""
+    ours = acting(columns)
+    for number, f in enumerate(state.found):
+        if f.term is None or not f.term.effect.windowed or f.term.place.recording != term.place.recording:
+            continue
+        theirs = acting(f.columns)
+        if not (ours & theirs).any() or _says(state, own, columns, ~theirs, tau):
+            continue
+        others = solved(state.but(number))
+        m = outside_metric(others, Refined(f.term, f.columns, f.sizes, 0.0), theirs)
+        if not _says(others, m, f.columns, ~ours, tau):
+            return False
+    return True
+
+
+def _says(state: State, m: Metric, columns: Columns, where: np.ndarray, tau: float) -> bool:
+    """Whether a load says more than it would without the rows `where` (M,), if these are as many as a
+    load's."""
+    inside = acting(columns)
+    if (inside & where).sum() * state.rows.hop < SHORTEST_S:
+        return False
+    halves = halves_of(state, m, columns)
+    rest = {c: z * ~where[:, None] for c, z in columns.items()}
+    told = cross_evidence(halves, columns, inside).log_e
+    return told > tau + max(0.0, cross_evidence(halves, rest, inside).log_e)
 
 
 def own_friction(
@@ -194,8 +239,9 @@ def best_event(
         sizes, gain = fit_sizes(m, cut)
         own = outside_metric(state, Refined(term, cut, sizes, gain), acting(cut))
         sizes, gain = fit_sizes(whole(own, usable), cut)
-        names = term.effect.parameters_of(term.place)
-        if gain < limit or term.effect.physical({**term.theta, **dict(zip(names, sizes))}, state.model):
+        if gain < limit or not can_be(state, own, term, cut, sizes, tau):
+            continue
+        if not stands_apart(state, own, term, cut, limit):
             continue
         halves = halves_of(state, own, cut)
         evidence = cross_evidence(halves, cut, acting(cut))
@@ -249,13 +295,18 @@ def _best(
 
 def _simplest(held: Sequence[Event], tau: float) -> Event:
     """Of the loads of the recording that says most which these data cannot tell apart, the one with fewest
-    parameters; the others stand beside it."""
+    parameters, its window's edges among them; the others stand beside it."""
     most = max(held, key=lambda event: event.evidence.log_e)
     run = most.refined.term.place.recording
     near = most.evidence.log_e - tau
     equal = [e for e in held if e.evidence.log_e > near and e.refined.term.place.recording == run]
-    best = min(equal, key=lambda event: (event.refined.term.free, -event.evidence.log_e))
+    best = min(equal, key=lambda event: (_chosen(event.refined.term), -event.evidence.log_e))
     return replace(best, rivals=tuple(event for event in equal if event is not best))
+
+
+def _chosen(term: Term) -> int:
+    """Numbers that the data choose: parameters and the edges of its window."""
+    return term.free + sum(edge is not None for edge in (term.place.start, term.place.stop))
 
 
 def _role(state: State, place: Place) -> str:

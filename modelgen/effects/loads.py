@@ -154,6 +154,12 @@ def body_columns(robot: Robot, q: Array, dq: Array, ddq: Array, row: int, kinds:
     return out
 
 
+def arm_length(robot: Robot) -> float:
+    """m from joint to joint along the arm, slides pushed in, all of its branches."""
+    steps = [(link.b, link.d, link.r) for link in robot.links]
+    return sum(float(np.linalg.norm([float(robot.value(x)) for x in step])) for step in steps)
+
+
 def joint_moments(
     robot: Robot, q: Array, dq: Array, ddq: Array, standard: Mapping[str, float], row: int
 ) -> Array:

@@ -29,6 +29,11 @@ class Telling(Definition):
                 return f"{q.name} would be negative or zero"
         return None
 
+    def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, model: Model) -> float:
+        """How many standard deviations these values are from the nearest that can be, where several of them
+        have to agree; 0: not at all. covariance: of the linear parameters in use at the place."""
+        return 0.0
+
     def context_of(self, place: Place, model: Model) -> dict[str, float]:
         """Numbers of the model that `report` is relative to: of "Fv" the joint's Fvm, or else Fvl."""
         out = {}

@@ -10,10 +10,12 @@ import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
-from ident.diagnosis.events import Event, _gains, best_event, crossed, whole
+from ident.diagnosis.events import Event, _gains, acting, best_event, crossed, stands_apart, whole
+from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.refine import fit_sizes, refine
+from ident.diagnosis.refine import Refined, fit_sizes, refine
+from ident.diagnosis.state import Found, settled, with_found
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import compared
 from ident.equations.prepared import prepare_study
@@ -47,6 +49,33 @@ def test_a_body_from_a_moment_on(arm):
     place = event.refined.term.place
     assert place.recording == "run1" and place.stop is None
     assert place.start == pytest.approx(6.0, abs=0.2)
+
+
+def loaded(begun, name, sizes, start=None, stop=None, link=None):
+    """(state, placed load) once it acts in the first run with these sizes."""
+    effect, state = catalogue()[name], begun.state
+    places = [p for p in effect.places(begun.layout) if p.recording == "run1" and p.link == link]
+    place = next(p for p in places if len(effect.parameters_of(p)) == len(sizes))
+    term = Term(effect, replace(place, start=start, stop=stop), dict.fromkeys(effect.nonlinear_names, 0.0))
+    columns = state.scene.columns(term)
+    Y = state.rows.Y.copy()
+    for c, z in columns.items():
+        Y[c] += z @ np.array(sizes)
+    return replace(state, rows=replace(state.rows, Y=Y)), Found(term, columns, np.array(sizes))
+
+
+def test_two_loads_at_one_time_are_one(clean_arm):
+    """Beside a push another load of the same seconds is none; a weight that is carried all along is."""
+    pushed, push = loaded(clean_arm, "external_force", [0.5, -0.4, 0.4], 5.0, 9.0)
+    both, weight = loaded(replace(clean_arm, state=pushed), "payload_change", [0.3, 0.01, 0.0, 0.03], link=3)
+    tau = threshold(ALPHA)
+    for state, expected in ((pushed, False), (both, True)):
+        state = with_found(settled(state, 2), push)
+        place = replace(weight.term.place, start=None if expected else 4.9, stop=None if expected else 9.1)
+        term = replace(weight.term, place=place)
+        columns = state.scene.columns(term)
+        own = outside_metric(state, Refined(term, columns, weight.sizes, 0.0), acting(columns))
+        assert stands_apart(state, own, term, columns, tau) == expected
 
 
 def test_a_recording_alone_says_what_all_rows_say_of_columns_that_act_in_it(clean_arm):

@@ -5,8 +5,9 @@ import pytest
 from effect_model import added, arm_model, check_report, contribution, layout, motion, values_of
 
 from modelgen.effects import effect
-from modelgen.effects.catalogue.payload_change import WEIGHT, visible
+from modelgen.effects.catalogue.payload_change import REACH, WEIGHT, visible
 from modelgen.effects.effect import Place
+from modelgen.effects.loads import arm_length
 
 E = effect("payload_change")
 
@@ -60,6 +61,23 @@ def test_a_mass_is_positive_and_lies_where_it_is_usual():
     assert E.physical(values_of(E)) is None
     assert "M would be negative" in E.physical({**values_of(E), "M": -1.0})
     assert E.usual({"m": 3.0}, {}) == pytest.approx({"m": 3.0, "mx": 0.06, "my": -0.04, "mz": 0.24})
+
+
+def test_a_first_moment_is_a_mass_times_a_place_within_the_arms_reach():
+    """In deviations along what the motion shows best; without a mass that it shows nothing is asked."""
+    model = arm_model()
+    place = next(iter(E.places(layout(model, ("run1",)))))
+    sure = np.diag([0.03, 0.01, 0.01, 0.5]) ** 2
+    reach = max(REACH, arm_length(model.robot))
+    weight = dict(zip(WEIGHT, [0.0, 0.0, 0.4, -0.7]))
+    told = E.beyond(weight, sure, place, model)
+    assert told == pytest.approx(0.4 / np.hypot(0.01, 0.03 * reach), rel=0.02)
+    assert E.beyond(values_of(E), sure, place, model) == 0.0
+    assert E.beyond({**weight, "M": 0.5}, sure, place, model) == 0.0
+    assert E.beyond(weight, 1e3 * sure, place, model) < 1.0
+    light = next(p for p in E.places(layout(model, ("run1",))) if p.link == 2 and "M" not in p.parts)
+    values = dict.fromkeys(light.parts, 0.4)
+    assert E.beyond(values, 1e-6 * np.eye(len(values)), light, model) == 0.0
 
 
 def test_reported_spread_is_that_of_draws():
