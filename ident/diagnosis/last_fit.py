@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.special
 
 from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
@@ -96,7 +97,7 @@ def extended(
             lost = _weakest(told, declared, limit)  # a friction that turns over can do without
         if not lost:
             lost = _vague(told, declared, alpha)
-            refused |= {keys[k]: told[k].p_told for k in lost}
+            refused |= {keys[k]: _p_told(told[k]) for k in lost}
         lost = lost or _worse(last, known, declared) or _above(last, base)
         if not lost:
             return last, refused
@@ -120,9 +121,19 @@ def _vague(told: Sequence[FoundEffect], declared: int, alpha: float) -> list[int
     keep from zero at the rate of the study: of an AIRBOT a delay of 6.6 ms was established, +- 3.3 ms by what
     its stretches say. (What the study itself left out is there whatever its interval.)"""
     vague = [
-        k for k, f in enumerate(told) if k >= declared and f.p_told > alpha and not f.term.effect.replaces
+        k for k, f in enumerate(told) if k >= declared and _p_told(f) > alpha and not f.term.effect.replaces
     ]
-    return [max(vague, key=lambda k: told[k].p_told)] if vague else []
+    return [max(vague, key=lambda k: _p_told(told[k]))] if vague else []
+
+
+def _p_told(found: FoundEffect) -> float:
+    """Of its sizes being zero: all at once by what the stretches say, its shapes as found; and as they are
+    told, one by one, where none of them keeps from zero, however its shapes are. (Of a clean arm that never
+    moved faster than 50 mrad/s a Stribeck friction was told, Fs = 37 +- 46 N m within 0.15 rad/s.)"""
+    sizes = [found.parameters[n] for n in found.term.effect.size_names if n in found.parameters]
+    far = [abs(p.value) / p.std for p in sizes if p.std]
+    alone = float(2 * scipy.special.ndtr(-max(far))) if far and len(far) == len(sizes) else 0.0
+    return max(found.p_told, alone)
 
 
 def replaced(

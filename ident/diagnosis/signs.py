@@ -21,7 +21,7 @@ def signs_of(segments: Sequence[FineSegment], joint: int, kept: int = 2) -> Sign
 
     @lru_cache(maxsize=kept)
     def direct(rate: float) -> list[np.ndarray]:
-        return [mean_sign(s.speed[:, joint], rate) for s in segments]
+        return [mean_sign(s.speed[:, joint], rate, s.rate_hz) for s in segments]
 
     @lru_cache(maxsize=kept)
     def state(travel: float) -> list[np.ndarray]:

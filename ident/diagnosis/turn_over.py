@@ -25,6 +25,8 @@ from ident.diagnosis.whitened import Whitener
 from ident.signals.dry_friction import TurnOver
 
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
+ORDINARY = 0.1  # rad/s, m/s: in slow motions up to there, for friction is no other one there; a width of
+STRAIGHT = 2.0  # times the top rate is a straight line
 SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding
 STEPS = 1.5  # ratio of the grid
 RIDGE = 1e-10  # of the scaled Gram matrix: directions without data
@@ -51,7 +53,7 @@ def grids(segments: Sequence[FineSegment], joint: int) -> dict[str, np.ndarray]:
     reach = max(s.q[:, joint].max() for s in segments) - min(s.q[:, joint].min() for s in segments)
     low = max(noise, SLOWEST * top, 1e-9)
     return {
-        "rate": _ladder(low, max(HIGHEST * top, 1.5 * low)),
+        "rate": _ladder(low, max(HIGHEST * top, min(ORDINARY, STRAIGHT * top), 1.5 * low)),
         "travel": _ladder(SHORTEST * reach + 1e-12, LONGEST * reach + 2e-12),
     }
 
@@ -75,7 +77,7 @@ def with_turn_overs(
     for s in segments:
         sign = s.sign_dq.copy()
         for joint, turn in turns.items():
-            sign[:, joint] = turn.sign(s.q[:, joint], s.speed[:, joint])
+            sign[:, joint] = turn.sign(s.q[:, joint], s.speed[:, joint], s.rate_hz)
         out.append(replace(s, sign_dq=sign))
     return tuple(out)
 

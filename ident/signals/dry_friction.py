@@ -2,8 +2,11 @@
 
     sign(dq) ~ z |tanh(dq / rate)|,   dz/dq = (1 - z sign dq) / travel   (Dahl, TOR-0158(3107-18)-1, 1968)
 
-Both widths 0: the plain sign. Between two samples the rate is taken as linear and the sign as its mean over
-the sample's step, so a reversal that falls between two samples moves the sign by its own share."""
+Both widths 0: the plain sign. A recorded torque is the mean over the cycle of its drive: the rate is taken as
+linear about a sample and the sign as its mean over `CYCLE_S`, or over the step to the next sample where that
+is shorter, so that a reversal between two samples moves the sign by its own share. (Of samples 50 ms apart
+the mean over a step is another curve than what was sampled: a robot without a fault had structure in the
+rate of every joint.)"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+CYCLE_S = 0.004  # s: of a drive's current, at most
 LN2 = float(np.log(2.0))
 NONE = -40.0  # exponent of what is nothing beside LN2; far smaller ones are slow to compute
 
@@ -22,9 +26,10 @@ class TurnOver:
     rate: float = 0.0
     travel: float = 0.0
 
-    def sign(self, q: np.ndarray, dq: np.ndarray, state: float | None = None) -> np.ndarray:
-        """(N,) smoothed sign along one stretch or block; state: z before its first sample, None: slid in."""
-        direct = mean_sign(dq, self.rate)
+    def sign(self, q: np.ndarray, dq: np.ndarray, hz: float, state: float | None = None) -> np.ndarray:
+        """(N,) smoothed sign along one stretch or block of hz samples a second; state: z before its first
+        one, None: slid in."""
+        direct = mean_sign(dq, self.rate, hz)
         if self.travel <= 0 or not len(q):
             return direct
         return slid(self.state(q, dq, state), direct)
@@ -42,11 +47,11 @@ def slid(state: np.ndarray, direct: np.ndarray) -> np.ndarray:
     return np.asarray(state * np.abs(direct))
 
 
-def mean_sign(dq: np.ndarray, rate: float) -> np.ndarray:
-    """(N,) mean of tanh(dq / rate) over a step about each sample, dq (N,) linear inside it."""
+def mean_sign(dq: np.ndarray, rate: float, hz: float) -> np.ndarray:
+    """(N,) mean of tanh(dq / rate) over a drive's cycle about each sample, dq (N,) linear inside it."""
     if len(dq) < 2:
         return np.asarray(np.tanh(dq / rate) if rate > 0 else np.sign(dq))
-    half = 0.5 * np.gradient(dq)
+    half = 0.5 * min(CYCLE_S * hz, 1.0) * np.gradient(dq)
     a, b = dq - half, dq + half
     gap = b - a
     wide = np.abs(gap) > 1e-9 * (np.abs(a) + np.abs(b)) + 1e-300

@@ -228,14 +228,19 @@ def smooth_sign(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
 
 
 def told_sign(
-    q: np.ndarray, dq: np.ndarray, vs: np.ndarray, turns: Sequence[TurnOver], states: list[float | None]
+    q: np.ndarray,
+    dq: np.ndarray,
+    hz: float,
+    vs: np.ndarray,
+    turns: Sequence[TurnOver],
+    states: list[float | None],
 ) -> np.ndarray:
     """`smooth_sign` (N, n), with the joints' own turn-over where one is given; states (n,) go from block to
     block."""
     out = smooth_sign(dq, vs)
     for j, turn in enumerate(turns):
         if turn.rate > 0 or turn.travel > 0:
-            out[:, j] = turn.sign(q[:, j], dq[:, j], states[j])
+            out[:, j] = turn.sign(q[:, j], dq[:, j], hz, states[j])
             states[j] = float(turn.state(q[:, j], dq[:, j], states[j])[-1]) if turn.travel > 0 else None
     return out
 
@@ -339,7 +344,7 @@ def _block(
     around = first_difference(its.light, rate)  # two rows less at either end
     speed = around[bank.beside - 2 :][: len(its.weight)]
     dq, ddq = first_difference(its.q, rate), second_difference(its.q, rate)
-    sign = told_sign(its.light[here][span], speed[span], vs, bank.turn_over, states)
+    sign = told_sign(its.light[here][span], speed[span], rate, vs, bank.turn_over, states)
     certain = _certain(around, vs, bank, len(its.weight))[span]
     for j in bank.resting:  # rounding is no motion; its load is seen all the same, beside static friction
         dq[:, j] = ddq[:, j] = speed[:, j] = sign[:, j] = 0.0

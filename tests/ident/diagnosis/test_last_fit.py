@@ -41,8 +41,10 @@ def test_the_study_s_own_cutoff_where_the_finer_one_predicts_worse(monkeypatch, 
     assert asked == ([5.0] if coarse is None else [5.0, 2.0])
 
 
-def found(p_told, replaces=False):
-    return SimpleNamespace(p_told=p_told, term=SimpleNamespace(effect=SimpleNamespace(replaces=replaces)))
+def found(p_told, replaces=False, size=1.0, std=0.1):
+    effect = SimpleNamespace(replaces=replaces, size_names=("Fs",))
+    parameters = {"Fs": SimpleNamespace(value=size, std=std), "vs": SimpleNamespace(value=0.15, std=0.1)}
+    return SimpleNamespace(p_told=p_told, parameters=parameters, term=SimpleNamespace(effect=effect))
 
 
 def test_an_interval_that_holds_zero_names_nothing():
@@ -51,6 +53,12 @@ def test_an_interval_that_holds_zero_names_nothing():
     assert _vague(told, 1, 0.01) == [3]
     assert _vague(told[:2], 1, 0.01) == []
     assert _vague(told[4:], 0, 0.01) == []
+
+
+def test_a_size_told_with_an_interval_that_holds_zero_names_nothing():
+    """By the sizes at the shapes as found it is there; told is 37 +- 46 N m."""
+    assert _vague([found(1e-9), found(1e-9, size=36.8, std=46.1)], 0, 0.01) == [1]
+    assert _vague([found(1e-9, size=36.8, std=None)], 0, 0.01) == []
 
 
 def test_the_sentence_says_that_the_size_is_not_told_from_zero():

@@ -9,7 +9,7 @@ from dry_arm import opened_dry_arm
 from ident.diagnosis.signs import SignColumns, sign_columns
 from ident.diagnosis.state import turned as turned_over
 from ident.diagnosis.turn_over import SHORTEST, _peak, grids, reverses
-from ident.signals.dry_friction import TurnOver
+from ident.signals.dry_friction import TurnOver, mean_sign
 
 RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns over
 
@@ -72,3 +72,23 @@ def test_the_vertex_of_a_parabola():
     x = np.log(np.geomspace(0.01, 1, 9))
     assert _peak(x, -((x - np.log(0.07)) ** 2)) == pytest.approx(np.log(0.07))
     assert _peak(x, x) == x[-1]
+
+
+def test_slow_motions_leave_friction_its_ordinary_width(turned):
+    """Of an arm that never moved faster than 50 mrad/s the widths ended at 15, and what dry friction did
+    within 20 was a Stribeck friction."""
+    for top in (0.05, 0.15):
+        slow = [replace(s, speed=s.speed * (top / np.abs(s.speed).max(axis=0))) for s in turned.segments]
+        widest = grids(slow, 1)["rate"][-1]
+        assert widest == pytest.approx(min(0.1, 2 * top), rel=1e-6)
+    fast = grids(turned.segments, 1)["rate"][-1]
+    assert fast <= 0.3 * max(np.abs(s.speed[:, 1]).max() for s in turned.segments) + 0.1
+
+
+def test_a_sample_is_the_mean_over_a_drive_s_cycle():
+    """At 1 kHz the rate's own step, at 20 Hz hardly more than the instant; a sign that turns between two
+    samples moves by its share."""
+    dq = np.array([-0.3, -0.1, 0.1, 0.3])
+    assert mean_sign(dq, 0.02, 20.0) == pytest.approx(np.tanh(dq / 0.02), abs=2e-3)
+    assert mean_sign(np.array([-0.2, -0.05, 0.1]), 0.0, 1000.0)[1] == pytest.approx(-2 / 3)
+    assert mean_sign(np.array([-0.2, -0.05, 0.1]), 0.0, 20.0)[1] == -1.0
