@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+import scipy.special
 
 from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
@@ -29,6 +30,7 @@ from ident.examination.examine import undoing
 from ident.recordings.study import Study
 from modelgen.effects import catalogue
 
+BY_CHANCE = 1e-3  # that so few fitted rows show so little noise; of many it is none
 FAR_OFF = 3.0  # times what noise and parameters explain: an error of judged rows that is no noise
 ESTABLISHED, PARTLY = "established", "partly"
 
@@ -274,11 +276,14 @@ def beyond_noise(
         if joint in known or everywhere or not fitted.any() or not judged.any():
             continue
         noise = np.mean(state.residual[c, fitted] ** 2)
-        expected = noise + np.mean(_parameter_variance(last, state, c, judged))
+        free = max(float(state.metric.fitted.free[c]), 1.0)
+        fitted_noise = noise * float(fitted.sum()) / free
+        expected = fitted_noise + np.mean(_parameter_variance(last, state, c, judged))
         found = np.mean(state.residual[c, judged] ** 2)
-        new = state.whiteners[c].sigma ** 2
+        new, news = state.whiteners[c].sigma ** 2, state.whiteners[c].news
+        by_chance = scipy.special.fdtri(news * judged.sum(), max(news * free, 1.0), 1 - BY_CHANCE)
         kind = last.columns.channels[c].rstrip("0123456789")
-        if found > FAR_OFF**2 * expected:
+        if found > FAR_OFF**2 * by_chance * expected:
             share = 100.0 * float(1.0 - expected / found)
             out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
         elif noise > OWN_COURSE**2 * new or (
@@ -302,9 +307,13 @@ def _oscillates(last: FitResult, state: State, c: int, fitted: np.ndarray, judge
 
 
 def _parameter_variance(last: FitResult, state: State, c: int, where: np.ndarray) -> np.ndarray:
-    """(rows,) variance of a channel's model torque from the fit's covariance for coloured noise."""
+    """(rows,) variance of a channel's model torque: from the fit's covariance for coloured noise, or of the
+    parameters as the fitted rows alone determine them, where that is more. (Of an arm slower than 20 mrad/s
+    26 rows were left.)"""
     X, C = _uncertain(last, state, c)
-    return np.asarray(np.einsum("ij,jk,ik->i", X[where], C, X[where]))
+    places, values = state.rows.base[c]
+    own = values[where] @ state.metric.fitted.basis[places]  # whitened rows have unit variance
+    return np.asarray(np.maximum(np.einsum("ij,jk,ik->i", X[where], C, X[where]), np.sum(own**2, axis=1)))
 
 
 def _uncertain(last: FitResult, state: State, c: int) -> tuple[np.ndarray, np.ndarray]:
