@@ -10,7 +10,16 @@ import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
-from ident.diagnosis.events import Event, _gains, acting, best_event, crossed, stands_apart, whole
+from ident.diagnosis.events import (
+    Event,
+    _gains,
+    acting,
+    best_event,
+    crossed,
+    stands_apart,
+    whole,
+    zero_columns,
+)
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
@@ -20,6 +29,7 @@ from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import compared
 from ident.equations.prepared import prepare_study
 from modelgen.effects import catalogue
+from modelgen.effects.place import Place
 
 ALPHA = 0.01
 
@@ -76,6 +86,17 @@ def test_two_loads_at_one_time_are_one(clean_arm):
         columns = state.scene.columns(term)
         own = outside_metric(state, Refined(term, columns, weight.sizes, 0.0), acting(columns))
         assert stands_apart(state, own, term, columns, tau) == expected
+
+
+def test_a_joint_that_counts_from_another_zero_in_one_run_is_no_load(clean_arm):
+    """Three degrees of the second joint; a body on its link is nearly that torque."""
+    state = clean_arm.state
+    inside = state.rows.recording == state.rows.names.index("run1")
+    Y = state.rows.Y.copy()
+    for c, z in zero_columns(state, 1, Place(recording="run1"), inside).items():
+        Y[c] += 0.05 * z[:, 0]
+    off = settled(replace(state, rows=replace(state.rows, Y=Y)), 3)
+    assert event_of(replace(clean_arm, state=off)) is None
 
 
 def test_a_recording_alone_says_what_all_rows_say_of_columns_that_act_in_it(clean_arm):
