@@ -38,7 +38,7 @@ from ident.diagnosis.outcome import Outcome
 from ident.diagnosis.remaining import remaining
 from ident.diagnosis.room import thrifty
 from ident.diagnosis.visible import Visible, smallest_visible
-from ident.errors import FitFailedError, StudyError
+from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
 from ident.examination.check import Check
 from ident.examination.examine import examine_tables, mended_study, worst_first
@@ -114,7 +114,14 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         first = None
         notes.append("as it is the study has no fit: errors before are those without its faults")
     if mended:
-        known = examined(working)
+        try:
+            known = examined(working)
+        except RecordingError as error:  # the line that a check proposes contradicts the recordings
+            if first is None:
+                raise
+            notes.append(f"what the checks propose was not applied, as it leads to: {error}")
+            working, mended = study, None
+    if mended:
         base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
     if working.drive_gains == "identify":
         try:

@@ -71,7 +71,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         return ()
     how, currents = quick.plain(), reads_currents(prepared)
     gains = _gains(prepared, currents)
-    asked = Asked(quick, how, quick.fit(how), dict(prepared.study.columns), currents, gains)
+    maps = dict(prepared.study.columns)
+    asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared))
     at_an_end = False
     found: list[Check] = []
     best: Hypothesis | None = None
@@ -164,7 +165,8 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     if bad:
         found += [*_positions(asked), *scaled_positions(asked), *other_orders(asked)]
     found += delays(asked)
-    once = {(h.check.check, h.check.signals): h for h in found}  # what was asked in two ways
+    found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
+    once = {(h.check.check, h.check.signals): h for h in found}
     found = [h for h in once.values() if _believed(asked, h)]
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
@@ -229,6 +231,17 @@ def _gains(prepared: Prepared, currents: bool) -> np.ndarray:
         return np.ones(len(columns.channels))
     motor = [c.side in ("motor", "drive") for c in columns.need.channels]
     return np.where(motor, np.array(told, float)[np.array(columns.joint_of, int)], 1.0)
+
+
+def _velocities(prepared: Prepared) -> frozenset[str]:
+    """Joints whose velocity is logged in every recording."""
+    labels, maps = [str(joint) for joint in prepared.columns.need.joints], prepared.study.columns
+
+    def column(label: str) -> Any:
+        known = maps.get(f"dq{label}")
+        return f"dq{label}" if known is None else known.column
+
+    return frozenset(j for j in labels if all(column(j) in s.table.columns for s in prepared.streams))
 
 
 def _rms(fit: Fit) -> float:

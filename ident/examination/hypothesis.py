@@ -51,7 +51,8 @@ class Hypothesis:
 @dataclass(frozen=True, slots=True)
 class Asked:
     """What is asked for faults: recordings, what is undone of their torques already, the fit of both; the
-    study's columns, whether it reads currents, and N m per unit of what is recorded of a channel (C,)."""
+    study's columns, whether it reads currents, N m per unit of what is recorded of a channel (C,), and the
+    joints whose velocities are logged: they agree with their positions, or the table would be refused."""
 
     quick: Quick
     how: Assignment
@@ -59,6 +60,7 @@ class Asked:
     maps: Mapping[str, Any]
     currents: bool
     gains: np.ndarray
+    velocities: frozenset[str] = frozenset()
 
     def after(self, its: Hypothesis) -> Asked:
         """The same once this one is undone."""
@@ -81,8 +83,14 @@ class Asked:
         return tuple(self.name(c) for c in channels)
 
     def line(self, changes: Mapping[str, Mapping[str, Any]]) -> str:
-        """The study's `columns:` line with these changes."""
-        return column_line(self.maps, changes)
+        """The study's `columns:` line with these changes; what is done to a position is done to its velocity,
+        which would contradict it."""
+        twins = {
+            f"d{name}": dict(change) | ({"of": f"d{change['of']}"} if "of" in change else {})
+            for name, change in changes.items()
+            if name.startswith("q") and {name[1:], change.get("of", name)[1:]} <= self.velocities
+        }
+        return column_line(self.maps, {**changes, **twins})
 
     def better(self, other: Fit, least: float) -> bool:
         return other.gain_over(self.fit) > least and other.holds_over(self.fit) > 0.5 * least

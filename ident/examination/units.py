@@ -49,14 +49,13 @@ def degrees(asked: Asked) -> Iterator[Hypothesis]:
             return Check(
                 "angle_unit",
                 tuple(names),
-                f"{subject} {'are' if len(names) > 1 else 'is'} in degrees: taken so, the errors of the "
-                f"torques fall from {100 * np.nanmax(fit.error):.0f} to {100 * np.nanmax(other.error):.0f} % "
-                "at most",
+                f"{subject} {'are' if len(names) > 1 else 'is'} in degrees: taken so, {falls(fit, other)}",
                 "write " + asked.line({name: {"scale": 0.0174533} for name in names}),
                 outcome="refused",
             )
 
         moved = quick.moved(factor=np.where(which, DEGREES, 1.0))
-        error = moved.fit(asked.how).error
-        if max(of(error) / of(fit.error) for of in (np.nanmedian, np.nanmax)) < HALF:
+        after = moved.fit(asked.how)
+        halved = after.gain_over(fit) > -np.log(HALF) * np.isfinite(fit.error).sum()
+        if halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error):
             yield from asked.along(moved, told, least=CLEARLY)

@@ -4,17 +4,23 @@ import numpy as np
 import pytest
 from recordings import motion, recording, write_parquet, write_study
 
+from ident.diagnosis import diagnosis
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
+from ident.examination.examine import examine_fit, mended_study
 from ident.recordings.study import load_study
 
 
-def _opened(folder, change):
+def _logged(folder, change):
     columns, _ = recording()
     dq = motion(30.0, 200.0, 0)[2]
     columns |= {f"dq{j + 1}": dq[:, j] for j in range(7)}
     write_parquet(folder / "run.parquet", change(columns))
-    return prepare_study(load_study(write_study(folder, [{"file": "run.parquet"}]))).streams[0].checks
+    return load_study(write_study(folder, [{"file": "run.parquet"}]))
+
+
+def _opened(folder, change):
+    return prepare_study(_logged(folder, change)).streams[0].checks
 
 
 def _refused(folder, change):
@@ -82,3 +88,36 @@ def test_a_joint_that_rests_for_half_of_a_run_is_not_blamed(tmp_path, noise):
     q = np.where(turn, 0.4 * go, 0.0)
     dq = np.gradient(q, t) + noise * np.random.default_rng(0).normal(size=6000) + 0.4 * noise
     assert _opened(tmp_path, lambda c: c | {"q2": q, "dq2": dq}) == ()
+
+
+def test_a_position_in_degrees_is_told_beside_a_torque_that_it_does_not_explain(tmp_path):
+    """Of an LWR the last torque's error stayed where it was, and two positions were said to be swapped. What
+    is done to the position is done to its velocity, which would contradict it."""
+    noise = np.convolve(np.random.default_rng(2).normal(size=6049), np.full(50, 50**-0.5), "valid")
+
+    def change(c):
+        return _degrees("q3", "dq3")(c) | {"tau_m7": c["tau_m7"] + 0.45 * np.std(c["tau_m7"]) * noise}
+
+    with pytest.raises(RecordingError, match="q3 is in degrees") as caught:
+        examine_fit(prepare_study(_logged(tmp_path, change)))
+    assert "columns: {q3: {scale: 0.0174533}, dq3: {scale: 0.0174533}}" in str(caught.value)
+
+
+def test_a_position_is_turned_with_its_velocity(tmp_path):
+    """As it was proposed the next check refused it."""
+    study = _logged(tmp_path, lambda c: c | {"q3": -c["q3"], "dq3": -c["dq3"]})
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.remedy) for c in checks] == [
+        ("position_sign", "columns: {q3: {sign: -1}, dq3: {sign: -1}}")
+    ]
+    assert examine_fit(prepare_study(mended_study(study, checks))) == ()
+
+
+def test_a_remedy_that_leads_to_a_refusal_is_not_taken(tmp_path, monkeypatch):
+    """The diagnosis refused a study for what it had written into it itself."""
+    monkeypatch.setattr(
+        diagnosis, "mended_study", lambda study, checks: study.with_(columns={"q3": {"sign": -1}})
+    )
+    found = diagnosis.diagnose_study(_logged(tmp_path, lambda c: c))
+    assert any("not applied" in note and "dq3" in note for note in found.notes)
+    assert found.findings == ()
