@@ -369,7 +369,8 @@ def test_a_line_that_was_cut_off_is_among_the_checks(tmp_path):
 
 
 def test_what_a_resting_joint_leaves_open_is_one_remark(tmp_path):
-    study = planted(tmp_path, changed("q1", lambda q: 0 * q + 0.3)).with_(without=())
+    still = {"q1": 0.3, "dq1": 0.0}
+    study = planted(tmp_path, lambda c: c | {k: 0 * c[k] + v for k, v in still.items()}).with_(without=())
     fit = fit_study(study)
     open_ = [c for c in fit.checks if c.check == "poor_excitation" and "not excited at all" in c.message]
     assert len(open_) == 1 and "q1" in open_[0].signals and "record joint 1 moving" in open_[0].remedy
