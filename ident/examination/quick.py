@@ -227,6 +227,14 @@ def quick_of(columns: Columns, samples: Sequence[Sample]) -> Quick:
     return Quick(columns, tuple(samples), identify, Normal.of([s for s in samples if s.role == "validate"]))
 
 
+def added(normals: Sequence[Normal]) -> Normal:
+    """Those of several recordings together."""
+    first = normals[0]
+    for n in normals[1:]:
+        first = Normal(first.G + n.G, first.v + n.v, first.yy + n.yy, first.rows + n.rows)
+    return first
+
+
 def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
     """Least squares of all channels, weighted three times by what it leaves."""
     size, right = identify.right(how)

@@ -21,10 +21,11 @@ from ident.examination.bodies import standard
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import EXPLAINED, Asked
 from ident.examination.places import exchanged
-from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, solve
+from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, added, solve
 from ident.examination.rivals import rivals
 from ident.examination.stretches import ODD as ODD_ONE
 from ident.examination.stretches import Explained, agreed, beyond_chance
+from ident.examination.unexplained import odd_one
 from modelgen.geometry.kinematics import Geometry
 
 ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
@@ -128,6 +129,18 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
             yield _check(best.check, apart, best.signals, said, best.remedy)
         elif unlike := [c for c in apart.odd if _unlike(apart, c)]:
             names = asked.names(unlike)
+            if rivals_of := _or_another(asked, apart, unlike):
+                yield _check(
+                    "unrelated_torque",
+                    apart,
+                    names,
+                    f"{listed(names)} {'does' if len(names) == 1 else 'do'} not go with what "
+                    f"{listed(rivals_of)} say (error {here:.0f} %, there {there:.0f} %), and these do not "
+                    "tell which recording is the odd one: another load, a contact, another signal or run in "
+                    "one of them",
+                    "check how they were recorded",
+                )
+                continue
             yield _check(
                 "wrong_robot"
                 if len(unlike) > 1 and len(unlike) > len(apart.error) / 2
@@ -140,6 +153,15 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
                 "the model lacks here",
                 "check how it was recorded, or leave the recording out",
             )
+
+
+def _or_another(asked: Asked, apart: Apart, channels: Sequence[int]) -> list[str]:
+    """The fitted recordings of which one may be the odd one in the place of a judged one."""
+    fitted = [s.label for s in asked.quick.fitted]
+    if apart.sample.label in fitted or len(fitted) < 2:
+        return []
+    odd = odd_one(asked.quick.samples, asked.how, channels)
+    return [] if odd is not None and odd.label == apart.sample.label else fitted
 
 
 def _instead(asked: Asked, apart: Apart, causes: Sequence[Cause]) -> list[str]:
@@ -177,7 +199,7 @@ def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
     plain, known = quick.plain(), {samples[k].payload for k in fitted}
 
     def others(without: int) -> tuple[np.ndarray, np.ndarray]:
-        chi = solve(_added([sums[k] for k in fitted if k != without]), None, plain).chi
+        chi = solve(added([sums[k] for k in fitted if k != without]), None, plain).chi
         return chi, np.array([normal.errors(chi, plain) for normal in sums])
 
     def misfit(errors: np.ndarray, without: int) -> float:
@@ -223,7 +245,7 @@ def _unsure(sample: Sample, fitted: Sequence[Sample], how: Assignment) -> np.nda
     without each of some stretches of the fitted recordings in turn."""
     parts = [p for s in fitted for p in _stretches(s, max(2, PARTS // len(fitted)))]
     sums = [normal for normal in (Normal.of([p]) for p in parts) if normal is not None]
-    chis = [solve(_added([*sums[:k], *sums[k + 1 :]]), None, how).chi for k in range(len(sums))]
+    chis = [solve(added([*sums[:k], *sums[k + 1 :]]), None, how).chi for k in range(len(sums))]
     thin = _thinned(sample)
     made = np.stack([thin.predicted(chi) for chi in chis])
     spread = (len(chis) - 1) * made.var(axis=0)
@@ -251,13 +273,6 @@ def _thinned(s: Sample) -> Sample:
 def _assigned(s: Sample, how: Assignment) -> Sample:
     order, factor = list(how.order), np.array(how.factor)
     return replace(s, Y=s.Y[:, order] * factor, late=s.late[:, :, order] * factor)
-
-
-def _added(normals: Sequence[Normal]) -> Normal:
-    first = normals[0]
-    for n in normals[1:]:
-        first = Normal(first.G + n.G, first.v + n.v, first.yy + n.yy, first.rows + n.rows)
-    return first
 
 
 def _unlike(apart: Apart, c: int) -> bool:

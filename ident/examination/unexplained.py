@@ -8,9 +8,10 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import NOTHING, Asked
-from ident.examination.quick import Quick
+from ident.examination.quick import FLOOR, Assignment, Normal, Quick, Sample, added, solve
 
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
+HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
 PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', from which it is said
 
 
@@ -72,14 +73,45 @@ def unexplained(asked: Asked) -> Iterator[Check]:
     if fit.validate is not None and np.isfinite(fit.validate).any():
         held = fit.validate[np.isfinite(fit.validate)]
         if np.median(held) > max(1.0, 3 * float(np.median(error))):
-            yield Check(
-                "wrong_robot",
-                everything,
-                f"what identify explains ({100 * np.median(error):.0f} % error) does not predict "
-                "validate at all "
-                f"({100 * np.median(held):.0f} %): another robot, load, sign or unit there, or motions that "
-                "have nothing in "
-                "common",
-                "check that these recordings are of the same robot in the same state",
-                recording=", ".join(s.label for s in quick.samples if s.role == "validate"),
-            )
+            yield _contradiction(asked, everything, float(np.median(error)), float(np.median(held)))
+
+
+def _contradiction(asked: Asked, names: tuple[str, ...], error: float, held: float) -> Check:
+    """The fitted recordings do not predict the judged ones. Which is the odd one, only a third one tells."""
+    samples = asked.quick.samples
+    odd = odd_one(samples, asked.how)
+    others = "another robot, load, sign or unit"
+    said = f"what identify explains ({100 * error:.0f} % error) does not predict validate at all "
+    said += f"({100 * held:.0f} %)"
+    remedy = "check that these recordings are of the same robot in the same state"
+    if odd is not None and odd.role == "identify":
+        said += (
+            f"; without this recording all others agree: {others} here, a contact or a signal that changes"
+        )
+        return Check("wrong_robot", names, said, f"{remedy}, or leave this one out", recording=odd.label)
+    by_role = [[s.label for s in samples if s.role == role] for role in ("identify", "validate")]
+    if odd is not None and len(by_role[1]) == 1:
+        said += f": {others} there, or motions that have nothing in common"
+        return Check("wrong_robot", names, said, remedy, recording=odd.label)
+    said += f": {others} in one of {listed(by_role[0])} and {listed(by_role[1])}, and these do not tell in "
+    return Check("wrong_robot", names, f"{said}which, or motions that have nothing in common", remedy)
+
+
+def odd_one(
+    samples: Sequence[Sample], how: Assignment, channels: Sequence[int] | None = None
+) -> Sample | None:
+    """The recording without which all others are fitted together with half of what is left without any other,
+    in the geometric mean of the channels; None where there is none, or where two contradict each other and
+    there is no third."""
+    known = [(s, normal) for s in samples if (normal := Normal.of([s])) is not None]
+    if len(known) < 3:
+        return None
+    left = []
+    for k in range(len(known)):
+        rest = added([normal for i, (_, normal) in enumerate(known) if i != k])
+        error = solve(rest, None, how).error
+        error = error if channels is None else error[list(channels)]
+        seen = error[np.isfinite(error)]
+        left.append(float(np.exp(np.mean(np.log(np.fmax(seen, FLOOR))))) if len(seen) else np.inf)
+    best = int(np.argmin(left))
+    return known[best][0] if left[best] < HALF * min(left[:best] + left[best + 1 :]) else None

@@ -402,7 +402,8 @@ def test_one_torque_with_the_other_sign_is_named_and_undone(tmp_path, joint):
     line, _, beside = checks[0].remedy.partition("  # or ")
     assert line == f"columns: {{i{joint}: {{sign: -1}}}}"
     # of what these share with the others too little is seen to tell the torque from the position
-    assert beside == (f"columns: {{q{joint}: {{sign: -1}}}}, where it is that" if joint in (1, 5, 6) else "")
+    its = f"columns: {{q{joint}: {{sign: -1}}, dq{joint}: {{sign: -1}}}}, where it is that"
+    assert beside == (its if joint in (1, 5, 6) else "")
     mended = mended_study(study, checks)
     assert mended is not None and mended.columns[f"i{joint}"].sign == -1
     assert examine_fit(prepare_study(mended)) == ()

@@ -40,7 +40,7 @@ def test_where_a_joint_shares_nothing_both_are_named(tmp_path, signal):
     study = _five_seconds(_turned(tmp_path, "kuka_kr300", signal))
     (said,) = examine_fit(prepare_study(study))
     assert "tau_m6 has the other sign, or q6 has the other sign" in said.message
-    assert "columns: {tau_m6: {sign: -1}}  # or columns: {q6: {sign: -1}}" in said.remedy
+    assert "columns: {tau_m6: {sign: -1}}  # or columns: {q6: {sign: -1}, dq6: {sign: -1}}" in said.remedy
     assert examine_fit(prepare_study(mended_study(study, [said]))) == ()
 
 

@@ -1,0 +1,47 @@
+"""Which of several recordings contradicts the others, and what is said where they do not tell."""
+
+import numpy as np
+import pytest
+from recordings import motion, recording, true_chi, write_parquet, write_study
+
+import generated
+from ident.equations.prepared import prepare_study
+from ident.examination.hypothesis import Asked
+from ident.examination.quick import quick_of, take
+from ident.examination.unexplained import _contradiction, odd_one
+from ident.recordings.study import load_study
+
+USES = {"a": "identify", "b": "identify", "c": "validate"}
+
+
+def _asked(folder, odd, runs="abc"):
+    """Runs of one robot, of which one is another's."""
+    model = generated.load("kuka_lwr4p", "A")
+    for seed, name in enumerate(runs):
+        columns, _ = recording(seed=seed)
+        if name == odd:
+            tau = np.asarray(model.torque(*motion(30.0, 200.0, seed)[1:], true_chi(model, 5)))
+            columns |= {channel: tau[:, k] for k, channel in enumerate(model.channels)}
+        write_parquet(folder / f"{name}.parquet", columns)
+    study = load_study(write_study(folder, [{"file": f"{name}.parquet", "use": USES[name]} for name in runs]))
+    its = prepare_study(study)
+    samples = [s for use in ("identify", "validate") for s in take(its.streams, its.banks, its.columns, use)]
+    quick = quick_of(its.columns, samples)
+    return Asked(quick, quick.plain(), quick.fit(quick.plain()), {}, False, np.ones(7))
+
+
+@pytest.mark.parametrize("odd", ["a", "b", "c", None])
+def test_the_run_that_contradicts_the_others_is_blamed_and_not_what_judges(tmp_path, odd):
+    """A push on a fitted run was said to be another robot in the judged one."""
+    asked = _asked(tmp_path, odd)
+    found = odd_one(asked.quick.samples, asked.how)
+    assert (None if found is None else found.label) == odd
+    if odd is not None:
+        assert _contradiction(asked, ("tau_m1",), 0.2, 1.5).recording == odd
+
+
+def test_of_two_runs_neither_is_blamed(tmp_path):
+    asked = _asked(tmp_path, "c", "ac")
+    assert odd_one(asked.quick.samples, asked.how) is None
+    check = _contradiction(asked, ("tau_m1",), 0.2, 1.5)
+    assert check.recording == "" and "in one of a and c" in check.message
