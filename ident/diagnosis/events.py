@@ -337,7 +337,11 @@ def _simplest(held: Sequence[Event], tau: float) -> Event:
     near = most.evidence.log_e - tau
     equal = [e for e in held if e.evidence.log_e > near and e.refined.term.place.recording == run]
     best = min(equal, key=lambda event: (_chosen(event.refined.term), -event.evidence.log_e))
-    return replace(best, rivals=tuple(event for event in equal if event is not best))
+    its = best.refined.term  # with more or fewer of its parameters it is no other explanation
+    others = [
+        e for e in equal if (e.refined.term.effect, e.refined.term.place.link) != (its.effect, its.place.link)
+    ]
+    return replace(best, rivals=tuple(others))
 
 
 def _chosen(term: Term) -> int:
@@ -389,7 +393,7 @@ def _windows(
             n = round(length)
             pairs += [(a, a + n) for a in range(margin, B - n - margin + 1, max(1, n // 4))]
             length *= RATIO
-        pairs += [(a, B) for a in range(2 * least, B - 2 * least)]
+        pairs += [(a, B) for a in range(least, B - least + 1)]
     alone = sum(r != "test" for r in state.rows.roles) < 2
     if alone or transient:  # on the only recording a load all along is the model's own
         pairs = pairs[1:]

@@ -74,6 +74,16 @@ def loaded(begun, name, sizes, start=None, stop=None, link=None):
     return replace(state, rows=replace(state.rows, Y=Y)), Found(term, columns, np.array(sizes))
 
 
+@pytest.mark.parametrize("start", [1.7, 12.0])
+def test_a_body_near_the_beginning_or_the_end_of_a_run(clean_arm, start):
+    """A second and a half beside it are enough: of runs of three seconds there is no more."""
+    state, _ = loaded(clean_arm, "payload_change", [0.3, 0.01, 0.0, 0.03], start, link=3)
+    event = event_of(replace(clean_arm, state=settled(state, 3)))
+    assert event is not None and event.refined.term.effect.name == "payload_change"
+    assert event.refined.term.place.start == pytest.approx(start, abs=0.2)
+    assert event.refined.term.place.stop is None and event.rivals == ()
+
+
 def test_two_loads_at_one_time_are_one(clean_arm):
     """Beside a push another load of the same seconds is none; a weight that is carried all along is."""
     pushed, push = loaded(clean_arm, "external_force", [0.5, -0.4, 0.4], 5.0, 9.0)
