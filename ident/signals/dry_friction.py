@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-CYCLE_S = 0.004  # s: of a drive's current, at most
+CYCLE_S = 0.005  # s: of a drive's current, at most; the step of the finest signals that are looked at
 LN2 = float(np.log(2.0))
 NONE = -40.0  # exponent of what is nothing beside LN2; far smaller ones are slow to compute
 
