@@ -14,10 +14,11 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.candidates import Library, elsewhere, ranked, short_list
-from ident.diagnosis.events import Event, best_event, still_holds
+from ident.diagnosis.events import Event, best_event
 from ident.diagnosis.evidence import Evidence, weigh
 from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common
+from ident.diagnosis.is_a_load import still_holds
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.nameless import Flexible

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.candidates import Ranked
-from ident.diagnosis.events import still_holds
 from ident.diagnosis.in_common import shown_by_fitted
+from ident.diagnosis.is_a_load import still_holds
 from ident.diagnosis.outcome import Outcome, Step
 from ident.diagnosis.parameters_apart import spoken
 from ident.diagnosis.settling import place_of, refined_together

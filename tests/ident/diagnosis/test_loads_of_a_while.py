@@ -10,16 +10,8 @@ import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
-from ident.diagnosis.events import (
-    Event,
-    _gains,
-    acting,
-    best_event,
-    crossed,
-    stands_apart,
-    whole,
-    zero_columns,
-)
+from ident.diagnosis.events import Event, _gains, best_event
+from ident.diagnosis.is_a_load import acting, crossed, stands_apart, whole, zero_columns
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
