@@ -275,10 +275,8 @@ def beyond_noise(
         fitted, judged = (side & rows.use[c] for side in (rows.fitted, rows.judged))
         if joint in known or everywhere or not fitted.any() or not judged.any():
             continue
-        noise = np.mean(state.residual[c, fitted] ** 2)
-        free = max(float(state.metric.fitted.free[c]), 1.0)
-        fitted_noise = noise * float(fitted.sum()) / free
-        expected = fitted_noise + np.mean(_parameter_variance(last, state, c, judged))
+        noise, free = np.mean(state.residual[c, fitted] ** 2), float(state.metric.fitted.free[c])
+        expected = noise * fitted.sum() / free + np.mean(_parameter_variance(last, state, c, judged))
         found = np.mean(state.residual[c, judged] ** 2)
         new, news = state.whiteners[c].sigma ** 2, state.whiteners[c].news
         by_chance = scipy.special.fdtri(news * judged.sum(), max(news * free, 1.0), 1 - BY_CHANCE)
@@ -297,13 +295,10 @@ def beyond_noise(
 
 
 def _oscillates(last: FitResult, state: State, c: int, fitted: np.ndarray, judged: np.ndarray) -> float:
-    """log E of an oscillation of a channel's residual; beside the judged rows' parameters, which fitted rows
-    have taken their part from."""
-    X, C = _uncertain(last, state, c)
-    sides = ((fitted, 0.0 * C), (judged, C))
-    return oscillation_says(
-        state.rows.hop, *(blocks(state.rows, state.residual[c], on, X, own) for on, own in sides)
-    )
+    """log E of an oscillation of a channel's residual."""
+    rows, residual = state.rows, state.residual[c]
+    learned = blocks(rows, residual, fitted)
+    return oscillation_says(rows.hop, learned, blocks(rows, residual, judged, _uncertain(last, state, c)))
 
 
 def _parameter_variance(last: FitResult, state: State, c: int, where: np.ndarray) -> np.ndarray:

@@ -39,7 +39,7 @@ def oscillation_says(hop: float, fitted: Sequence[Block], judged: Sequence[Block
     if not fitted or not judged:
         return 0.0
     shapes = [0.0, *np.geomspace(2 * hop, SIZE * hop, RELAXATIONS)]
-    noise = [[_relaxation(b.t, of) for of in shapes] for b in fitted]
+    noise = [_relaxations(b.t, shapes) for b in fitted]
     f = _frequency(hop, fitted)
     learned = []
     for T in (periods / f for periods in PERIODS):
@@ -49,25 +49,33 @@ def oscillation_says(hop: float, fitted: Sequence[Block], judged: Sequence[Block
     _, T, (*others, size) = max(learned, key=lambda its: its[0])
     if size < sum(others):
         return 0.0
-    noise = [[_relaxation(b.t, of) for of in shapes] for b in judged]
+    noise = [_relaxations(b.t, shapes) for b in judged]
     beside = [Block(b.t, b.residual, b.known + size * _oscillation(b.t, f, T)) for b in judged]
     return most_likely(beside, noise)[1] - most_likely(judged, noise)[1]
 
 
 def blocks(
-    rows: Rows, residual: np.ndarray, on: np.ndarray, X: np.ndarray, covariance: np.ndarray
+    rows: Rows,
+    residual: np.ndarray,
+    on: np.ndarray,
+    uncertain: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> list[Block]:
-    """Of a channel's residual (M,), over the rows `on` (M,), with the design X (M, k) of parameters whose
-    covariance (k, k) is known."""
+    """Of a channel's residual (M,), over the rows `on` (M,); uncertain: columns (M, k) of W and the
+    covariance (k, k) of their parameters, None where these were fitted to the rows themselves."""
     out = []
     for piece in np.unique(rows.piece[on]):
         mine = np.flatnonzero(on & (rows.piece == piece))
         parts = np.array_split(mine, max(1, round(len(mine) / SIZE)))
         out += [part for part in parts if len(part) >= LEAST]
-    chosen = (
-        [out[k] for k in np.unique(np.linspace(0, len(out) - 1, MOST).round().astype(int))] if out else []
-    )
-    return [Block(rows.t[k], residual[k], X[k] @ covariance @ X[k].T) for k in chosen]
+    spread = np.unique(np.linspace(0, len(out) - 1, MOST).round().astype(int)) if out else ()
+
+    def known(part: np.ndarray) -> np.ndarray:
+        if uncertain is None:
+            return np.zeros((len(part), len(part)))
+        X, covariance = uncertain
+        return np.asarray(X[part] @ covariance @ X[part].T)
+
+    return [Block(rows.t[out[k]], residual[out[k]], known(out[k])) for k in spread]
 
 
 def most_likely(blocks: Sequence[Block], parts: Sequence[Sequence[np.ndarray]]) -> tuple[np.ndarray, float]:
@@ -91,9 +99,10 @@ def most_likely(blocks: Sequence[Block], parts: Sequence[Sequence[np.ndarray]]) 
     return sizes, likelihood
 
 
-def _relaxation(t: np.ndarray, T: float) -> np.ndarray:
+def _relaxations(t: np.ndarray, lasting: Sequence[float]) -> list[np.ndarray]:
+    """Autocovariances (k, k) of unit noise that lasts so long [s]; 0: white."""
     lag = np.abs(t[:, None] - t)
-    return np.exp(-lag / T) if T > 0 else np.eye(len(t))
+    return [np.exp(-lag / T) if T > 0 else np.eye(len(t)) for T in lasting]
 
 
 def _oscillation(t: np.ndarray, f: float, T: float) -> np.ndarray:

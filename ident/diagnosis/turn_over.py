@@ -25,8 +25,8 @@ from ident.diagnosis.whitened import Whitener
 from ident.signals.dry_friction import TurnOver
 
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
-ORDINARY = 0.1  # rad/s, m/s: in slow motions up to there, for friction is no other one there; a width of
-STRAIGHT = 2.0  # times the top rate is a straight line
+ORDINARY = 0.1  # rad/s, m/s: up to there in slow motions, whose friction is no other one
+STRAIGHT = 2.0  # times the top rate: a sign that turns over so slowly is a straight line
 SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding
 STEPS = 1.5  # ratio of the grid
 RIDGE = 1e-10  # of the scaled Gram matrix: directions without data

@@ -36,6 +36,7 @@ from ident.examination.stretches import RARE, Explained, all_rows, pieces, stead
 from ident.examination.turned import one_turned, turned_positions
 from ident.examination.unexplained import unexplained
 from ident.examination.units import degrees, scaled_positions
+from ident.examination.velocity import logged_velocities
 from ident.examination.within import changed_within
 from ident.recordings.study import Study
 
@@ -236,12 +237,8 @@ def _gains(prepared: Prepared, currents: bool) -> np.ndarray:
 def _velocities(prepared: Prepared) -> frozenset[str]:
     """Joints whose velocity is logged in every recording."""
     labels, maps = [str(joint) for joint in prepared.columns.need.joints], prepared.study.columns
-
-    def column(label: str) -> Any:
-        known = maps.get(f"dq{label}")
-        return f"dq{label}" if known is None else known.column
-
-    return frozenset(j for j in labels if all(column(j) in s.table.columns for s in prepared.streams))
+    logged = [set(logged_velocities(labels, maps, stream.table)) for stream in prepared.streams]
+    return frozenset(set(labels).intersection(*logged))
 
 
 def _rms(fit: Fit) -> float:

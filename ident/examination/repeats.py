@@ -201,6 +201,13 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
     return [Check("held_signal", names, text, remedy)], set(slow)
 
 
+def resolution(x: np.ndarray) -> float:
+    """Of a signal (N,): the least of its changes, but for what was put in; 0 of one that never changes."""
+    steps = np.abs(np.diff(x))
+    steps = steps[steps > 0]
+    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
+
+
 def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
     """Signals whose range holds few steps of their resolution, and positions of whose acceleration the steps
     make much."""
@@ -217,7 +224,7 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
         steps = steps[steps > 0]
         if len(steps) < 20 or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
             continue
-        step = float(np.quantile(steps, 0.02))
+        step = resolution(x)
         multiples = (x - x[0]) / step
         if np.mean(np.abs(multiples - np.rint(multiples)) < 1e-3) < 0.99:
             continue

@@ -14,7 +14,7 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.excerpt import Excerpt
-from ident.examination.repeats import MOST_STILL, STILL_ROWS, STILL_S, TRAVELLED
+from ident.examination.repeats import MOST_STILL, STILL_ROWS, STILL_S, TRAVELLED, resolution
 from ident.examination.signals import Columns
 from ident.examination.velocity import logged_velocities, with_velocities
 
@@ -119,13 +119,13 @@ def stopped_positions(
     columns: Columns, stream: RecordingStream, table: Table, excerpt: Excerpt
 ) -> Iterator[Check]:
     """A second pass over a table of which an excerpt shows positions that stand still."""
-    has = logged_velocities(columns, table)
+    has = logged_velocities(columns.labels, columns.maps, table)
     still = {j: at for j, at in has.items() if _stands(excerpt, columns.labels.index(j))}
     if not still or stream.stiffness is not None:
         return
     every = _runs(with_velocities(columns, stream, table, still), len(still))
     for j, its in zip(still, every):
-        step = _resolution(excerpt.column(columns.labels.index(j)))
+        step = resolution(excerpt.column(columns.labels.index(j)))
         found = [run for run in its.runs if run.contradicted(step, _scatter(its.sums - run.sums))]
         if found:
             yield _told(columns, j, found, its.sums[0], _ends(stream))
@@ -184,12 +184,6 @@ def _stands(excerpt: Excerpt, k: int) -> bool:
             if t[edges[at + 1] - 1] - t[edges[at]] > STILL_S:
                 return True
     return False
-
-
-def _resolution(x: np.ndarray) -> float:
-    steps = np.abs(np.diff(x))
-    steps = steps[steps > 0]
-    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
 
 
 def _scatter(sums: np.ndarray) -> float:

@@ -7,8 +7,8 @@ because most controllers filter the velocity they log.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -34,7 +34,7 @@ NEAR_DEGREES = 0.05
 
 def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> Iterator[Check]:
     """Regression of dq on the derivative of q, joint by joint."""
-    has = logged_velocities(columns, table)
+    has = logged_velocities(columns.labels, columns.maps, table)
     if not has or stream.stiffness is not None:
         return
     found = {}
@@ -46,11 +46,13 @@ def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> 
     yield from _judged(columns, found)
 
 
-def logged_velocities(columns: Columns, table: Table) -> dict[str, tuple[str, float, float]]:
+def logged_velocities(
+    labels: Sequence[str], maps: Mapping[str, Any], table: Table
+) -> dict[str, tuple[str, float, float]]:
     """joint -> column, factor and offset of its velocity, of those that the table holds."""
     has = {}
-    for j in columns.labels:
-        known = columns.maps.get(f"dq{j}")
+    for j in labels:
+        known = maps.get(f"dq{j}")
         where = known.column if known is not None else f"dq{j}"
         where = table.columns[where] if isinstance(where, int) and where < len(table.columns) else where
         if where in table.columns:

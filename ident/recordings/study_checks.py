@@ -16,9 +16,7 @@ from modelgen.geometry import labels, plausible
 
 LARGEST = 1e12
 HIGHEST_SHARE = 0.45  # of the sampling rate: `filtering.MAX_SHARE`
-USUAL_SHARE = (
-    0.4  # and of a position cut-off that nobody wrote: below that of any log of nearly the same rate
-)
+USUAL_SHARE = 0.4  # of a position cut-off that nobody wrote: what a log of nearly the same rate holds, too
 RESAMPLED = 1.5  # times the recorded rate: rounding of stamps, not invention of samples
 SIGNAL = re.compile(r"(q|tau_m|tau_l|i)([1-9][0-9]*)")
 
