@@ -89,7 +89,7 @@ class Source:
 def diagnosis_cutoff(prepared: Prepared) -> float:
     """Hz of the rows that the diagnosis looks at."""
     slowest = min(stream.rate_hz for stream in prepared.streams)
-    return min(prepared.study.filter.position_cutoff_hz, slowest / PER_RATE)
+    return min(prepared.study.filter.position_cutoff_hz, float(slowest / PER_RATE))
 
 
 def opened(

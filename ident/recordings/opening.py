@@ -87,6 +87,7 @@ def open_recording(
             counted_from_s=clock.start,
         )
         seen = surveyed(stream, study)
+    rate_hz = stream.counted_rate_hz or seen.rate_hz
     columns = Columns(
         stream.label,
         tuple(signal for signal in found.signals if signal != "t"),
@@ -95,7 +96,7 @@ def open_recording(
         found.maps,
         need.names,
         np.array([str(joint) in prismatic for joint in need.joints]),
-        study.filter.position_cutoff_hz,
+        study_checks.within_rates(study, rate_hz).filter.position_cutoff_hz,
     )
     survey = seen.survey
     rows = survey.rows + len(survey.mending.dropped)  # all that were read: what was lost is a share of them
@@ -110,7 +111,7 @@ def open_recording(
     refuse(stream.file, checks)
     checks += velocity_agrees(columns, replace(stream, survey=survey), table)
     refuse(stream.file, checks)
-    study_checks.check_rates(study, stream.label, stream.counted_rate_hz or seen.rate_hz)
+    study_checks.check_rates(study, stream.label, rate_hz)
     notes = (
         *(f"{stream.label}: {text}" for text in (*table.remarks, *found.remarks)),
         *notes_on(stream.label, survey),

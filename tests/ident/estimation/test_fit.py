@@ -341,6 +341,16 @@ def test_a_slow_log_is_filtered_as_it_can_be_and_that_is_said(tmp_path):
         run(tmp_path, [{"file": "run.parquet"}], filter={"position_cutoff_hz": 10})
 
 
+def test_a_check_of_a_slow_log_says_the_filter_that_it_goes_through(tmp_path):
+    """Of positions in steps of 2 mrad, logged at 20 Hz and filtered at 8, it said 10 Hz."""
+    columns = dict(recording("A", seconds=120, rate=20)[0])
+    columns["q1"] = np.round(columns["q1"] / 2e-3) * 2e-3
+    write_parquet(tmp_path / "run.parquet", columns)
+    result = run(tmp_path, [{"file": "run.parquet"}], filter={"decimation_cutoff_hz": 1})
+    (coarse,) = (check for check in result.checks if check.check == "coarse_signal")
+    assert "behind a filter of 8 Hz" in coarse.message
+
+
 def test_document_follows_the_contract(tmp_path, reference, table):
     document = json.loads(json.dumps(fit_document(reference)))
     assert {
