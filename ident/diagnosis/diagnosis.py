@@ -31,7 +31,7 @@ from ident.diagnosis.findings import (
     unexplained_of,
 )
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.last_fit import compared_exactly, extended, first_extended, replaced
+from ident.diagnosis.last_fit import compared_exactly, extended, first_extended, replaced, spoilt
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome
@@ -123,6 +123,10 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
             working, mended = study, None
     if mended:
         base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
+        if first is not None and spoilt(base, first):  # beside the effects that a study declares, or at all
+            notes.append("what the checks propose was not applied: the torques are predicted worse with it")
+            working, mended, base = study, None, first
+            known = examined(study)
     if working.drive_gains == "identify":
         try:
             working = working.with_(drive_gains=tuple(drive_gains(base)))

@@ -40,10 +40,10 @@ def first_extended(
     fine = max(base.cutoff_hz, min(0.5 * study.filter.position_cutoff_hz, begun.cutoff_hz))
     again = _at(known, outcome, fine)
     last, refused = extended(again, outcome, base, alpha, progress)
-    if fine > base.cutoff_hz and (_spoilt(last, base) or (last is base and outcome.steps)):
+    if fine > base.cutoff_hz and (spoilt(last, base) or (last is base and outcome.steps)):
         coarse = _at(known, outcome, base.cutoff_hz)
         other, still = extended(coarse, outcome, base, alpha, progress)
-        if _spoilt(last, other):
+        if spoilt(last, other):
             return coarse, other, still
     return again, last, refused
 
@@ -274,7 +274,7 @@ def _worse(last: FitResult, known: Examined, declared: int) -> list[int]:
         before = _judged(other)
         if names and (_behind(last, other) or all(after[name] >= before[name] for name in names)):
             return [k]
-        if place.recording is not None and _spoilt(last, other):
+        if place.recording is not None and spoilt(last, other):
             return [k]
     return []
 
@@ -291,7 +291,7 @@ def _behind(fit: FitResult, other: FitResult) -> bool:
     return _judged(fit)["total"] > (1 + SPOILT) * _judged(other)["total"]
 
 
-def _spoilt(fit: FitResult, other: FitResult) -> bool:
+def spoilt(fit: FitResult, other: FitResult) -> bool:
     """Whether it predicts the runs that chose nothing worse than the other, channel by channel."""
     after, before = _judged(fit), _judged(other)
     ratios = [after[name] / max(before[name], 1e-9) for name in fit.columns.channels]
@@ -315,11 +315,11 @@ def _turned(last: FitResult, state: State, known: Examined, progress: Progress) 
     for name, channel in zip(last.columns.channels, last.columns.need.channels):
         helped[channel.joint] |= after[name] < before[name]
     if helped.all():
-        return last if _spoilt(trial, last) else trial
+        return last if spoilt(trial, last) else trial
     kept = {key: tuple(v if h else 0.0 for v, h in zip(values, helped)) for key, values in keys.items()}
     kept = {key: values for key, values in kept.items() if any(values)}
     trial = fitted(kept) if kept else last
-    return last if _spoilt(trial, last) else trial
+    return last if spoilt(trial, last) else trial
 
 
 def _dry_keys(state: State, base: FitResult) -> dict[str, tuple[float, ...]]:

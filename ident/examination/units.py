@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import Fit
+from ident.examination.quick import Fit, Sample
 from ident.examination.signals import TURNS
 
 POSITION_FACTORS = (0.1, 0.5, 2.0, 10.0, 180 / np.pi)
 DEGREES, HALF = np.pi / 180, 0.5
+KNOTS = 8  # of a torque of one position: bends that a spring's, a counterbalance's or a cable's has
 
 
 def scaled_positions(asked: Asked) -> Iterator[Hypothesis]:
-    """One position times a number: another unit, a gear counted twice or not at all."""
+    """One position times a number: another unit, a gear counted twice or not at all. It moves all that the
+    joint carries, so it has to explain more than any torque of that position alone beside the model does. (Of
+    a spring on an arm's first joint q1 was told as 2 times too large: sin(q / 2) is nearly k q.)"""
     for j, label in enumerate(asked.joints):
+        itself: Fit | None = None
         for factor in POSITION_FACTORS:
 
             def told(other: Fit, label: str = label, factor: float = factor) -> Check:
@@ -30,7 +35,25 @@ def scaled_positions(asked: Asked) -> Iterator[Hypothesis]:
                 )
 
             moved = asked.quick.moved(factor=np.where(np.arange(len(asked.joints)) == j, factor, 1.0))
-            yield from asked.along(moved, told, f"q{label} is {1 / factor:.3g} times too large")
+            for its in asked.along(moved, told, f"q{label} is {1 / factor:.3g} times too large"):
+                itself = itself or _of_itself(asked, j)
+                if its.gain > itself.gain_over(asked.fit):
+                    yield its
+
+
+def _of_itself(asked: Asked, j: int) -> Fit:
+    """The fit where a joint's torques have any function of its own position beside the model: straight lines
+    between knots."""
+    quick = asked.quick
+    every = np.concatenate([s.q[:, j] for s in quick.samples])
+    knots = np.linspace(every.min(), every.max(), KNOTS)
+
+    def beside(s: Sample) -> Sample:
+        hats = np.stack([np.interp(s.q[:, j], knots, hat) for hat in np.eye(KNOTS)], axis=1)
+        own = np.array(quick.columns.joint_of, int)[:, None, None] == j
+        return replace(s, W=np.concatenate([s.W, own * hats], axis=2))
+
+    return quick.of([beside(s) for s in quick.samples]).fit(asked.how)
 
 
 def degrees(asked: Asked) -> Iterator[Hypothesis]:
