@@ -12,11 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ident.diagnosis.between_runs import between_runs, comparable, one_number_between, says_between
 from ident.diagnosis.evidence import Evidence, Metric
 from ident.diagnosis.is_a_load import (
     SHORTEST_S,
-    acting,
-    as_another_zero,
+    as_one_number,
     can_be,
     cross_evidence,
     halves_of,
@@ -25,6 +25,7 @@ from ident.diagnosis.is_a_load import (
     whole,
 )
 from ident.diagnosis.leading import outside_metric, quiet
+from ident.diagnosis.own_of_a_run import acting
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -69,10 +70,15 @@ def best_event(
             continue
         halves = halves_of(state, own, cut)
         evidence = cross_evidence(halves, cut, acting(cut))
-        told = evidence.log_e > limit and evidence.supported(alpha)
-        told = told and not as_another_zero(state, halves, term, cut, evidence, tau)
-        if told and is_load(state, halves, cut, evidence, limit, alpha):
-            held.append(Event(Refined(term, cut, sizes, gain), evidence))
+        told = evidence.log_e > limit
+        if told and as_one_number(state, halves, term, cut, evidence, tau):
+            continue
+        runs = comparable(state, term, cut)
+        if told and evidence.supported(alpha) and is_load(state, halves, cut, evidence, limit, alpha):
+            if not runs or not one_number_between(state, term, cut, tau):
+                held.append(Event(Refined(term, cut, sizes, gain), evidence))
+        elif runs and (nats := between_runs(state, term, cut, limit, tau)) is not None:
+            held.append(Event(Refined(term, cut, sizes, gain), replace(evidence, log_e=nats)))
     return _simplest(held, tau) if held else None
 
 
@@ -83,12 +89,14 @@ def _likely(
 
     The noise at hand is that of a model without the load. A load on a whole run, which the model's own
     parameters answer half, is most of it: in that noise a weight on a Franka's second link came 27th.
-    So loads on whole runs are also ranked each by the noise that it leaves."""
+    So loads on whole runs are also ranked each by the noise that it leaves, and by what the runs have in
+    common: of a weight on an LWR4+'s second link, whose mirror on the other run is as quiet, that is told."""
     done = {term.key for term in state.terms}
     plain = whole(state.plain_metric, state.rows.usable)
     found: list[tuple[float, Term, dict[int, np.ndarray]]] = []
     all_along: list[tuple[float, Term, dict[int, np.ndarray]]] = []
-    tried = 0
+    in_common: list[tuple[float, Term, dict[int, np.ndarray]]] = []
+    says, tried = says_between(state), 0
     for effect in loads:
         for place in effect.places(layout):
             if place.recording is None or _role(state, place) == "test":
@@ -108,7 +116,10 @@ def _likely(
                 found = _best([*found, (float(gains[k]), _window(term, *windows[k]), columns)])
             if (None, None) in windows:
                 all_along = _best([*all_along, (quiet(plain, columns), term, columns)])
-    listed = {(t.key, t.place.start, t.place.stop): (t, columns) for _, t, columns in (*all_along, *found)}
+                if comparable(state, term, columns) and (nats := says(columns)) > tau:
+                    in_common = _best([*in_common, (nats, term, columns)])
+    best = (*all_along, *found, *in_common)
+    listed = {(t.key, t.place.start, t.place.stop): (t, columns) for _, t, columns in best}
     return list(listed.values()), tried
 
 

@@ -10,19 +10,26 @@ that window, must not say more than it does (sufficiency: a load is among the ch
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from ident.diagnosis.evidence import Columns, Evidence, Metric, orthonormal, project, side_of, weigh
 from ident.diagnosis.leading import outside_metric
-from ident.diagnosis.refine import Refined, fit_sizes
-from ident.diagnosis.state import Found, State, solved
+from ident.diagnosis.own_of_a_run import (
+    acting,
+    numbers,
+    one_number,
+    own_columns,
+    own_friction,
+    says_as_much,
+    together,
+)
+from ident.diagnosis.refine import Refined
+from ident.diagnosis.state import State, solved
 from ident.diagnosis.sufficiency import NEARLY
 from ident.diagnosis.terms import Term
-from modelgen.effects.place import Place
-from modelgen.geometry.names import ParameterName
 
 FOLD_S, SHORTEST_FOLD_S = 1.0, 0.25  # s: blocks that predict each other
 FOLDS = 12  # of a window, where it is short
@@ -43,52 +50,10 @@ def whole(m: Metric, usable: np.ndarray) -> Metric:
     return replace(m, fitted=side, judged=side)
 
 
-def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
-    """(M,) rows in which columns are not zero."""
-    return np.asarray(np.any([np.any(z, axis=1) for z in columns.values()], axis=0))
-
-
-def own_columns(state: State, inside: np.ndarray, chosen: Collection[int]) -> dict[int, np.ndarray]:
-    """Of the model's parameters those chosen, free in a window (M,)."""
-    free = np.sort(list(chosen))
-    out = {}
-    for c, (places, values) in enumerate(state.rows.base):
-        z = np.zeros((len(inside), len(free)))
-        mine = np.isin(places, free)
-        z[:, np.searchsorted(free, places[mine])] = values[:, mine] * inside[:, None]
-        out[c] = z
-    return out
-
-
-def drives_of(state: State) -> list[tuple[int, ...]]:
-    """Places of the parameters of each joint's drive among the model's; what is no body's is a drive's."""
-    drives: dict[str, tuple[int, ...]] = {}
-    for k, name in enumerate(state.problem.columns.parameters):
-        parsed = ParameterName.of(name)
-        if parsed is None or not parsed.of_body:
-            joint = "" if parsed is None else parsed.label
-            drives[joint] = (*drives.get(joint, ()), k)
-    return list(drives.values())
-
-
 def halves_of(state: State, m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[Metric, Metric]:
     """Alternating blocks of the usable rows, short enough that a dozen of them lie in the window."""
     fold = float(np.clip(acting(columns).sum() * state.rows.hop / FOLDS, SHORTEST_FOLD_S, FOLD_S))
     return crossed(m, state.rows.usable, fold)
-
-
-def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
-    """Of a load found before: beside all that was found since (the state is without it)."""
-    assert f.term is not None
-    own = outside_metric(state, Refined(f.term, f.columns, f.sizes, 0.0), acting(f.columns))
-    sizes, _ = fit_sizes(whole(own, state.rows.usable), f.columns)
-    if f.term.effect.windowed and not can_be(state, own, f.term, f.columns, sizes, tau):
-        return False
-    halves = halves_of(state, own, f.columns)
-    evidence = cross_evidence(halves, f.columns, acting(f.columns))
-    if f.term.effect.windowed and as_another_zero(state, halves, f.term, f.columns, evidence, tau):
-        return False
-    return is_load(state, halves, f.columns, evidence, tau, alpha)
 
 
 def is_load(
@@ -104,12 +69,13 @@ def is_load(
     wrong by grows with it), if only where all noise is white. (A contact of 4 N and 2 s on a UR10e says 1366
     nats, the friction of six drives 1317, both 1332: what these learn of it is their price.)"""
     inside = acting(columns)
-    drives, friction = own_friction(state, halves, inside)
-    beside = {c: np.hstack([z, own]) for c, z, own in _together(columns, drives)}
+    drives, nats = own_friction(state, inside, lambda z: cross_evidence(halves, z, inside).log_e)
+    friction = None if nats is None else cross_evidence(halves, drives, inside)
+    beside = together(columns, drives)
     load = cross_evidence(halves, beside, inside)
     every = own_columns(state, inside, range(state.rows.b))
     whole = cross_evidence(halves, every, inside)
-    simpler = friction is not None and alone.log_e >= friction.log_e and _numbers(columns) < _numbers(drives)
+    simpler = friction is not None and alone.log_e >= friction.log_e and numbers(columns) < numbers(drives)
     best = max(alone, load, key=lambda its: its.log_e) if simpler else load
     more = load.log_e > tau if friction is None else simpler or load.beats(friction, tau, alpha)
     other = NEARLY * whole.log_e > best.log_e and whole.beats(best, tau, alpha)
@@ -125,10 +91,6 @@ def as_plain_rows(state: State, columns: Columns, every: Columns) -> bool:
     return load > 0 and load >= NEARLY * most
 
 
-def _numbers(columns: Columns) -> int:
-    return int(next(iter(columns.values())).shape[1])
-
-
 def can_be(state: State, own: Metric, term: Term, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
     """Whether physics allows a load, or one that all usable rows hold against it by less than tau nats."""
     names = term.effect.parameters_of(term.place)
@@ -141,35 +103,19 @@ def can_be(state: State, own: Metric, term: Term, columns: Columns, sizes: np.nd
     return 0.5 * term.effect.beyond(values, basis @ basis.T, term.place, state.model) ** 2 < tau
 
 
-def as_another_zero(
+def as_one_number(
     state: State, halves: tuple[Metric, Metric], term: Term, columns: Columns, evidence: Evidence, tau: float
 ) -> bool:
     """Of a load to the end of its recording: whether one joint whose position counts from another zero
-    there says nearly as much by one number. (Of a UR10e's third joint 5 degrees off in one run a
-    body on the third link said 107 nats, that joint's zero 169; of 2 kg on that link they say 355 and 15.)"""
+    there, or whose torque has another factor, says as much by one number."""
     if term.place.stop is not None:
         return False
     inside = acting(columns)
-    zeros = [zero_columns(state, joint, term.place, inside) for joint in range(state.model.robot.n)]
-    said = [cross_evidence(halves, z, inside).log_e for z in zeros if z]
-    return max(said, default=-np.inf) > NEARLY * evidence.log_e - tau
 
+    def says(z: Columns) -> float:
+        return cross_evidence(halves, z, inside).log_e
 
-def zero_columns(state: State, joint: int, place: Place, inside: np.ndarray) -> dict[int, np.ndarray]:
-    """{channel: (M, 1)} torque that the model gains per rad (m) of a joint's position, in the rows `inside`
-    (M,) of a place's recording; {} where it gains none."""
-    parts = []
-    for segment, motion in zip(state.segments, state.motions):
-        if segment.label != place.recording:
-            parts.append(np.zeros((segment.rows, state.rows.channels)))
-            continue
-        slope = state.model.slopes(motion, joint)[0]
-        made = [
-            segment.decimate(slope[:, [c]], channel.joint) for c, channel in enumerate(state.model.channels)
-        ]
-        parts.append(np.hstack(made))
-    whole = np.concatenate(parts) * state.rows.scale.T * inside[:, None]
-    return {c: whole[:, [c]] for c in range(state.rows.channels) if np.any(whole[:, c])}
+    return says_as_much(*one_number(state, term.place, inside), says, evidence.log_e, tau)
 
 
 def stands_apart(state: State, own: Metric, term: Term, columns: Columns, tau: float) -> bool:
@@ -200,34 +146,6 @@ def _says(state: State, m: Metric, columns: Columns, where: np.ndarray, tau: flo
     rest = {c: z * ~where[:, None] for c, z in columns.items()}
     told = cross_evidence(halves, columns, inside).log_e
     return told > tau + max(0.0, cross_evidence(halves, rest, inside).log_e)
-
-
-def own_friction(
-    state: State, halves: tuple[Metric, Metric], inside: np.ndarray
-) -> tuple[dict[int, np.ndarray], Evidence | None]:
-    """The drives that foretell most where their parameters are the window's own, joint after joint, and what
-    they say; none where no drive of its own foretells anything. (All of a rokae's seven at once, of three
-    seconds: each half foretold the other worse than with none, and a weight that they stood beside, too.)"""
-    left, told = drives_of(state), None
-    chosen: tuple[int, ...] = ()
-    while left:
-        trials = [
-            (drive, cross_evidence(halves, own_columns(state, inside, (*chosen, *drive)), inside))
-            for drive in left
-        ]
-        drive, e = max(trials, key=lambda its: its[1].log_e)
-        if e.log_e <= (0.0 if told is None else told.log_e):
-            break
-        told, chosen = e, (*chosen, *drive)
-        left.remove(drive)
-    return own_columns(state, inside, chosen), told
-
-
-def _together(columns: Columns, own: Columns) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """(channel, its columns of both) of all channels of either."""
-    (rows, p), (_, q) = (next(iter(z.values())).shape for z in (columns, own))
-    for c in sorted({*columns, *own}):
-        yield c, columns.get(c, np.zeros((rows, p))), own.get(c, np.zeros((rows, q)))
 
 
 def cross_evidence(

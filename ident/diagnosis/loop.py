@@ -18,7 +18,6 @@ from ident.diagnosis.events import Event, best_event
 from ident.diagnosis.evidence import Evidence, weigh
 from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common
-from ident.diagnosis.is_a_load import still_holds
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.nameless import Flexible
@@ -36,6 +35,7 @@ from ident.diagnosis.settling import (
     settled_in,
 )
 from ident.diagnosis.state import Found, State, solved, with_found
+from ident.diagnosis.still_a_load import still_holds
 from ident.diagnosis.sufficiency import (
     explained_share,
     margin,

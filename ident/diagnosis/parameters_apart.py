@@ -73,7 +73,8 @@ def spoken(m: Metric, f: Found, tau: float) -> Evidence:
 def _of(m: Metric, f: Found, told: Evidence) -> Changes:
     """Beside the changes from the fitted to the judged rows of a metric."""
     if f.term is not None and f.term.factor != 1.0:
-        return _of_whole(m, f, told)
+        whole, kappa = _of_whole(m, f.columns, told)
+        return Changes(whole, kappa, max(f.columns, key=lambda c: told.per_channel[c]), told.log_e)
     white = m.whiten(f.columns)
     nats, kappas = {}, {}
     for c in f.columns:
@@ -83,17 +84,22 @@ def _of(m: Metric, f: Found, told: Evidence) -> Changes:
     return Changes(sum(nats.values()), kappas[most], most, told.log_e)
 
 
-def _of_whole(m: Metric, f: Found, told: Evidence) -> Changes:
-    """Of a factor: all channels in one regression."""
-    white = m.whiten(f.columns)
+def closer(m: Metric, columns: Columns, told: Evidence) -> float:
+    """Nats by which columns of these sizes that act in the fitted rows alone bring the model's parameters
+    there closer to those of the judged rows, all channels in one regression."""
+    return _of_whole(m, columns, told)[0]
+
+
+def _of_whole(m: Metric, columns: Columns, told: Evidence) -> tuple[float, float]:
+    """What is left of log E, and kappa, all channels in one regression."""
+    white = m.whiten(columns)
     torque = {c: z @ told.sizes for c, z in white.items()}
     noise = np.maximum(told.rss / told.free, 1e-300)
     joined = [_joined(m, side, torque, noise) for side in (m.fitted, m.judged)]
     rss = [_left(products) for products in (joined[0] + joined[1], *joined)]
     parameters = rss[1][1] + rss[2][1] - rss[0][1]
     without, with_it = (float(its) for its in rss[0][0] - rss[1][0] - rss[2][0])
-    nats, kappa = _left_of(float(told.log_e), (without, with_it), parameters)
-    return Changes(nats, kappa, max(f.columns, key=lambda c: told.per_channel[c]), told.log_e)
+    return _left_of(float(told.log_e), (without, with_it), parameters)
 
 
 def _left_of(log_e: float, distance: tuple[float, float], parameters: int) -> tuple[float, float]:

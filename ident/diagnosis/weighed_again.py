@@ -8,11 +8,11 @@ import numpy as np
 
 from ident.diagnosis.candidates import Ranked
 from ident.diagnosis.in_common import shown_by_fitted
-from ident.diagnosis.is_a_load import still_holds
 from ident.diagnosis.outcome import Outcome, Step
 from ident.diagnosis.parameters_apart import spoken
 from ident.diagnosis.settling import place_of, refined_together
 from ident.diagnosis.state import Found, State, solved, with_found, without
+from ident.diagnosis.still_a_load import still_holds
 from ident.diagnosis.sufficiency import sufficiency, sufficient
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import compared, main_channel, rivals_of, simplest

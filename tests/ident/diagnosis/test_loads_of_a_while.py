@@ -11,10 +11,11 @@ from benchmarks.planted_faults import BASES, DATA, FAULTS, Fault, carried, plant
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.events import Event, _gains, best_event
-from ident.diagnosis.is_a_load import acting, crossed, stands_apart, whole, zero_columns
+from ident.diagnosis.is_a_load import crossed, stands_apart, whole
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
+from ident.diagnosis.own_of_a_run import acting, zero_columns
 from ident.diagnosis.refine import Refined, fit_sizes, refine
 from ident.diagnosis.state import Found, settled, with_found
 from ident.diagnosis.terms import Term
@@ -97,6 +98,17 @@ def test_a_joint_that_counts_from_another_zero_in_one_run_is_no_load(clean_arm):
     Y = state.rows.Y.copy()
     for c, z in zero_columns(state, 1, Place(recording="run1"), inside).items():
         Y[c] += 0.05 * z[:, 0]
+    off = settled(replace(state, rows=replace(state.rows, Y=Y)), 3)
+    assert event_of(replace(clean_arm, state=off)) is None
+
+
+@pytest.mark.parametrize("channel", [1, 2])
+def test_a_torque_of_another_factor_in_one_run_is_no_load(clean_arm, channel):
+    """A fifth more; most of it is gravity, as a body's torque is."""
+    state = clean_arm.state
+    inside = state.rows.recording == state.rows.names.index("run1")
+    Y = state.rows.Y.copy()
+    Y[channel, inside] *= 1.2
     off = settled(replace(state, rows=replace(state.rows, Y=Y)), 3)
     assert event_of(replace(clean_arm, state=off)) is None
 

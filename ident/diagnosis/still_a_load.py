@@ -1,0 +1,27 @@
+"""A load that was found before, asked again beside all that was found since."""
+
+from __future__ import annotations
+
+from ident.diagnosis.between_runs import between_runs, comparable
+from ident.diagnosis.is_a_load import as_one_number, can_be, cross_evidence, halves_of, is_load, whole
+from ident.diagnosis.leading import outside_metric
+from ident.diagnosis.own_of_a_run import acting
+from ident.diagnosis.refine import Refined, fit_sizes
+from ident.diagnosis.state import Found, State
+
+
+def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
+    """state: without it, and with all that was found since."""
+    assert f.term is not None
+    runs = f.term.effect.windowed and comparable(state, f.term, f.columns)
+    if runs and between_runs(state, f.term, f.columns, tau, tau) is not None:
+        return True
+    own = outside_metric(state, Refined(f.term, f.columns, f.sizes, 0.0), acting(f.columns))
+    sizes, _ = fit_sizes(whole(own, state.rows.usable), f.columns)
+    if f.term.effect.windowed and not can_be(state, own, f.term, f.columns, sizes, tau):
+        return False
+    halves = halves_of(state, own, f.columns)
+    evidence = cross_evidence(halves, f.columns, acting(f.columns))
+    if f.term.effect.windowed and as_one_number(state, halves, f.term, f.columns, evidence, tau):
+        return False
+    return is_load(state, halves, f.columns, evidence, tau, alpha)
