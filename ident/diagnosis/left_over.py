@@ -41,8 +41,7 @@ def leftovers(
         near = None if doubt is None else doubt.nearest
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
             alone = _fitted_alone(c, flex, m, near)
-            enough = flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
-            if near is not None or (alone.share > LEAST and enough):
+            if near is not None or (alone.share > LEAST and _is_there(flex, state, tau)):
                 out.append(alone)
             continue
         share = explained_share(state, c, flex.column)
@@ -78,7 +77,11 @@ def overrated(
     while named := [(k, f) for k, f in enumerate(state.found) if f.term is not None and _is_a_law(f.term)]:
         spoken = np.flatnonzero((state.rows.use & state.rows.judged).any(axis=1))
         asked = {int(c): ask(state, state.metric, int(c), tau) for c in spoken}
-        functions = {c: flex for c, flex in asked.items() if flex and flex.evidence.log_e < tau}
+        functions = {
+            c: flex
+            for c, flex in asked.items()
+            if flex and flex.evidence.log_e < tau and _is_there(flex, state, tau)
+        }
         others = {k: state.but(k) for k, _ in named}
         says = [(beside_nameless(others[k], f, functions, tau), k) for k, f in named]
         log_e, weakest = min(says)
@@ -95,6 +98,12 @@ def overrated(
         steps = [s for s in steps if what.nearest is None or s.term.key != what.nearest.term.key]
         state, asked = without(state, weakest), {}
     return state, steps, doubtful, asked
+
+
+def _is_there(flex: Flexible, state: State, tau: float) -> bool:
+    """Whether the fitted rows ask for a function, the choice among all that were asked paid for: the best of
+    so many says something of any noise."""
+    return flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
 
 
 def _whole(term: Term, own: Evidence, rest: Flexible, learned: Flexible) -> bool:
