@@ -11,17 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from two_links import TWO_LINKS
 
 from generated import cache, compiling, loading
 
-ROBOT = """
-name: two_links
-convention: mdh
-gravity: [0, -9.81, 0]
-links:
-  - {joint: revolute, antecedent: 0, alpha: 0, d: 0, theta: q1, r: 0}
-  - {joint: revolute, antecedent: 1, alpha: 0, d: 0.5, theta: q2, r: 0}
-"""
 posix = pytest.mark.skipif(os.name == "nt", reason="permissions of a POSIX system")
 
 
@@ -32,7 +25,7 @@ def robot(tmp_path, monkeypatch):
     monkeypatch.setattr(loading, "_loaded", {})
     monkeypatch.setattr(compiling, "FLAGS", tuple(f.replace("-O3", "-O0") for f in compiling.FLAGS))
     path = tmp_path / "two_links.yaml"
-    path.write_text(ROBOT)
+    path.write_text(TWO_LINKS)
     return path
 
 
@@ -58,7 +51,7 @@ def test_a_robot_file_is_derived_once_and_found_again(robot, tmp_path, monkeypat
 
 def test_a_changed_robot_file_is_another_robot(robot, tmp_path):
     first = evaluate(robot)
-    robot.write_text(ROBOT.replace("0.5", "0.7"))
+    robot.write_text(TWO_LINKS.replace("0.5", "0.7"))
     assert not np.array_equal(evaluate(robot), first)
 
 

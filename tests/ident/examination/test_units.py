@@ -3,26 +3,18 @@
 import pyarrow as pa
 import pytest
 from planted import ON_RECORDINGS, planted
+from two_links import TWO_LINKS
 
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.twin import simulate
 
-ARM = """\
-name: small
-convention: mdh
-gravity: [0, -9.81, 0]
-links:
-  - {joint: revolute, antecedent: 0, alpha: 0, d: 0,   theta: q1, r: 0}
-  - {joint: revolute, antecedent: 1, alpha: 0, d: 0.3, theta: q2, r: 0}
-"""
-
 
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory):
-    path = tmp_path_factory.mktemp("arm") / "small.yaml"
-    path.write_text(ARM)
+    path = tmp_path_factory.mktemp("arm") / "two_links.yaml"
+    path.write_text(TWO_LINKS)
     return path
 
 

@@ -6,25 +6,17 @@ import subprocess
 import sys
 
 import pytest
+from two_links import TWO_LINKS
 
 from modelgen import cli
 from modelgen.manifest import MANIFEST
-
-ROBOT = """
-name: two_links
-convention: mdh
-gravity: [0, -9.81, 0]
-links:
-  - {joint: revolute, antecedent: 0, alpha: 0, d: 0, theta: q1, r: 0}
-  - {joint: revolute, antecedent: 1, alpha: 0, d: 0.5, theta: q2, r: 0}
-"""
 
 
 @pytest.fixture
 def robot(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("DYNIDENT_CACHE", str(tmp_path / "cache"))
-    (tmp_path / "two_links.yaml").write_text(ROBOT)
+    (tmp_path / "two_links.yaml").write_text(TWO_LINKS)
     return tmp_path / "two_links.yaml"
 
 
