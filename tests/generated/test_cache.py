@@ -51,7 +51,7 @@ def test_a_robot_file_is_derived_once_and_found_again(robot, tmp_path, monkeypat
 
 def test_a_changed_robot_file_is_another_robot(robot, tmp_path):
     first = evaluate(robot)
-    robot.write_text(TWO_LINKS.replace("0.5", "0.7"))
+    robot.write_text(TWO_LINKS.replace("0.3", "0.7"))
     assert not np.array_equal(evaluate(robot), first)
 
 
