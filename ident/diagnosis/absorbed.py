@@ -22,6 +22,7 @@ from ident.diagnosis.state import State
 from ident.diagnosis.turn_over import grids, with_column
 
 EVERY = 2  # of the ladder's widths
+LEAST = 1e-9  # of a sign's square that the model must leave for it to take up anything
 
 
 @dataclass(frozen=True)
@@ -66,22 +67,23 @@ def dryness(state: State, joint: int) -> Dryness | None:
 
 @dataclass(frozen=True)
 class Products:
-    """Gram matrices of W, the first p columns an effect's: fitted (w, w), judged blocks (k, w, w)."""
+    """Gram matrices of W, the first p columns an effect's: fitted (w, w), judged blocks (k, w, w). signs: the
+    columns behind them that the model does not imitate wholly, on either rows."""
 
     p: int
     friction: float
     fitted: np.ndarray
     blocks: np.ndarray
+    signs: np.ndarray
 
     def left(self, v: np.ndarray, size: float) -> Left:
         """Of size * Z v beside the width that imitates it best. v (p,)."""
         F, B, p = self.fitted, self.blocks, self.p
         mean = np.zeros(len(F))
         mean[:p] = size * v
-        if len(F) > p:
+        if len(self.signs):
             mean[p] = self.friction
-            told = np.maximum(np.diag(F)[p:], 1e-300)
-            k = p + int(np.argmax((F[p:] @ mean) ** 2 / told))
+            k = self.signs[np.argmax((F[self.signs] @ mean) ** 2 / np.diag(F)[self.signs])]
             F = F - np.outer(F[k], F[k]) / F[k, k]
             total = B.sum(axis=0)
             take = total[k] / total[k, k]
@@ -111,11 +113,13 @@ def products(
             for c in {*white, *dry.signs}
         }
     cross, own, _ = project(m, m.fitted, W)
+    fitted = own - cross.T @ cross
     blocks = judged_blocks(m, W, both or m.judged)
     if both is not None:
         of_all, all_own, _ = project(m, both, W)
         blocks = np.concatenate((blocks, (all_own - of_all.T @ of_all - blocks.sum(axis=0))[None]))
-    return Products(p, friction, own - cross.T @ cross, blocks)
+    left = np.minimum(np.diag(fitted), np.diag(blocks.sum(axis=0)))[p:]
+    return Products(p, friction, fitted, blocks, p + np.flatnonzero(left > LEAST * np.diag(own)[p:]))
 
 
 def judged_blocks(m: Metric, white: Mapping[int, np.ndarray], side: Side) -> np.ndarray:

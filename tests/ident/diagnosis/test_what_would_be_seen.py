@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.absorbed import dryness, products
+from ident.diagnosis.absorbed import Dryness, dryness, products
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.evidence import weigh
 from ident.diagnosis.in_common import all_rows, given_fitted
@@ -113,6 +113,19 @@ def test_what_the_turn_over_takes_up_is_what_it_takes_when_it_is_settled_again(c
 
     assert expected(dryness(state, 0)) == pytest.approx(real, rel=0.3)  # a ladder of widths, and no noise
     assert expected(None) > 1.6 * real
+
+
+@pytest.mark.parametrize("shown", [0.0, 1.0])
+def test_a_sign_that_the_model_imitates_wholly_takes_up_nothing(tiny, shown):
+    """Of a joint that has no rows, or whose sign is what the others' columns make of it."""
+    rng = np.random.default_rng(5)
+    base, extra = rng.normal(size=(1200, 3)), rng.normal(size=(1200, 1))
+    m = tiny["metric"](tiny["rows"](base, rng.normal(size=1200)))
+    sign = shown * base @ np.array([[1.0], [2.0], [0.0]])
+    left = products(m, {0: extra}, Dryness(m, {0: np.hstack((sign, 0.5 * sign))}, 1.0)).left(np.ones(1), 0.3)
+    alone = products(m, {0: extra}).left(np.ones(1), 0.3)
+    for told, bare in ((left.A, alone.A), (left.A_blocks, alone.A_blocks), (left.own, alone.own)):
+        assert told == pytest.approx(bare, rel=1e-9)
 
 
 def test_every_joint_is_told_its_sizes(clean_arm):
