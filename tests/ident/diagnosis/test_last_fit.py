@@ -41,10 +41,11 @@ def test_the_study_s_own_cutoff_where_the_finer_one_predicts_worse(monkeypatch, 
     assert asked == ([5.0] if coarse is None else [5.0, 2.0])
 
 
-def found(p_told, replaces=False, size=1.0, std=0.1):
-    effect = SimpleNamespace(replaces=replaces, size_names=("Fs",))
+def found(p_told, replaces=False, size=1.0, std=0.1, factor=1.0):
+    effect = SimpleNamespace(replaces=replaces, size_names=("Fs",), factor=lambda size: factor)
     parameters = {"Fs": SimpleNamespace(value=size, std=std), "vs": SimpleNamespace(value=0.15, std=0.1)}
-    return SimpleNamespace(p_told=p_told, parameters=parameters, term=SimpleNamespace(effect=effect))
+    term = SimpleNamespace(effect=effect, size=(size,))
+    return SimpleNamespace(p_told=p_told, parameters=parameters, term=term)
 
 
 def test_an_interval_that_holds_zero_names_nothing():
@@ -59,6 +60,14 @@ def test_a_size_told_with_an_interval_that_holds_zero_names_nothing():
     """By the sizes at the shapes as found it is there; told is 37 +- 46 N m."""
     assert _vague([found(1e-9), found(1e-9, size=36.8, std=46.1)], 0, 0.01) == [1]
     assert _vague([found(1e-9, size=36.8, std=None)], 0, 0.01) == []
+
+
+def test_a_factor_is_told_from_one_by_its_logarithm():
+    """7.1 +- 4.8 are 2.9 deviations of its logarithm from one (p_told), and 1.5 from zero, which is nothing's
+    factor."""
+    gain = found(3.6e-3, size=7.1, std=4.8, factor=7.1)
+    assert _vague([gain], 0, 0.01) == []
+    assert _vague([found(0.2, size=1.3, std=0.1, factor=1.3)], 0, 0.01) == [0]
 
 
 def test_the_sentence_says_that_the_size_is_not_told_from_zero():
