@@ -91,6 +91,7 @@ class Evidence:
     rss: np.ndarray  # (C,) whitened, judged rows
     left: float  # smallest share of a column that the model leaves, 1: orthogonal to it
     free: np.ndarray  # (C,) judged rows less the parameters that they determine
+    given: bool = False  # what is told of the judged rows is told given the fitted ones (given.py)
 
     def supported(self, alpha: float) -> bool:
         """Enough blocks agree."""
@@ -194,6 +195,11 @@ def side_of(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray) -> Si
     return Side(mask, basis, residual, rss, free)
 
 
+def all_rows(m: Metric) -> Side:
+    """The model on the fitted and the judged rows together."""
+    return side_of(m.rows, m.X, m.y, m.B, m.fitted.mask | m.judged.mask)
+
+
 def orthonormal(gram: np.ndarray) -> np.ndarray:
     """(B, r) that turns a Gram matrix to the identity; directions without data are left out."""
     d = np.sqrt(np.maximum(np.diag(gram), 1e-300))
@@ -261,19 +267,21 @@ def unseen(m: Metric, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
 
 def over(null: Metric, m: Metric, told: Evidence) -> Evidence:
     """What a hypothesis says beside the model of `m`, held against the model of `null`: both of one noise and
-    of the same rows."""
+    of the same rows. Told given the fitted rows, so is what the one model is ahead of the other."""
 
     def nats(a: Side, b: Side) -> np.ndarray:
         return 0.5 * a.free * np.log(np.maximum(a.rss, 1e-300) / np.maximum(b.rss, 1e-300))
 
-    ahead = nats(null.judged, m.judged)
+    fitted = nats(null.fitted, m.fitted)
+    one, other = (all_rows(null), all_rows(m)) if told.given else (null.judged, m.judged)
+    ahead = nats(one, other) - fitted * told.given
     spread = np.maximum(told.rss / m.judged.free, 1e-300)[:, None]
-    each = np.sum((null.judged.residual**2 - m.judged.residual**2) / (2 * spread), axis=0)
-    change = np.sum((null.judged.residual - m.judged.residual) ** 2 / (2 * spread), axis=0)
+    each = np.sum((one.residual**2 - other.residual**2) / (2 * spread), axis=0)
+    change = np.sum((one.residual - other.residual) ** 2 / (2 * spread), axis=0)
     return replace(
         told,
         log_e=told.log_e + float(ahead.sum()),
-        gain=told.gain + float(nats(null.fitted, m.fitted).sum()),
+        gain=told.gain + float(fitted.sum()),
         blocks=told.blocks + block_sums(m.rows, each, m.judged.mask),
         expected=told.expected + block_sums(m.rows, change, m.judged.mask),
         per_channel=told.per_channel + ahead,

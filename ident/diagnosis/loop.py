@@ -140,7 +140,7 @@ def trace(
         late_at = _late_instead(weighed, best, evidence)
         if late_at is not None:
             late = in_time(state, library.places, late_at, tau, alpha)
-            if late is not None and late[1].log_e > evidence.log_e:
+            if late is not None and not late[1].given and late[1].log_e > evidence.log_e:
                 taken, evidence, state, beside = late
                 steps.append(Step(taken.term, evidence, (), beside))
                 continue

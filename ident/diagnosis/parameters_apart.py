@@ -23,9 +23,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, orthonormal, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, all_rows, orthonormal, weigh
+from ident.diagnosis.given import given_fitted
 from ident.diagnosis.halves import on_halves
-from ident.diagnosis.in_common import all_rows, given_fitted
 from ident.diagnosis.state import Found, State
 
 OF_ITS_OWN = float(np.log(2.0))  # of factors, logarithm: of robots as they are 0.85 to 1.26 was found
@@ -61,13 +61,19 @@ def spoken(m: Metric, f: Found, tau: float) -> Evidence:
     if that says enough beside what the model's parameters change by from one side to the other. (Five times
     a rokae's second torque is five times its inertia, for the rows that judge; given the fitted ones 27 nats
     say that it is not.) A factor near one has to show on the judged rows alone: a model that lacks something
-    makes such of its own, by as many nats."""
+    makes such of its own, by as many nats. A torque that comes late is asked as a factor is."""
     own = weigh(m, f.columns)
-    factor = 1.0 if f.term is None else abs(f.term.factor)
-    if own.log_e > tau or abs(np.log(max(factor, 1e-12))) < OF_ITS_OWN:
+    if own.log_e > tau or f.term is None:
         return own
+    asked = f.term.effect.shifts_time or abs(np.log(max(abs(f.term.factor), 1e-12))) > OF_ITS_OWN
+    return own if not asked else spoken_given(m, f, own, tau) or own
+
+
+def spoken_given(m: Metric, f: Found, own: Evidence, tau: float) -> Evidence | None:
+    """What the judged rows say of it given the fitted ones, where that is enough, beside what the model's
+    parameters change by, too; own: alone."""
     given = given_fitted(m, all_rows(m), f.columns, own.sizes).of(own)
-    return given if given.log_e > tau and _of(m, f, given).log_e > tau else own
+    return given if given.log_e > tau and _of(m, f, given).log_e > tau else None
 
 
 def _of(m: Metric, f: Found, told: Evidence) -> Changes:

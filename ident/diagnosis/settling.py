@@ -11,7 +11,7 @@ import numpy as np
 from ident.diagnosis.candidates import Ranking, with_size
 from ident.diagnosis.evidence import Evidence, metric, over, weigh
 from ident.diagnosis.leading import leading_metric
-from ident.diagnosis.parameters_apart import spoken
+from ident.diagnosis.parameters_apart import spoken, spoken_given
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import (
     Found,
@@ -107,7 +107,9 @@ def in_time(
     """The torque of all joints, or of one place, recorded late or smoothed: of those that fit best, each with
     dry friction's turn-over taken anew beside it, the one that says most, and all that were tried. A
     turn-over that was found without a delay has taken its place: of 15 ms of all six joints of a UR10e half a
-    millisecond was left to it, and two lags were told."""
+    millisecond was left to it, and two lags were told. Where none holds by the judged rows alone these are
+    asked given the fitted ones: in two seconds of a Barrett 20 ms were 11 nats in too few blocks, and are
+    58."""
     tried = []
     for effect, place in places:
         here = place.joint in (None, near.joint) and place.side in (None, near.side)
@@ -116,19 +118,20 @@ def in_time(
     before = _whitened_squares(state, state)
     tried.sort(key=lambda its: its[0])
     most: dict[tuple, float] = {}  # of each place, whose best is no reason not to ask the other's
-    out: tuple[Refined, Evidence, State] | None = None
-    seen: dict[tuple, Term] = {}
+    settled_with: dict[tuple, tuple[Term, State]] = {}
     for left, term, trial in tried:
         least = LIKELY * most.setdefault((term.place.joint, term.place.side), before - left)
-        if len(seen) == LATEST:
+        if len(settled_with) == LATEST:
             break
-        if term.key in seen or before - left < max(least, tau):
+        if term.key in settled_with or before - left < max(least, tau):
             continue
-        seen[term.key] = term
-        held = _holding(state, refined_together(trial), term, tau, alpha)
-        if held is not None and (out is None or held[1].log_e > out[1].log_e):
-            out = held
-    return None if out is None else (*out, tuple(seen.values()))
+        settled_with[term.key] = term, refined_together(trial)
+    for given in (False, True):
+        held = [_holding(state, trial, term, tau, alpha, given) for term, trial in settled_with.values()]
+        best = max((h for h in held if h is not None), key=lambda h: h[1].log_e, default=None)
+        if best is not None:
+            return (*best, tuple(term for term, _ in settled_with.values()))
+    return None
 
 
 def late_as_a_whole(
@@ -199,21 +202,22 @@ def _whitened_squares(noise: State, trial: State) -> float:
 
 
 def _holding(
-    state: State, trial: State, term: Term, tau: float, alpha: float
+    state: State, trial: State, term: Term, tau: float, alpha: float, given: bool = False
 ) -> tuple[Refined, Evidence, State] | None:
     """A hypothesis in the state that was settled with it, what it says against the model that did its best
     without it; None where it does not hold. That blocks agree is asked of the effect alone: against the model
-    as it was they also hold what each turn-over wins and loses there."""
+    as it was they also hold what each turn-over wins and loses there. given: the judged rows are asked given
+    the fitted ones."""
     number = place_of(trial, term)
     if number is None:
         return None
     f, others = trial.found[number], trial.but(number)
     whole = Refined(f.term or term, f.columns, f.sizes, 0.0)
     m = leading_metric(others, [whole])
-    own = spoken(m, f, tau)
-    told = over(metric(state.rows, *state.design, m.whiteners), m, own)  # the model as it was did its best
-    if not holds(others, m, whole, own, tau, alpha):
+    own = spoken_given(m, f, weigh(m, f.columns), tau) if given else spoken(m, f, tau)
+    if own is None or not holds(others, m, whole, own, tau, alpha):
         return None
+    told = over(metric(state.rows, *state.design, m.whiteners), m, own)  # the model as it was did its best
     if not (told.log_e > tau and is_physical(state, whole, told, tau)):
         return None
     c = main_channel(own, whole.term, others)

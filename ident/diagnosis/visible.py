@@ -27,8 +27,7 @@ import scipy.stats
 
 from ident.diagnosis.absorbed import Dryness, Left, dryness, products
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import Metric, Side, enough, project, weights
-from ident.diagnosis.in_common import all_rows
+from ident.diagnosis.evidence import Metric, Side, all_rows, enough, project, weights
 from ident.diagnosis.outcome import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term

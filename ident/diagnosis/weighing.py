@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.candidates import Ranked
-from ident.diagnosis.evidence import Columns, Evidence, Metric, unseen, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, all_rows, unseen, weigh
+from ident.diagnosis.given import given_fitted
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import State
@@ -124,7 +125,7 @@ def may_be(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: 
         is_physical(state, r, e, tau)
         and is_itself(m, r, e, tau, alpha)
         and is_one_quantity(m, r, e, tau)
-        and shifts_all(state, m, r, tau)
+        and shifts_all(state, m, r, e, tau)
         and lowers(state.plain_metric, r, e)
     )
 
@@ -171,11 +172,16 @@ def is_one_quantity(m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
     return not at or weigh(m, r.columns, sizes).log_e > tau
 
 
-def shifts_all(state: State, m: Metric, r: Refined, tau: float) -> bool:
-    """A torque that comes at another time does so where the joint keeps its direction, too."""
+def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
+    """A torque that comes at another time does so where the joint keeps its direction, too: by the judged
+    rows alone, or given the fitted ones where that is what is told."""
     if not r.term.effect.shifts_time:
         return True
-    return weigh(without_turning(state, m), r.columns).log_e > tau
+    kept = without_turning(state, m)
+    own = weigh(kept, r.columns)
+    if not e.given:
+        return own.log_e > tau
+    return bool(given_fitted(kept, all_rows(kept), r.columns, own.sizes).per_channel.sum() > tau)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:

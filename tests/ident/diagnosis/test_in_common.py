@@ -8,8 +8,8 @@ import pytest
 import scipy.stats
 
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.evidence import weigh
-from ident.diagnosis.in_common import all_rows, given_fitted
+from ident.diagnosis.evidence import all_rows, over, weigh
+from ident.diagnosis.given import given_fitted
 from ident.recordings.study import load_study
 
 M = 480
@@ -58,6 +58,24 @@ def test_it_is_the_ratio_of_all_rows_over_that_of_the_fitted_ones(tiny):
 
     expected = nats(np.arange(M)) - nats(np.arange(M // 2))
     assert given_fitted(m, all_rows(m), {0: z}, sizes).per_channel.sum() == pytest.approx(expected, rel=1e-6)
+
+
+def test_beside_a_model_that_did_its_best_without_it(tiny):
+    """Two models, each with columns of its own, the one with the candidate: what is told given the fitted
+    rows is the ratio of these two on all rows over that on the fitted ones."""
+    rng = np.random.default_rng(4)
+    X, y, z = hidden(rng, 0.5)
+    before = X + 0.1 * rng.normal(size=X.shape)
+    null, m = (tiny["metric"](tiny["rows"](columns, y)) for columns in (before, X))
+    own = weigh(m, {0: z})
+    told = over(null, m, given_fitted(m, all_rows(m), {0: z}, own.sizes).of(own))
+
+    def nats(rows):
+        models = ((before, y), (X, y - z @ own.sizes))
+        left = [np.linalg.lstsq(columns[rows], torque[rows])[1][0] for columns, torque in models]
+        return (len(rows) - 5) / 2 * np.log(left[0] / left[1])
+
+    assert told.log_e == pytest.approx(nats(np.arange(M)) - nats(np.arange(M // 2)), rel=1e-6)
 
 
 def test_runs_of_other_parameters_are_said_to_differ(tiny):

@@ -170,3 +170,18 @@ def test_one_late_joint_of_a_measured_robot(tmp_path):
     assert not document["findings"]
     (left,) = document["unexplained"]
     assert (left["joints"], left["nearest"]["effect"]) == ([2], "time_delay")
+
+
+@pytest.mark.skipif(
+    not (DATA / "barrett_wam_2dof").is_dir(), reason="the recordings of measured robots are not here"
+)
+def test_late_torques_that_two_seconds_show_given_the_fitted_ones(tmp_path):
+    """A Barrett's two torques 20 ms late: the judged rows alone say so by 11 nats, in too few blocks."""
+    (base,) = (b for b in BASES if b.robot == "barrett_wam_2dof")
+    (fault,) = (f for f in FAULTS if f.name.startswith("torques late"))
+    document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
+    (finding,) = document["findings"]
+    assert (finding["effect"], finding["joints"]) == ("time_delay", [])
+    assert finding["parameters"]["delay"]["value"] == pytest.approx(LATE_S, rel=0.3)
+    before, after = (document["error_percent"][k]["test"]["total"] for k in ("before", "after"))
+    assert after < 0.8 * before

@@ -7,8 +7,8 @@ import pytest
 
 from ident.diagnosis.absorbed import Dryness, dryness, products
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import weigh
-from ident.diagnosis.in_common import all_rows, given_fitted
+from ident.diagnosis.evidence import all_rows, weigh
+from ident.diagnosis.given import given_fitted
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.state import solved, turned
 from ident.diagnosis.terms import Term
