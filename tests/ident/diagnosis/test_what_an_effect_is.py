@@ -207,6 +207,30 @@ def test_a_law_that_contains_another_is_told_beside_it_where_it_is_shown(tiny):
         assert {terms.index(rival.term) for rival in rivals} == beside
 
 
+def test_the_law_that_a_told_one_contains_is_told_whatever_its_blocks(tiny):
+    """Friction by quadrant was told of an AIRBOT, in a block more than friction under load, which said 0.3
+    nats more. What no told law contains has to pass itself, and none is told that says too little."""
+    rng = np.random.default_rng(8)
+    M = 2000
+    own, more, noise = rng.normal(size=M), rng.normal(size=M), rng.normal(size=M)
+    names = ("quadrant_friction", "load_dependent_friction", "viscous_friction")
+    wide, simple, other = (Term(catalogue()[name], Place(1, side="motor")) for name in names)
+    assert wide.contains(simple) and not wide.contains(other)
+
+    def told(share, law):
+        m = tiny["metric"](tiny["rows"](np.ones((M, 1)), own + share * more + noise))
+        columns = [{0: np.column_stack([own, more])}, {0: own[:, None]}]
+        both = tuple(
+            (Refined(term, z, np.ones(z[0].shape[1]), 9.0), weigh(m, z))
+            for term, z in zip((wide, law), columns)
+        )
+        return simplest(Weighed(m, both, both[:1], both), threshold(0.01))[0].term
+
+    assert told(0.0, simple) is simple
+    assert told(0.3, simple) is wide  # what it adds is there
+    assert told(0.0, other) is wide
+
+
 def test_whose_motion_it_is_is_a_choice_too():
     """A torque 15 ms late was told as a coupling to its neighbour's rate, which says as much."""
     late, coupled = catalogue()["time_delay"], catalogue()["joint_coupling"]
