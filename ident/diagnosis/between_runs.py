@@ -53,7 +53,7 @@ def says_between(state: State) -> Callable[[Columns], float]:
 def one_number_between(state: State, term: Term, columns: Columns, tau: float) -> bool:
     """Whether another zero or factor of one joint in its run says as much as the load does."""
     says, inside = says_between(state), acting(columns)
-    return says_as_much(*one_number(state, term.place, inside), says, says(columns), tau)
+    return says_as_much(*one_number(state, term, inside), says, says(columns), tau)
 
 
 def between_runs(state: State, term: Term, columns: Columns, limit: float, tau: float) -> float | None:

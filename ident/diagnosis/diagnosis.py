@@ -37,6 +37,7 @@ from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome
 from ident.diagnosis.remaining import remaining
 from ident.diagnosis.room import thrifty
+from ident.diagnosis.sized_by_judged import sized_by_judged
 from ident.diagnosis.visible import Visible, smallest_visible
 from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
@@ -150,6 +151,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
+    notes += sized_by_judged(outcome.last, last)
     findings = (*told_by_checks(study, mended, checks), *in_doubt(found, checks))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += tuple(

@@ -209,6 +209,12 @@ def orthonormal(gram: np.ndarray) -> np.ndarray:
     return vectors[:, good] / np.sqrt(values[good]) / np.where(seen, d, np.inf)[:, None]
 
 
+def whole(m: Metric, usable: np.ndarray) -> Metric:
+    """Everything usable fitted."""
+    side = side_of(m.rows, m.X, m.y, m.B, usable)
+    return replace(m, fitted=side, judged=side)
+
+
 def project(m: Metric, side: Side, white: Columns) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Whitened columns against a side's model -> coefficients (r, p), own products (p, p), products with the
     residual (p,)."""
@@ -221,6 +227,13 @@ def project(m: Metric, side: Side, white: Columns) -> tuple[np.ndarray, np.ndarr
         own += here.T @ here
         right += here.T @ side.residual[c]
     return side.basis.T @ cross, own, right
+
+
+def spread(m: Metric, columns: Columns) -> np.ndarray:
+    """(p, p) covariance of their coefficients on the fitted rows, beside the model."""
+    cross, own, _ = project(m, m.fitted, m.whiten(columns))
+    basis = orthonormal(own - cross.T @ cross)
+    return np.asarray(basis @ basis.T)
 
 
 def weigh(

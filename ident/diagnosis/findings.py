@@ -19,6 +19,7 @@ from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.settling import place_of, without_terms
+from ident.diagnosis.sized_by_judged import own_deviations
 from ident.diagnosis.state import State, solved
 from ident.diagnosis.sufficiency import FORETOLD, explained_share, signals_read
 from ident.diagnosis.terms import Term
@@ -47,12 +48,14 @@ class Alternative:
     source_joint: int | None = None  # of a pair of joints, the other one
     link: int | None = None
     seconds: float | None = None  # of motion as recorded until the two are told apart
+    recording: str | None = None  # the only one in which it acts
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # as the fitted rows have it
 
     @property
     def named(self) -> dict[str, Any]:
         """Effect, place and parameters as the document has them."""
-        beside = {"source_joint": self.source_joint, "link": self.link, "parameters": self.parameters or None}
+        where = {"source_joint": self.source_joint, "link": self.link, "recording": self.recording}
+        beside = {**where, "parameters": self.parameters or None}
         known = {name: value for name, value in beside.items() if value is not None}
         return {"effect": self.effect, "joints": list(self.joints), **known}
 
@@ -152,7 +155,7 @@ def _practical_size(state: State, term: Term) -> float:
 
 def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, moved: Moved) -> Finding:
     state, e = outcome.last, step.evidence
-    wider = moved.get(term.key, {})
+    wider, own_rows = moved.get(term.key, {}), own_deviations(state, term)
     place = term.place
     c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
     labels = state.problem.robot.joint_labels
@@ -175,7 +178,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         {
             name: {
                 "value": p.value,
-                "std": None if p.std is None else float(np.hypot(p.std, wider.get(name, 0.0))),
+                "std": _together(p.std, wider.get(name), own_rows.get(name)),
                 "unit": p.unit,
                 "at_bound": p.at_bound,
             }
@@ -186,7 +189,11 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         float(e.gain),
         drop_percent(e.per_channel[c], e.free[c]),
         tuple(
-            replace(_alternative(eq, state, e.free[c]), seconds=seconds_apart(state, term, eq.term))
+            replace(
+                _alternative(eq, state, e.free[c]),
+                seconds=seconds_apart(state, term, eq.term),
+                recording=None if eq.term.place.recording == place.recording else eq.term.place.recording,
+            )
             for eq in step.equivalent
         ),
         term.effect.remedy,
@@ -194,6 +201,12 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         term.effect.signature,
         picture(state, term, c),
     )
+
+
+def _together(*deviations: float | None) -> float | None:
+    """Of independent errors; None where none is known."""
+    known = [its for its in deviations if its is not None]
+    return float(np.linalg.norm(known)) if any(known) else None
 
 
 def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:

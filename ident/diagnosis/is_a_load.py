@@ -15,7 +15,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, orthonormal, project, side_of, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, side_of, spread, weigh, whole
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.own_of_a_run import (
     acting,
@@ -42,12 +42,6 @@ def crossed(m: Metric, usable: np.ndarray, fold_s: float) -> tuple[Metric, Metri
     even = (np.floor(rows.t / fold_s).astype(int) + rows.recording) % 2 == 0
     sides = [side_of(rows, m.X, m.y, m.B, usable & half) for half in (even, ~even)]
     return replace(m, fitted=sides[0], judged=sides[1]), replace(m, fitted=sides[1], judged=sides[0])
-
-
-def whole(m: Metric, usable: np.ndarray) -> Metric:
-    """Everything usable fitted."""
-    side = side_of(m.rows, m.X, m.y, m.B, usable)
-    return replace(m, fitted=side, judged=side)
 
 
 def halves_of(state: State, m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[Metric, Metric]:
@@ -97,10 +91,8 @@ def can_be(state: State, own: Metric, term: Term, columns: Columns, sizes: np.nd
     values = {**term.theta, **dict(zip(names, sizes))}
     if term.effect.physical(values, state.model) is not None:
         return False
-    m = whole(own, state.rows.usable)
-    cross, products, _ = project(m, m.fitted, m.whiten(columns))
-    basis = orthonormal(products - cross.T @ cross)
-    return 0.5 * term.effect.beyond(values, basis @ basis.T, term.place, state.model) ** 2 < tau
+    known = spread(whole(own, state.rows.usable), columns)
+    return 0.5 * term.effect.beyond(values, known, term.place, state.model) ** 2 < tau
 
 
 def as_one_number(
@@ -115,7 +107,7 @@ def as_one_number(
     def says(z: Columns) -> float:
         return cross_evidence(halves, z, inside).log_e
 
-    return says_as_much(*one_number(state, term.place, inside), says, evidence.log_e, tau)
+    return says_as_much(*one_number(state, term, inside), says, evidence.log_e, tau)
 
 
 def stands_apart(state: State, own: Metric, term: Term, columns: Columns, tau: float) -> bool:

@@ -12,7 +12,7 @@ from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
 from ident.diagnosis.parameters_apart import beside_changes
 from ident.diagnosis.settling import place_of
-from ident.diagnosis.state import State
+from ident.diagnosis.state import State, shown
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighed_again import swapped
 from ident.diagnosis.weighing import Equivalent, simplicity
@@ -343,21 +343,25 @@ def _dry_keys(state: State, base: FitResult) -> dict[str, tuple[float, ...]]:
 def _study_term(term: Term, state: State) -> StudyTerm:
     """A term of the loop as one of a study, its sizes and shapes as starts. Sizes that the loop left out are
     held at zero: they read what is wrong elsewhere. (Beside 45 mrad of backlash a drop of -0.2 % was fitted,
-    which is impossible; beside a coupling a dry friction that spoilt the runs that chose nothing.)"""
+    which is impossible; beside a coupling a dry friction that spoilt the runs that chose nothing.) What no
+    fitted row shows, a load on a run that judges, is held as the loop has it."""
     found = next(f for f in state.found if f.term is term)
     known = {p.name for p in term.effect.linear}
     names, bounds = term.effect.parameters_of(term.place), term.effect.bounds(term.place)
     sizes = {name: float(x) for name, x in zip(names, found.sizes) if name in known}
     left_out = dict.fromkeys(sorted({n for parts in term.effect.variants() for n in parts} - {*names}), 0.0)
+    free = shown(state.rows, found.columns)
+    if not free:
+        left_out = dict.fromkeys((name for name in term.effect.linear_names if name not in names), 0.0)
     return StudyTerm(
         term.effect.name,
         term.effect,
         replace(term.place, parts=(*names, *left_out)),
         dict(term.theta),
         (*sizes.values(), *left_out.values()),
-        tuple(bounds),
-        left_out,
-        bounds,
+        tuple(bounds) if free else (),
+        left_out if free else {**sizes, **left_out},
+        bounds if free else {},
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ident.diagnosis.evidence import Columns
 from ident.diagnosis.state import State
 from ident.diagnosis.sufficiency import NEARLY
+from ident.diagnosis.terms import Term
 from modelgen.effects.place import Place
 from modelgen.geometry.names import ParameterName
 
@@ -83,12 +84,15 @@ def factor_columns(state: State, c: int, inside: np.ndarray) -> dict[int, np.nda
 
 
 def one_number(
-    state: State, place: Place, inside: np.ndarray
+    state: State, term: Term, inside: np.ndarray
 ) -> tuple[list[dict[int, np.ndarray]], list[dict[int, np.ndarray]]]:
-    """What a run may have of its own by one number: of every joint another zero; of every channel another
-    factor."""
-    zeros = (zero_columns(state, joint, place, inside) for joint in range(state.model.robot.n))
-    return [z for z in zeros if z], [factor_columns(state, c, inside) for c in range(state.rows.channels)]
+    """What a run may have of its own by one number in the place of a load: of every joint another zero, but
+    for that of one joint, which is such a number itself; of every channel another factor."""
+    zeros: list[dict[int, np.ndarray]] = []
+    if term.place.joint is None:
+        every = (zero_columns(state, joint, term.place, inside) for joint in range(state.model.robot.n))
+        zeros = [z for z in every if z]
+    return zeros, [factor_columns(state, c, inside) for c in range(state.rows.channels)]
 
 
 def says_as_much(

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.candidates import Ranking, with_size
-from ident.diagnosis.evidence import Evidence, metric, over, weigh
+from ident.diagnosis.evidence import Evidence, metric, over, weigh, whole
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.parameters_apart import spoken, spoken_given
 from ident.diagnosis.refine import Refined, refine
@@ -20,6 +20,7 @@ from ident.diagnosis.state import (
     converged,
     recolumned,
     settled,
+    shown,
     solved,
     turned,
     with_found,
@@ -60,7 +61,8 @@ def _refined_once(state: State) -> State:
         if f.term is None or not (f.term.effect.nonlinear or f.term.size is not None):
             continue
         others = state.but(number)
-        best = refine(others.metric, others.scene, f.term, turns=3)
+        m = others.metric if shown(state.rows, f.columns) else whole(others.metric, state.rows.usable)
+        best = refine(m, others.scene, f.term, turns=3)
         if not best.columns:
             continue
         several = best.term.size is not None and len(best.term.size) > 1

@@ -172,19 +172,33 @@ def first_state(problem: Problem, rows: Rows, segments: Sequence[FineSegment]) -
 
 def solved(state: State) -> State:
     """Weighted least squares on the fitted rows, white within a channel as the fit's; sizes of what was found
-    follow. (In coloured noise a wrong model would be fitted to its fast part: whitening decides, it does not
-    estimate.)"""
-    design, B = state.design
-    beta, at = weighted_fit(state.rows, design, B, state.rows.fitted), state.rows.b
-    every: np.ndarray | None = None
+    follow, and of what these do not show are taken from all rows. (In coloured noise a wrong model would be
+    fitted to its fast part: whitening decides, it does not estimate.)"""
+    rows, (design, B) = state.rows, state.design
+    held = np.zeros(B, bool)
+    at = rows.b
     for f in state.found:
         p = next(iter(f.columns.values())).shape[1]
-        if not any(np.any(z[state.rows.fitted]) for z in f.columns.values()):  # a load on a run that judges
-            if every is None:
-                every = weighted_fit(state.rows, design, B, state.rows.usable)
-            beta[at : at + p] = every[at : at + p]
+        held[at : at + p] = not shown(rows, f.columns)
         at += p
-    return replace(state, beta=beta, found=_sized(state.found, beta, state.rows.b))
+    if held.any():
+        every = np.where(held, weighted_fit(rows, design, B, rows.usable), 0.0)
+        theirs = np.stack([values @ every[places] for places, values in design])
+        others = [(places, np.where(held[places], 0.0, values)) for places, values in design]
+        beta = every + weighted_fit(replace(rows, Y=rows.Y - theirs), others, B, rows.fitted)
+    else:
+        beta = weighted_fit(rows, design, B, rows.fitted)
+    return replace(state, beta=beta, found=_sized(state.found, beta, rows.b))
+
+
+def shown(rows: Rows, columns: Mapping[int, np.ndarray]) -> bool:
+    """Whether fitted rows show its size: of a load on a run that judges that run's do, and one that is there
+    all along the only fitted run the contrast with those that judge."""
+    acts = np.any([np.any(z, axis=1) for z in columns.values()], axis=0)
+    if not (acts & rows.judged).any() and rows.held_apart:
+        others = rows.fitted & rows.use.any(axis=0) & ~acts
+        return bool(others.any())
+    return bool((acts & rows.fitted).any())
 
 
 def _sized(found: Sequence[Found], beta: np.ndarray, at: int) -> tuple[Found, ...]:

@@ -120,6 +120,8 @@ def _place(effect: Effect, entry: EffectEntry, columns: Columns, layout: Layout)
     window = {"recording": entry.recording, "start": entry.from_s, "stop": entry.to_s}
     if any(value is not None for value in window.values()) and not effect.windowed:
         raise ValueError(f"{effect.name} does not come and go; leave recording:, from: and to: out")
+    if effect.all_along and (entry.from_s is not None or entry.to_s is not None):
+        raise ValueError(f"{effect.name} is there all along a recording; leave from: and to: out")
     if effect.windowed and entry.recording is not None:
         found = [replace(p, recording=entry.recording) for p in found]
     elif effect.windowed:

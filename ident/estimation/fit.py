@@ -255,7 +255,8 @@ def fit_systems(
         *(note for stream in prepared.streams for note in stream.notes),
     ]
     found = [*examine_tables(prepared), *checks]
-    found += excitation(full, fitted, resting(prepared))
+    of_one_run = {name for term in terms if term.place.recording is not None for name in term.names}
+    found += excitation(full, fitted, resting(prepared), of_one_run)
     found += sentences("feedback", [said] if its.feedback and (said := its.feedback.sentence()) else [])
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]
     notes += payload_notes(study, estimate, covariance)

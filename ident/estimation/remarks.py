@@ -39,8 +39,14 @@ def impossible(estimate: Estimate, std: np.ndarray, terms: Sequence[Term] = ()) 
     return out
 
 
-def excitation(full: Estimate, systems: Sequence[RecordingSystem], resting: Collection[str]) -> list[Check]:
-    """Which parameters the motion leaves open; resting: labels of the joints that never move."""
+def excitation(
+    full: Estimate,
+    systems: Sequence[RecordingSystem],
+    resting: Collection[str],
+    of_one_run: Collection[str] = (),
+) -> list[Check]:
+    """Which parameters the motion leaves open; resting: labels of the joints that never move; of_one_run:
+    parameters of effects that act in one recording alone, which others do not show."""
     cure = (
         f"record joint {listed(sorted(resting))} moving"
         if resting
@@ -65,7 +71,7 @@ def excitation(full: Estimate, systems: Sequence[RecordingSystem], resting: Coll
             f"the motion hardly excites {_named(full.weak)} (condition number {full.condition_number:.3g})"
         )
         out.append(_open(full.weak, message, cure))
-    return [*out, *_blind_runs(full, systems)] if len(systems) > 1 else out
+    return [*out, *_blind_runs(full, systems, of_one_run)] if len(systems) > 1 else out
 
 
 MOST_TOLD = 3
@@ -91,7 +97,9 @@ def _open(names: Sequence[str], message: str, remedy: str, recording: str = "") 
     return Check("poor_excitation", tuple(signals), message, remedy, recording=recording)
 
 
-def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[Check]:
+def _blind_runs(
+    full: Estimate, systems: Sequence[RecordingSystem], of_one_run: Collection[str]
+) -> list[Check]:
     """Recordings whose motion leaves a parameter out that another one excites."""
     b = len(full.chi)
     lengths = np.zeros((len(systems), b))
@@ -106,6 +114,7 @@ def _blind_runs(full: Estimate, systems: Sequence[RecordingSystem]) -> list[Chec
     out = []
     for k, system in enumerate(systems):
         blind = [full.parameters[i] for i in np.flatnonzero(carried[k] & (lengths[k] < 1e-4 * best))]
+        blind = [name for name in blind if name not in of_one_run]
         if blind:
             message = f"does not excite {_named(blind)}, which others do"
             out.append(_open(blind, message, "the others are what shows them", system.label))

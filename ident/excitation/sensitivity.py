@@ -129,15 +129,15 @@ def smallest_visible(
 def usual_terms(known: Known, bounds: Bounds, motion: Motion) -> Iterator[Term]:
     """Every effect beyond the model's own at every joint that may have it, at usual values."""
     for effect in catalogue().values():
-        if effect.replaces or not (effect.linear or effect.nonlinear):
-            continue
+        if effect.replaces or effect.all_along or not (effect.linear or effect.nonlinear):
+            continue  # what is there all along is part of the robot
         for label in ("",) if effect.joints == "robot" else known.robot.joint_labels:
             try:
                 request = parse_effect(f"{effect.name}:{label}", known.robot)
                 place = placed(request, known.robot, known.model.model)
             except IdentError:
                 continue  # this model's torques do not show it, or the robot has no second joint
-            if effect.windowed:  # what was always there is part of the robot
+            if effect.windowed:
                 start, stop = effect.window or (0.5, None)
                 last = float(motion.t[-1])
                 place = replace(place, start=start * last, stop=None if stop is None else stop * last)

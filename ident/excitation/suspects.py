@@ -65,6 +65,10 @@ def suspects(known: Known, texts: Sequence[str], bounds: Bounds, project: Projec
     for term, text in zip(terms, texts):
         if sum(term.effect.name == b.effect.name and term.place == b.place for b in terms) > 1:
             raise ExcitationError(f"--separate {','.join(texts)}: {text} is there twice; name two effects.")
+        if term.effect.all_along:
+            raise ExcitationError(
+                f"--separate {text}: is of one recording, and no motion brings it back; leave it out."
+            )
         if term.effect.windowed and not term.place.start:
             window = ("," if "=" in text else ":" * (2 - text.count(":"))) + "from=5"
             raise ExcitationError(

@@ -160,7 +160,8 @@ def worse_elsewhere(document: Mapping[str, Any]) -> list[str]:
         of = "" if name == "total" else f" of {name}"
         out.append(
             f"The error{of} on {role} runs is {far[name]:.1f} times that of the fitted ones: these do not "
-            "show all that the robot does there; fit longer, faster or more varied motion."
+            "show all that the robot does there, or something is different there (a load, a day, a zero); "
+            "look at what differs, and fit longer, faster or more varied motion."
         )
     return out
 
@@ -371,8 +372,10 @@ def _by_examination(finding: Mapping[str, Any]) -> bool:
 
 
 def _where(rival: Mapping[str, Any]) -> str:
-    """ "joint 2", or "link 3" of a load."""
-    return f"link {rival['link']}" if rival.get("link") and not rival["joints"] else place(rival["joints"])
+    """ "joint 2", or "link 3" of a load; in which recording, where that is another one."""
+    body = rival.get("link") and not rival["joints"]
+    here = f"link {rival['link']}" if body else place(rival["joints"])
+    return here + (f" in {rival['recording']}" if rival.get("recording") else "")
 
 
 def _named(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:
@@ -388,15 +391,18 @@ def _named(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:
 
 
 def _error_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:
-    """Error of the finding's own channel on the runs that were used least, all findings in."""
-    before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    role = held_out(document)
+    """Error of the finding's own channel on the runs that were used least, all findings in; of what is in a
+    run that judges, on that run, whose rows its size was found on."""
+    errors, role = document["error_percent"], held_out(document)
+    where = f"{role} runs"
+    judged, run = document.get("judged") or {}, str(finding.get("recording"))
+    if judged.get("apart") and run in (judged.get("recordings") or ()):
+        errors, role, where = document["error_percent_by_recording"], run, f"{run}, which told its size,"
+    before, after = errors["before"], errors["after"]
     channel = f"{finding['channel']}{finding['joints'][0]}" if finding["joints"] else "total"
     if before[role].get(channel) is None or after[role].get(channel) is None:
         return ""
     name = "all channels" if channel == "total" else channel
-    text = (
-        f"; error of {name} on {role} runs {percent(before[role][channel])} → {percent(after[role][channel])}"
-    )
+    text = f"; error of {name} on {where} {percent(before[role][channel])} → {percent(after[role][channel])}"
     floor = document.get("noise_floor_percent", {}).get(channel)
     return text if floor is None else f"{text}, noise floor {percent(floor)}"

@@ -52,7 +52,8 @@ def parse_effect(asked: str | Mapping[str, Any], robot: Robot) -> EffectRequest:
     effect = known[name]
     joint, source = given.pop("joint", ""), given.pop("source_joint", None)
     beside = [
-        *(["recording", "from", "to"] if effect.windowed else []),
+        *(["recording"] if effect.windowed else []),
+        *(["from", "to"] if effect.windowed and not effect.all_along else []),
         *(["link"] if effect.on_link else []),
     ]
     window = {key: given.pop(key) for key in beside if key in given}

@@ -150,6 +150,8 @@ def _windowed(request: EffectRequest, runs: tuple[PlannedRun, ...]) -> EffectReq
     recording = request.recording
     if recording is None:
         recording = [run for run in runs if run.use == "identify" and not run.loaded][-1].label
+    if request.effect.all_along:
+        return replace(request, recording=recording)
     duration = next(run.duration for run in runs if run.label == recording)
     start, stop = request.start, request.stop
     first, last = request.effect.window or (0.0, None)

@@ -43,6 +43,7 @@ class Definition:
     proportional: bool = True  # its torque grows with its linear parameters; a simulator scales those
     windowed: bool = False  # acts from (and to) a moment of one recording
     transient: bool = False  # ... and not all along a recording
+    all_along: bool = False  # ... and only all along a recording
     on_link: bool = False  # may be said to be on a certain link
     state: State | None = None
     sizes: tuple[str, ...] = ()  # reported parameters that say how large it is; see `size_names`
