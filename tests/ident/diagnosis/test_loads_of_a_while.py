@@ -100,7 +100,12 @@ def test_a_joint_that_counts_from_another_zero_in_one_run_is_no_load(clean_arm):
     for c, z in zero_columns(state, 1, Place(recording="run1"), inside).items():
         Y[c] += 0.05 * z[:, 0]
     off = settled(replace(state, rows=replace(state.rows, Y=Y)), 3)
-    assert event_of(replace(clean_arm, state=off)) is None
+    event = event_of(replace(clean_arm, state=off))
+    assert event is not None
+    for its in (event, *event.rivals):  # told as what it is, in the one run or the other way in the other
+        place, sign = its.refined.term.place, {"run1": -1, "run2": 1}
+        assert its.refined.term.effect.name == "position_zero" and place.joint == 1
+        assert its.refined.sizes == pytest.approx([0.05 * sign[place.recording]], rel=0.1)
 
 
 @pytest.mark.parametrize("channel", [1, 2])
@@ -172,7 +177,7 @@ def test_a_law_of_the_whole_study_takes_a_loads_place(arm, monkeypatch):
         begun.state.metric, begun.state.scene, Term(force, place, dict.fromkeys(force.nonlinear_names, 0.0))
     )
     law = weighed.possible[0][1]
-    event = Event(load, replace(law, gain=law.gain - 1.0))
+    event = Event(load, replace(law, gain=law.gain - 1.0), load.gain)
     assert law.log_e > tau and law.gain > tau
     monkeypatch.setattr(loop, "compared", lambda *_: weighed)
     monkeypatch.setattr(loop, "best_event", lambda *_: event)
