@@ -130,7 +130,8 @@ def test_every_effect_of_the_catalogue_can_be_simulated(name):
         assert not np.delete(added, 1, axis=1).any()
     if e.windowed:
         first = table(hidden.recordings[0], robot, channel) - table(free.recordings[0], robot, channel)
-        assert not first.any() and not added[: int(1000 * told["parameters"]["from"])].any()
+        begins = 0.0 if e.all_along else told["parameters"]["from"]
+        assert not first.any() and not added[: int(1000 * begins)].any()
 
 
 @pytest.mark.parametrize("name", TERMS)
