@@ -18,6 +18,7 @@ import yaml
 
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
+from ident.examination.another_position import another_position
 from ident.examination.axes import joint_axes
 from ident.examination.base import Tilt, base_orientation, unseen
 from ident.examination.bodies import Parts, errors, parts_of
@@ -87,6 +88,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(alike).check
         best = max(told, key=lambda h: h.gain, default=None)
+        if not found and _bad(asked.fit) and (moved := list(another_position(asked, told))):
+            return tuple(moved)
         if best is None:
             break
         found.append(best.check)
@@ -105,6 +108,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         return tuple(found)
     doubted = any(check.hint for stream in prepared.streams for check in stream.checks)
     alone = [] if found or doubted else list(recordings_apart(asked))
+    if any(check.check.startswith("position") for check in alone):  # of which recording all rows tell
+        alone = list(another_position(asked, ())) or alone
     found += motor_signs(asked)
     beside = alone or list(unexplained(asked))
     held = asked.fit.validate
@@ -162,7 +167,7 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
         found += scales(asked)
     if error.max() > DOUBTFUL:
         found += [*several_signs(asked), *swapped(asked), *degrees(asked)]
-    bad = bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
+    bad = _bad(asked.fit)
     if bad:
         found += [*_positions(asked), *scaled_positions(asked), *other_orders(asked)]
     found += delays(asked)
@@ -177,6 +182,12 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
             else:
                 found.append(its)
     return found
+
+
+def _bad(fit: Fit) -> bool:
+    """Whether a torque is explained so badly, or most are, that positions may be to blame."""
+    error = fit.error[np.isfinite(fit.error)]
+    return bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
 
 
 def _positions(asked: Asked) -> list[Hypothesis]:
@@ -315,14 +326,15 @@ def undoing(check: Check) -> dict[str, Any] | None:
         line = yaml.safe_load(check.remedy)
     except yaml.YAMLError:
         return None
-    return line if isinstance(line, dict) and set(line) <= {"columns", "gravity"} else None
+    return line if isinstance(line, dict) and set(line) <= {"columns", "gravity", "recordings"} else None
 
 
 def mended_study(study: Study, checks: Iterable[Check]) -> Study | None:
     """The study with the remedies of its gross faults written in; None where there is nothing to undo.
 
-    A remedy is the study's own line (`columns: {tau_m3: {sign: -1}}`, `gravity: [9.81, 0, 0]`), so what is
-    applied here is what a person would paste. Maps that a recording has of its own change alike.
+    A remedy is the study's own line (`columns: {tau_m3: {sign: -1}}`, `gravity: [9.81, 0, 0]`, or one
+    recording's, `recordings: [{name: run1, columns: ...}]`), so what is applied here is what a person would
+    paste. Maps that a recording has of its own change alike.
     """
     changes: dict[str, Any] = {}
     columns, own = dict(study.columns), [dict(entry.columns) for entry in study.recordings]
@@ -336,16 +348,16 @@ def mended_study(study: Study, checks: Iterable[Check]) -> Study | None:
             columns[name] = _column(name, value)
             for maps in own:
                 if name in maps and before is not None:
-                    maps[name] = maps[name].model_copy(
-                        update={
-                            "sign": maps[name].sign * before.sign * columns[name].sign,
-                            "scale": maps[name].scale * columns[name].scale / before.scale,
-                        }
-                    )
+                    maps[name] = _of_its_own(maps[name], before, columns[name])
         changes["columns"] = columns
+        for its in line.get("recordings", ()):
+            maps = own[[entry.label for entry in study.recordings].index(its["name"])]
+            for name, value in its["columns"].items():
+                before, after = columns.get(name, _column(name, {})), _column(name, value)
+                maps[name] = _of_its_own(maps[name], before, after) if name in maps else after
     if not changes:
         return None
-    if "columns" in changes and any(own):
+    if any(own):
         changes["recordings"] = tuple(
             entry.model_copy(update={"columns": maps}) for entry, maps in zip(study.recordings, own)
         )
@@ -353,6 +365,12 @@ def mended_study(study: Study, checks: Iterable[Check]) -> Study | None:
         return study.with_(**changes)
     except (IdentError, ValueError):
         return None
+
+
+def _of_its_own(own: Any, before: Any, after: Any) -> Any:
+    """A recording's own map, changed as the study's is from one to another."""
+    sign, scale = own.sign * before.sign * after.sign, own.scale * after.scale / before.scale
+    return own.model_copy(update={"sign": sign, "scale": scale})
 
 
 def _column(name: str, value: Any) -> Any:
