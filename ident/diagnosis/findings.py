@@ -362,9 +362,10 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
         read = [_read(name) for name in check.signals]
         joints = tuple(joint for _, joint in read)
         side = "tau_l" if any(its == "tau_l" for its, _ in read) else "tau_m"
+        where = {"recording": check.recording} if check.recording else {}
         out.append(
             Finding(
-                effect.name, joints, side, {}, values, 0.0, float("inf"), float("inf"), 0.0, (),
+                effect.name, joints, side, where, values, 0.0, float("inf"), float("inf"), 0.0, (),
                 check.remedy or effect.remedy, ESTABLISHED, check.message,
             )
         )  # fmt: skip

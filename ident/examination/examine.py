@@ -18,7 +18,7 @@ import yaml
 
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
-from ident.examination.another_position import another_position
+from ident.examination.another_signal import another_signal
 from ident.examination.axes import joint_axes
 from ident.examination.base import Tilt, base_orientation, unseen
 from ident.examination.bodies import Parts, errors, parts_of
@@ -88,7 +88,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(alike).check
         best = max(told, key=lambda h: h.gain, default=None)
-        if not found and _bad(asked.fit) and (moved := list(another_position(asked, told))):
+        if not found and _bad(asked.fit) and (moved := list(another_signal(asked, told))):
             return tuple(moved)
         if best is None:
             break
@@ -108,8 +108,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         return tuple(found)
     doubted = any(check.hint for stream in prepared.streams for check in stream.checks)
     alone = [] if found or doubted else list(recordings_apart(asked))
-    if any(check.check.startswith("position") for check in alone):  # of which recording all rows tell
-        alone = list(another_position(asked, ())) or alone
+    if alone:  # of which recording all rows tell
+        alone = list(another_signal(asked, ())) or alone
     found += motor_signs(asked)
     beside = alone or list(unexplained(asked))
     held = asked.fit.validate

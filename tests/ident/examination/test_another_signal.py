@@ -1,4 +1,4 @@
-"""A position that is another signal in one recording alone."""
+"""A signal that is another one in one recording alone."""
 
 from contextlib import nullcontext
 
@@ -39,6 +39,17 @@ def test_of_a_measured_robot_one_position_in_the_run_that_is_fitted(tmp_path, jo
     turned, other = (entry.columns for entry in mended_study(study, checks).recordings)
     assert not other and turned[f"q{joint}"].sign * turned[f"q{joint}"].scale == pytest.approx(1 / factor)
     assert turned[f"dq{joint}"] == turned[f"q{joint}"].model_copy(update={"column": f"dq{joint}"})
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_of_a_measured_robot_one_torque_turned_in_the_run_that_is_fitted(tmp_path):
+    """The run that judges was nothing like what the other said of its motion."""
+    study = planted(tmp_path, in_the_long_run(lambda c: {"i2": -c["i2"]}))
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.signals, c.recording) for c in checks] == [("torque_sign", ("i2",), "excite_a_50s")]
+    turned, other = (entry.columns for entry in mended_study(study, checks).recordings)
+    assert turned["i2"].sign == -1 and not other
 
 
 @ON_RECORDINGS[0]

@@ -1,16 +1,18 @@
-"""A position that is another signal in one of the recordings: turned, in degrees, from another zero.
+"""A signal that is another one in one of the recordings: a position turned, in degrees, from another zero, a
+torque turned.
 
-All other questions move a position alike in all recordings. Where one recording alone is odd, such an answer
+All other questions change a signal alike in all recordings. Where one recording alone is odd, such an answer
 explains a part of it by chance: of an LWR4+ whose second joint was turned in the run that is fitted, "the
-positions of joints 2 and 5 look swapped" was told. So each position of each recording is moved alone, all
+positions of joints 2 and 5 look swapped" was told. So each signal of each recording is changed alone, all
 recordings fitted together, and what explains steadily more than every answer for all of them is told.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -26,11 +28,11 @@ SAME = 1.1  # times an error that is as it was
 
 
 @dataclass(frozen=True, slots=True)
-class Moved:
-    """One position of one recording, moved: what is then explained."""
+class Changed:
+    """One signal of one recording, changed: what is then explained."""
 
     recording: str
-    joint: int
+    signal: str
     check: str
     words: str
     change: Mapping[str, float]
@@ -38,19 +40,19 @@ class Moved:
 
     def remedy(self, asked: Asked) -> str:
         """The study's own line, but for a zero, which is known here to some degrees only."""
-        name = f"q{asked.joints[self.joint]}"
         if "offset" in self.change:
-            return f"{OWN} with {{{name}: {{offset: {self.change['offset']:.3g}}}}}"
-        return f"recordings: [{{name: {json.dumps(self.recording)}, {asked.line({name: self.change})}}}]"
+            return f"{OWN} with {{{self.signal}: {{offset: {self.change['offset']:.3g}}}}}"
+        line = asked.line({self.signal: self.change})
+        return f"recordings: [{{name: {json.dumps(self.recording)}, {line}}}]"
 
 
-def another_position(asked: Asked, told: Sequence[Hypothesis]) -> Iterator[Check]:
-    """The position of one recording that explains steadily more than each of the hypotheses told of all."""
+def another_signal(asked: Asked, told: Sequence[Hypothesis]) -> Iterator[Check]:
+    """The signal of one recording that explains steadily more than each of the hypotheses told of all."""
     whole = _thinned(asked.quick)
     if len(whole.samples) < 2:
         return
     before = Explained.by(whole, asked.how)
-    best = max(_moved(asked, whole), key=lambda its: its.explained.fit.gain_over(before.fit), default=None)
+    best = max(_changed(asked, whole), key=lambda its: its.explained.fit.gain_over(before.fit), default=None)
     if best is None or not _explains(best, before):
         return
     others = [before, *(Explained.by(_thinned(h.quick or asked.quick), h.how) for h in told)]
@@ -63,7 +65,7 @@ def another_position(asked: Asked, told: Sequence[Hypothesis]) -> Iterator[Check
     which = ", these recordings do not tell which" if near else ""
     yield Check(
         best.check,
-        (f"q{asked.joints[best.joint]}",),
+        (best.signal,),
         f"in this recording {said}{which}: so taken, {fallen} over all recordings",
         " or ".join(dict.fromkeys(its.remedy(asked) for its in (best, *near))),
         recording=best.recording,
@@ -76,7 +78,7 @@ def _thinned(quick: Quick) -> Quick:
     return whole.of([s.rows(slice(None, None, max(1, len(s.t) // ROWS))) for s in whole.samples])
 
 
-def _explains(its: Moved, before: Explained) -> bool:
+def _explains(its: Changed, before: Explained) -> bool:
     """Whether as much is explained as by other positions, and the torques that it explains better are."""
     seen = np.isfinite(before.fit.error) & np.isfinite(its.explained.fit.error)
     was, error = before.fit.error[seen], its.explained.fit.error[seen]
@@ -85,7 +87,7 @@ def _explains(its: Moved, before: Explained) -> bool:
     return bool(gained > SWAPPED and better.any() and (error[better] <= EXPLAINED).all())
 
 
-def _carried(whole: Quick, its: Moved, how: Assignment) -> Iterator[Explained]:
+def _carried(whole: Quick, its: Changed, how: Assignment) -> Iterator[Explained]:
     """What a body on one of the links explains in its recording: nearly what another zero does."""
     columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
     if columns.need.model == "D":
@@ -104,42 +106,54 @@ def _carried(whole: Quick, its: Moved, how: Assignment) -> Iterator[Explained]:
         yield Explained.by(whole.of(samples), how)
 
 
-def _moved(asked: Asked, whole: Quick) -> Iterator[Moved]:
+def _changed(asked: Asked, whole: Quick) -> Iterator[Changed]:
     for k in range(len(whole.samples)):
+        yield from _torques(asked, whole, k)
         for joint in range(len(asked.joints)):
-            yield from _of(asked, whole, k, joint)
+            yield from _positions(asked, whole, k, joint)
 
 
-def _mirrors(asked: Asked, whole: Quick, best: Moved) -> Iterator[Moved]:
-    """The same of the joint in another recording, where two are all that there is."""
+def _mirrors(asked: Asked, whole: Quick, best: Changed) -> Iterator[Changed]:
+    """The same of the signal in another recording, where two are all that there is."""
     for k, s in enumerate(whole.samples):
         if s.label != best.recording:
-            its = [m for m in _of(asked, whole, k, best.joint) if m.check == best.check]
+            of_joint = (_positions(asked, whole, k, joint) for joint in range(len(asked.joints)))
+            every = _torques(asked, whole, k) if best.signal[0] != "q" else chain.from_iterable(of_joint)
+            its = [m for m in every if (m.check, m.signal) == (best.check, best.signal)]
             yield from sorted(its, key=lambda m: -m.explained.fit.gain_over(best.explained.fit))[:1]
 
 
-def _of(asked: Asked, whole: Quick, k: int, joint: int) -> Iterator[Moved]:
+def _taken(asked: Asked, whole: Quick, k: int, sample: Sample) -> Explained:
+    return Explained.by(whole.of([*whole.samples[:k], sample, *whole.samples[k + 1 :]]), asked.how)
+
+
+def _torques(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:
+    """Each torque of one recording turned."""
+    sample = whole.samples[k]
+    for c in asked.seen:
+        sign = np.where(np.arange(sample.Y.shape[1]) == asked.how.order[c], -1.0, 1.0)
+        explained = _taken(asked, whole, k, replace(sample, Y=sample.Y * sign))
+        name = asked.name(c)
+        words = f"{name} has the other sign"
+        yield Changed(sample.label, name, "torque_sign", words, {"sign": -1}, explained)
+
+
+def _positions(asked: Asked, whole: Quick, k: int, joint: int) -> Iterator[Changed]:
     """One position of one recording, moved in all ways that are ordinary."""
     name, columns, sample = f"q{asked.joints[joint]}", whole.columns, whole.samples[k]
     its = np.arange(len(asked.joints)) == joint
 
-    def taken(check: str, words: str, change: Mapping[str, float], move: Callable[[Sample], Sample]) -> Moved:
-        samples = list(whole.samples)
-        samples[k] = move(sample)
-        explained = Explained.by(whole.of(samples), asked.how)
-        return Moved(sample.label, joint, check, words, change, explained)
+    def changed(check: str, words: str, change: Mapping[str, float], **motion: float) -> Changed:
+        factor, offset = (
+            np.where(its, motion.get(key, none), none) for key, none in (("factor", 1.0), ("offset", 0.0))
+        )
+        explained = _taken(asked, whole, k, sample.moved(columns, factor=factor, offset=offset))
+        return Changed(sample.label, name, check, f"{name} {words}", change, explained)
 
-    def times(factor: float) -> Callable[[Sample], Sample]:
-        return lambda s: s.moved(columns, factor=np.where(its, factor, 1.0))
-
-    def plus(offset: float) -> Callable[[Sample], Sample]:
-        return lambda s: s.moved(columns, offset=np.where(its, offset, 0.0))
-
-    yield taken("position_sign", f"{name} has the other sign", {"sign": -1}, times(-1.0))
+    yield changed("position_sign", "has the other sign", {"sign": -1}, factor=-1.0)
     if asked.joints[joint] in columns.model.prismatic:
         return
-    words = f"{name} is in degrees"
-    yield taken("angle_unit", words, {"scale": np.pi / 180}, times(np.pi / 180))
+    yield changed("angle_unit", "is in degrees", {"scale": np.pi / 180}, factor=np.pi / 180)
     for offset in [x for size in OFFSETS for x in (size, -size)]:
-        words = f"{name} starts from another zero, about {-offset:.2g} rad off"
-        yield taken("position_zero", words, {"offset": offset}, plus(offset))
+        words = f"starts from another zero, about {-offset:.2g} rad off"
+        yield changed("position_zero", words, {"offset": offset}, offset=offset)
