@@ -31,7 +31,8 @@ _GRAVEST = (
 class Check:
     """recording: label, empty where all are meant; rows: first and last row of the table, from 1, or None.
     hint: it only shows that something is wrong; a check of the same signals that says what replaces it.
-    spread: standard deviation of the remedy's factor, a share of it; None where it is not told."""
+    spread: standard deviation of the remedy's factor, a share of it; None where it is not told.
+    explains: with it the recording is as the others have it, and nothing else was found that does so."""
 
     check: str
     signals: tuple[str, ...]
@@ -42,6 +43,7 @@ class Check:
     rows: tuple[int, int] | None = None
     hint: bool = False
     spread: float | None = None
+    explains: bool = False
 
     @property
     def sentence(self) -> str:

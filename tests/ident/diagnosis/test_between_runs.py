@@ -13,12 +13,13 @@ from small_arm import ARM
 
 import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
-from ident.diagnosis.between_runs import between_runs
+from ident.diagnosis.between_runs import between_runs, says_between
+from ident.diagnosis.diagnosis import without_explained
 from ident.diagnosis.events import best_event
 from ident.diagnosis.evidence import weigh
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.own_of_a_run import acting, drives_of, own_columns, zero_columns
+from ident.diagnosis.own_of_a_run import acting, drives_of, one_number, own_columns, zero_columns
 from ident.diagnosis.parameters_apart import closer
 from ident.diagnosis.state import settled
 from ident.diagnosis.terms import Term
@@ -123,7 +124,7 @@ def test_a_body_on_one_run_is_told_on_that_run_and_its_link(short_runs):
 
 def test_what_else_is_a_runs_own_is_no_load(short_runs):
     """Nothing; a drive's friction, half more of it; a joint that counts from another zero; a torque that is a
-    fifth larger."""
+    fifth larger, or all of them."""
     state = short_runs.state
     inside = state.rows.recording == state.rows.names.index("run2")
     drive = own_columns(state, inside, drives_of(state)[1])
@@ -134,8 +135,43 @@ def test_what_else_is_a_runs_own_is_no_load(short_runs):
     assert told(with_torque(short_runs, zero, np.array([0.05])), short_runs) == {}
     larger = {1: 0.2 * (state.rows.Y[1] * inside)[:, None]}
     assert told(with_torque(short_runs, larger, np.ones(1)), short_runs) == {}
+    all_larger = {c: 0.2 * (y * inside)[:, None] for c, y in enumerate(state.rows.Y)}
+    assert told(with_torque(short_runs, all_larger, np.ones(1)), short_runs) == {}
     term = loads(short_runs)[0]
     assert acting(state.scene.columns(term)).sum() <= inside.sum() + 2
+
+
+def test_a_factor_of_all_torques_of_a_run_is_one_number(short_runs):
+    state = short_runs.state
+    inside = state.rows.recording == state.rows.names.index("run2")
+    larger = {c: 0.2 * (y * inside)[:, None] for c, y in enumerate(state.rows.Y)}
+    state = with_torque(short_runs, larger, np.ones(1))
+    _, factors = one_number(state, next(t for t in loads(short_runs) if t.place.recording == "run2"), inside)
+    says = says_between(state)
+    best = max(factors, key=says)
+    assert set(best) == set(range(state.rows.channels)) and says(best) > TAU
+    assert all(says(best) > says(z) + TAU for z in factors if z is not best)
+
+
+@pytest.mark.parametrize("reading", ["the other sign", "swapped"])
+def test_beside_a_reading_that_explains_a_run_no_load_is_told(tmp_path, reading):
+    """Of an AIRBOT a body of 0.35 kg m was told beside "in this recording tau_m2 and tau_m3 look swapped",
+    one of 1.5 beside "in this recording tau_m2 has the other sign"."""
+    runs = (*RUNS[:2], PlannedRun("run3", "identify", 6.0), PlannedRun("run4", "validate", 6.0))
+    (tmp_path / "robot.yaml").write_text(ARM)
+    made = simulate(tmp_path / "robot.yaml", "A", (), seed=8, sensors=Sensors(rate_hz=200.0), runs=runs)
+    columns = made.recordings[2].columns
+    if reading == "swapped":
+        columns["tau_m2"], columns["tau_m3"] = columns["tau_m3"], columns["tau_m2"]
+    else:
+        columns["tau_m2"] = -columns["tau_m2"]
+    study = load_study(write_simulation(made, tmp_path / "study"))
+    told = ident.diagnose(study)
+    (check,) = (c for c in told.checks if reading in c.message)
+    assert check.recording == "run3" and check.explains
+    layout = opened(prepare_study(study)).layout
+    assert {*layout.recordings} - {*without_explained(layout, told.checks).recordings} == {"run3"}
+    assert not [f for f in told.findings if f.where.get("recording")]
 
 
 @pytest.mark.skipif(
