@@ -127,7 +127,7 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
             said = f"{words} (as it is, the other recordings predict it with an error of {here:.0f} %, "
             said += f"so taken {100 * float(np.nanmax(apart.left(best.sample)[list(apart.odd)])):.0f} %)"
             check = _check(best.check, apart, best.signals, said, best.remedy)
-            yield replace(check, explains=not (load or instead))
+            yield replace(check, explains=not (load or instead or best.alike))
         elif unlike := [c for c in apart.odd if _unlike(apart, c)]:
             names = asked.names(unlike)
             if rivals_of := _or_another(asked, apart, unlike):
