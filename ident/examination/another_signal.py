@@ -69,6 +69,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis]) -> Iterator[Check]:
         f"in this recording {said}{which}: so taken, {fallen} over all recordings",
         " or ".join(dict.fromkeys(its.remedy(asked) for its in (best, *near))),
         recording=best.recording,
+        explains=best.check != "position_zero",  # that the diagnosis asks for itself, and sizes
     )
 
 
