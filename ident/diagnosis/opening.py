@@ -110,7 +110,10 @@ def opened(
         update={"position_cutoff_hz": min(PREFILTER * cutoff, HIGHEST * slowest)}
     )
     room = room_for(prepared, cutoff, memory)
-    banks = tuple(prepare(stream, settings, study.turn_overs) for stream in prepared.streams)
+    banks = tuple(
+        prepare(stream, settings, study.turn_overs, lowest=its.lowest)
+        for stream, its in zip(prepared.streams, prepared.banks)
+    )
     ahead = replace(prepared, banks=banks).with_late(late_by(columns, fitted or ()))
     source = Source(ahead, cutoff, bytes_of(prepared, cutoff) > HELD)
     systems, keeper = source.built(progress)

@@ -23,7 +23,8 @@ from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import ROLES
 from ident.signals.decimation import Decimator, kept_every
-from ident.signals.filtering import FilteredBlock, LowPass, filter_stream, filtered, windows
+from ident.signals.filtering import FilteredBlock, LowPass, filter_stream, windows
+from ident.signals.low_pass import filtered
 from ident.signals.neighbours import by_segment, sliced, wide_blocks
 
 CURVE_RATE = 5.0  # drawn samples per second and Hz of position cut-off

@@ -14,6 +14,7 @@ import numpy as np
 from ident.examination.check import Check, Outcome, listed
 from ident.examination.excerpt import Excerpt
 from ident.examination.signals import Columns
+from ident.signals.resolution import in_steps, resolution
 
 SAME = 1e-9  # of a signal's range
 STILL_S, STILL_ROWS, STILL_TIMES = 0.3, 30, 10.0  # s, rows, times the longest usual run of equal values
@@ -201,13 +202,6 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
     return [Check("held_signal", names, text, remedy)], set(slow)
 
 
-def resolution(x: np.ndarray) -> float:
-    """Of a signal (N,): the least of its changes, but for what was put in; 0 of one that never changes."""
-    steps = np.abs(np.diff(x))
-    steps = steps[steps > 0]
-    return float(np.quantile(steps, 0.02)) if len(steps) else 0.0
-
-
 def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
     """Signals whose range holds few steps of their resolution, and positions of whose acceleration the steps
     make much."""
@@ -225,8 +219,7 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
         if len(steps) < 20 or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
             continue
         step = resolution(x)
-        multiples = (x - x[0]) / step
-        if np.mean(np.abs(multiples - np.rint(multiples)) < 1e-3) < 0.99:
+        if not in_steps(x, step):
             continue
         if np.ptp(x) / step < levels:
             told[name] = step

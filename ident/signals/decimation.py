@@ -1,4 +1,4 @@
-"""Parallel decimation: the zero-phase Butterworth low-pass of filtering.py at the kept instants only.
+"""Parallel decimation: the zero-phase Butterworth low-pass of low_pass.py at the kept instants only.
 
 The impulse response of G = |H|^2 is a sum of two-sided exponentials,
 
@@ -22,7 +22,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ident.signals.filtering import TAIL, LowPass
+from ident.signals.low_pass import TAIL, LowPass
 
 OVERSAMPLING = 2.5  # kept instants per second and Hz of cut-off
 

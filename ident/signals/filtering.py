@@ -1,13 +1,4 @@
-"""Zero-phase low-pass filters, derivatives, and the sign that Coulomb friction takes (paper 3.3).
-
-Filter. A Butterworth filter run forwards and backwards has the real response
-
-    G(w) = |H(w)|^2 = 1 / (1 + (tan(w/2) / tan(w_c/2))^(2 order)),   w in rad per sample,
-
-so it is applied as a product in the frequency domain (`numpy.fft`), block by block with a halo beyond which
-its impulse response is below 1e-10. The result is that of `scipy.signal.sosfiltfilt` on the whole signal
-(which the tests compare), in memory that does not grow with the log; importing scipy.signal alone would
-cost a second.
+"""Filtered positions, derivatives, and the sign that Coulomb friction takes (paper 3.3).
 
 Derivatives. Central differences over five points of the filtered positions: dq = (q[-2] - 8 q[-1] + 8 q[1] -
 q[2]) / 12 dt. Three points lose 1 % of an acceleration at 4 Hz that is sampled at 100 Hz, five lose 0.01 %.
@@ -17,7 +8,9 @@ rest is noise: its sign would put a Coulomb torque where there is none, and at r
 between -Fc and Fc. On a twin of the paper's robot this alone biased every Fc and Fv by 3 to 8 standard
 deviations. Hence
   1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long; vs is
-     two standard deviations of its noise, estimated for each recording and joint,
+     two standard deviations of its noise, estimated for each recording and joint; of a joint that is slow
+     for its encoder (resolution.py) it is the rate with the least error, that of its positions: of a TX40
+     that moved at 0.1 rad/s the steps behind four times their cut-off were three Stribeck frictions,
   2. samples of a joint slower than vs do not count in its channels, from 2 vs on they count fully
   (`certain`):
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a true
@@ -35,95 +28,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
 
 import numpy as np
 
 from ident.recordings.recording import MIN_SAMPLES, RecordingStream, Segment
 from ident.recordings.study import FilterSettings
 from ident.signals.dry_friction import TurnOver
+from ident.signals.low_pass import LowPass, fast_length, filtered, reflected, zero_phase
+from ident.signals.resolution import lowest_cutoff, steps_of
 
-TAIL = 1e-10  # where the impulse response is cut off, relative to its peak
-MAX_SHARE = 0.45  # of the sampling rate: highest usable cut-off
 NOISE_FACTOR = 2.0  # vs in standard deviations of the velocity noise
 INNER = 6144  # rows of a window without its halo: more take more memory, fewer more time
 NOISE_ROWS = 16000  # samples from which that noise is estimated
 STEEPNESS = 2.5  # of the sign between -vs and vs
-
-
-@dataclass(frozen=True, slots=True)
-class LowPass:
-    """Zero-phase Butterworth of `order` run both ways: -6 dB at cutoff_hz."""
-
-    cutoff_hz: float
-    rate_hz: float
-    order: int = 4
-
-    def response(self, frequency_hz: np.ndarray) -> np.ndarray:
-        """G at frequencies up to rate/2; 1 for a cut-off of MAX_SHARE of the rate or more (nothing to
-        remove)."""
-        if self.cutoff_hz >= MAX_SHARE * self.rate_hz:
-            return np.ones_like(frequency_hz)
-        scale = np.tan(np.pi * self.cutoff_hz / self.rate_hz)
-        with np.errstate(over="ignore", divide="ignore"):
-            ratio = np.tan(np.pi * np.minimum(frequency_hz / self.rate_hz, 0.5)) / scale
-            return 1.0 / (1.0 + ratio ** (2 * self.order))
-
-    @property
-    def halo(self) -> int:
-        """Samples after which the impulse response stays below TAIL of its peak."""
-        return _length(self, TAIL)
-
-    @property
-    def transient(self) -> int:
-        """Samples at an end of a recording that its continuation, which nobody knows, still moves by 1 %."""
-        return _length(self, 1e-2)
-
-    def poles(self) -> np.ndarray:
-        """The `order` stable poles of H(z) after the bilinear transform (pairs of conjugates)."""
-        k = np.arange(self.order)
-        s = (
-            2
-            * self.rate_hz
-            * np.tan(np.pi * self.cutoff_hz / self.rate_hz)
-            * np.exp(1j * np.pi * (2 * k + self.order + 1) / (2 * self.order))
-        )
-        return (2 * self.rate_hz + s) / (2 * self.rate_hz - s)
-
-
-def _length(filter: LowPass, level: float) -> int:
-    if filter.cutoff_hz >= MAX_SHARE * filter.rate_hz:
-        return 0
-    slowest = np.abs(filter.poles()).max()
-    return int(np.ceil(np.log(level) / np.log(slowest)))
-
-
-@cache
-def fast_length(rows: int) -> int:
-    """The next 2^a 3^b 5^c: of such a length transforms are fast."""
-    best = 1 << (rows - 1).bit_length()
-    five = 1
-    while five < best:
-        odd = five
-        while odd < best:
-            best = min(best, odd << max(-(-rows // odd) - 1, 0).bit_length())
-            odd *= 3
-        five *= 5
-    return best
-
-
-def zero_phase(x: np.ndarray, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
-    """Filter the columns of x (N, m) forwards and backwards; ends are continued by odd reflection."""
-    filter = LowPass(cutoff_hz, rate_hz, order)
-    columns = x if x.ndim == 2 else x[:, None]
-    padded = _odd(columns, filter.halo, filter.halo)
-    out = filtered(filter, padded, slice(filter.halo, filter.halo + len(columns)))
-    return out if x.ndim == 2 else out[:, 0]
-
-
-def _odd(x: np.ndarray, before: int, after: int) -> np.ndarray:
-    """Continue x (N, m) point-symmetrically about its first and last rows."""
-    return np.pad(x, ((before, after), (0, 0)), mode="reflect", reflect_type="odd")
 
 
 def first_difference(q: np.ndarray, rate_hz: float) -> np.ndarray:
@@ -171,6 +88,18 @@ class FilterBank:
     turn_over: tuple[TurnOver, ...] = ()  # of each joint's dry friction; none given: tanh(2.5 dq / vs)
     resting: tuple[int, ...] = ()  # joints that stand at one place throughout the study
     late: tuple[tuple[int, ...], ...] = ()  # of each joint: samples by which its torques come late, if any do
+    lowest: tuple[float, ...] = ()  # Hz of each joint: what its encoder's steps leave of it (resolution.py)
+
+    @property
+    def filters(self) -> tuple[tuple[LowPass, LowPass], ...]:
+        """Of position and sign: one pair for all joints, or one for each."""
+        return tuple((self.position.up_to(hz), self.sign.up_to(hz)) for hz in self.lowest or [np.inf])
+
+    def responses(self, frequency_hz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Of position and sign filters, (F, 1) or (F, n)."""
+        position = [its.response(frequency_hz) for its, _ in self.filters]
+        sign = [its.response(frequency_hz) for _, its in self.filters]
+        return np.stack(position, axis=1), np.stack(sign, axis=1)
 
     @property
     def beside(self) -> int:
@@ -179,11 +108,11 @@ class FilterBank:
 
     @property
     def halo(self) -> int:
-        return max(self.position.halo, self.sign.halo) + self.beside
+        return max(its.halo for pair in self.filters for its in pair) + self.beside
 
     @property
     def transient(self) -> int:
-        return self.position.transient + 2
+        return max(position.transient for position, _ in self.filters) + 2
 
     def with_late(self, seconds: Sequence[Sequence[float]]) -> FilterBank:
         """The same where the torques of each joint come late by so many seconds."""
@@ -206,20 +135,25 @@ def velocity_noise(q: np.ndarray, bank: FilterBank) -> np.ndarray:
     What the sign filter removes from q is noise of the band above it; taken as white, the same level passes
     through filter and derivative with the gain computed here. The median over 64 stretches ignores reversals.
     """
-    rate = bank.sign.rate_hz
-    removed = q - zero_phase(q, rate, bank.sign.cutoff_hz, bank.sign.order)
+    each = bank.filters if bank.lowest else bank.filters * q.shape[1]
+    return np.array([_rate_noise(its, sign) for its, (_, sign) in zip(q.T, each)])
+
+
+def _rate_noise(q: np.ndarray, filter: LowPass) -> float:
+    """That of one joint, q (N,)."""
+    removed = q - zero_phase(q, filter.rate_hz, filter.cutoff_hz, filter.order)
     stretch = max(len(q) // 64, 8)
-    pieces = removed[: len(q) // stretch * stretch].reshape(-1, stretch, q.shape[1])
-    high_band = np.sqrt(np.median((pieces**2).mean(axis=1), axis=0))
-    high_band = np.maximum(high_band, 0.3 * np.sqrt((removed**2).mean(axis=0)))
-    frequency = np.linspace(0, rate / 2, 2001)
-    response = bank.sign.response(frequency)
-    step = 2 * np.pi * frequency / rate
-    derivative = rate * (8 * np.sin(step) - np.sin(2 * step)) / 6
+    pieces = removed[: len(q) // stretch * stretch].reshape(-1, stretch)
+    high_band = np.sqrt(np.median((pieces**2).mean(axis=1)))
+    high_band = max(high_band, 0.3 * np.sqrt((removed**2).mean()))
+    frequency = np.linspace(0, filter.rate_hz / 2, 2001)
+    response = filter.response(frequency)
+    step = 2 * np.pi * frequency / filter.rate_hz
+    derivative = filter.rate_hz * (8 * np.sin(step) - np.sin(2 * step)) / 6
     above = np.mean((1 - response) ** 2)
     if above < 1e-6:
-        return np.zeros(q.shape[1])
-    return high_band * np.sqrt(np.mean((derivative * response) ** 2) / above)
+        return 0.0
+    return float(high_band * np.sqrt(np.mean((derivative * response) ** 2) / above))
 
 
 def smooth_sign(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
@@ -313,10 +247,10 @@ def _smoothed(stream: RecordingStream, bank: FilterBank) -> Iterator[tuple[Smoot
         wide = slice(inner.start - 2, inner.stop + 2)
         wider = slice(inner.start - bank.beside, inner.stop + bank.beside)
         frequency = np.fft.rfftfreq(size, period)
-        low = bank.position.response(frequency)[:, None]
+        low, lighter = bank.responses(frequency)
         spectrum = np.fft.rfft(window[:, :n], size, axis=0)
         q = np.fft.irfft(spectrum * low, size, axis=0)[wide].copy()
-        light = np.fft.irfft(spectrum * bank.sign.response(frequency)[:, None], size, axis=0)[wider].copy()
+        light = np.fft.irfft(spectrum * lighter, size, axis=0)[wider].copy()
         bent: np.ndarray | None = None
         if stream.stiffness is not None:  # q = q_m - tau_l / k, of the position filter's band alike
             bending = np.fft.rfft(window[:, -2 * n : -n] / stream.stiffness, size, axis=0)
@@ -324,13 +258,6 @@ def _smoothed(stream: RecordingStream, bank: FilterBank) -> Iterator[tuple[Smoot
         _, motor, sensor = (x if x is None else x.copy() for x in stream.split(window[inner]))
         weight = stream.weight(window[inner])
         yield Smoothed(number, first, q, light, bent, motor, sensor, weight), window, inner
-
-
-def filtered(filter: LowPass, window: np.ndarray, inner: slice) -> np.ndarray:
-    """The inner rows of a window (R, m) with its halo, filtered."""
-    size = fast_length(len(window))
-    response = filter.response(np.fft.rfftfreq(size, 1.0 / filter.rate_hz))
-    return np.fft.irfft(np.fft.rfft(window, size, axis=0) * response[:, None], size, axis=0)[inner]
 
 
 def _block(
@@ -395,11 +322,11 @@ def windows(blocks: Iterable[np.ndarray], halo: int) -> Iterator[tuple[int, np.n
 
 
 def _odd_start(rows: np.ndarray, halo: int) -> np.ndarray:
-    return _odd(rows, halo, 0)
+    return reflected(rows, halo, 0)
 
 
 def _odd_end(rows: np.ndarray, halo: int) -> np.ndarray:
-    return _odd(rows, 0, halo)
+    return reflected(rows, 0, halo)
 
 
 def prepare(
@@ -407,13 +334,25 @@ def prepare(
     settings: FilterSettings,
     turn_over: Sequence[TurnOver] = (),
     resting: Sequence[int] = (),
+    lowest: Sequence[float] | None = None,
 ) -> FilterBank:
-    """The filters of a recording with the velocity noise estimated on the first samples that move."""
-    bent, rest = tuple(turn_over), tuple(resting)
-    bank = filter_bank(settings, stream.rate_hz)
+    """The filters of a recording with the velocity noise estimated on the first samples that move. lowest: as
+    of other settings, whose positions these are."""
+    n, bank = len(stream.need.joints), filter_bank(settings, stream.rate_hz)
+    bank = replace(bank, turn_over=tuple(turn_over), resting=tuple(resting))
+    q = _first_moving(stream)
+    if lowest is None:
+        seconds = [its.move_end - its.move_start for its in stream.survey.segments]
+        usual = sum(seconds) / len(seconds)
+        lowest = [lowest_cutoff(x, step, bank.position, usual) for x, step in zip(q.T, steps_of(stream))]
+    bank = replace(bank, lowest=tuple(lowest) if np.isfinite(lowest).any() else ())
     if settings.sign_velocity is not None:
-        vs = np.full(len(stream.need.joints), settings.sign_velocity)
-        return FilterBank(bank.position, bank.sign, vs, bent, rest)
+        return replace(bank, vs=np.full(n, settings.sign_velocity))
+    return replace(bank, vs=NOISE_FACTOR * velocity_noise(q, bank))
+
+
+def _first_moving(stream: RecordingStream) -> np.ndarray:
+    """Positions (N, n) of the first samples that move."""
     q: list[np.ndarray] = []
     rows = 0
     for segment, blocks in stream.segments():
@@ -427,8 +366,7 @@ def prepare(
                 break
         if rows > MIN_SAMPLES:
             break
-    noise = velocity_noise(np.concatenate(q), bank)
-    return FilterBank(bank.position, bank.sign, NOISE_FACTOR * noise, bent, rest)
+    return np.concatenate(q)
 
 
 def filter_stream(
@@ -439,7 +377,7 @@ def filter_stream(
 
     `torque_too` passes the torques through the position filter as well (for the error at the full rate).
     """
-    n, key = len(stream.need.joints), (bank.position, bank.sign, bank.beside)
+    n, key = len(stream.need.joints), (bank.filters, bank.beside)
     low = np.zeros((0, 0))
 
     def made() -> Iterator[Smoothed]:

@@ -18,7 +18,7 @@ from ident.equations.observation import ChannelFactor, triangular
 from ident.equations.prepared import Prepared
 from ident.errors import FitFailedError, StudyError
 from ident.estimation.least_squares import Estimate, joint_sigma, weighted_least_squares
-from ident.signals.filtering import MAX_SHARE, zero_phase
+from ident.signals.low_pass import MAX_SHARE, zero_phase
 
 NOISE_ROWS = 16000  # samples of each recording from which noise is estimated
 
