@@ -88,7 +88,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(alike).check
         best = max(told, key=lambda h: h.gain, default=None)
-        if not found and _bad(asked.fit) and (moved := list(another_signal(asked, told))):
+        odd = not found and (told or _bad(asked.fit) or _unforeseen(asked.fit))
+        if odd and (moved := list(another_signal(asked, told))):
             return tuple(moved)
         if best is None:
             break
@@ -188,6 +189,11 @@ def _bad(fit: Fit) -> bool:
     """Whether a torque is explained so badly, or most are, that positions may be to blame."""
     error = fit.error[np.isfinite(fit.error)]
     return bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
+
+
+def _unforeseen(fit: Fit) -> bool:
+    """Whether of a torque that judges the prediction is worse than none."""
+    return fit.validate is not None and bool(np.nanmax(fit.validate, initial=0.0) > 1.0)
 
 
 def _positions(asked: Asked) -> list[Hypothesis]:

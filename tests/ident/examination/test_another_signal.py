@@ -11,7 +11,7 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, mended_study
-from ident.twin import simulate
+from ident.twin import PlannedRun, simulate
 
 POSITIONS = ("position_sign", "position_zero", "angle_unit", "swapped_signals", "base_orientation")
 
@@ -80,3 +80,19 @@ def test_a_quarter_turn_in_one_run_is_told_and_a_load_is_none(tmp_path, request_
     checks = ident.fit(ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs)).checks
     zero = request_.startswith("position")
     assert said(checks) == ([("position_zero", ("q2",), "run1")] if zero else [])
+
+
+@pytest.mark.parametrize(("names", "check"), [(("tau_m2",), "torque_sign"), (("q2",), "position_sign")])
+def test_one_signal_turned_in_the_only_fitted_run_which_is_explained_all_the_same(tmp_path, names, check):
+    """A fit takes it up, and predicts the run that judges worse than nothing would."""
+    (tmp_path / "small.yaml").write_text(ARM)
+    plan = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 15.0))
+    made = simulate(tmp_path / "small.yaml", runs=plan, seed=4)
+    runs = []
+    for its in made.recordings:
+        turned = {name: -its.columns[name] for name in names} if its.label == "run1" else {}
+        runs.append(ident.Recording(pa.table(dict(its.columns) | turned), its.use, name=its.label))
+    checks = ident.fit(ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs)).checks
+    found = [c for c in checks if c.check in ("torque_sign", "position_sign")]
+    assert [(c.check, c.signals, c.recording) for c in found] == [(check, names, "run1")]
+    assert "do not tell" not in found[0].message
