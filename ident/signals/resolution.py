@@ -46,9 +46,9 @@ def steps_of(stream: RecordingStream) -> np.ndarray:
         rows += len(parts[-1])
         if rows > EXCERPT:
             break
-    q = np.concatenate(parts)[:EXCERPT]
-    steps = np.array([resolution(x) for x in q.T])
-    return np.array([step if step > 0 and in_steps(x, step) else 0.0 for x, step in zip(q.T, steps)])
+    every = [x[np.isfinite(x)] for x in np.concatenate(parts)[:EXCERPT].T]  # what is lost is masked later
+    steps = np.array([resolution(x) for x in every])
+    return np.array([step if step > 0 and in_steps(x, step) else 0.0 for x, step in zip(every, steps)])
 
 
 def lowest_cutoff(q: np.ndarray, step: float, filter: LowPass, stretch_s: float) -> float:
