@@ -17,10 +17,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ident.diagnosis.evidence import Columns, weigh
+from ident.diagnosis.evidence import Columns, acting, weigh
 from ident.diagnosis.is_a_load import can_be
 from ident.diagnosis.own_of_a_run import (
-    acting,
     numbers,
     one_number,
     own_columns,

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.between_runs import between_runs, comparable, one_number_between, says_between
-from ident.diagnosis.evidence import Evidence, Metric, whole
+from ident.diagnosis.evidence import Evidence, Metric, acting, whole
 from ident.diagnosis.is_a_load import (
     SHORTEST_S,
     as_one_number,
@@ -24,7 +24,6 @@ from ident.diagnosis.is_a_load import (
     stands_apart,
 )
 from ident.diagnosis.leading import outside_metric, quiet
-from ident.diagnosis.own_of_a_run import acting
 from ident.diagnosis.refine import Refined, fit_sizes, refine
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -187,7 +186,7 @@ def _first(effect: Effect, place: Place, state: State) -> dict[str, float]:
 
 
 def _only_whole(effect: Effect, place: Place, layout: Layout) -> bool:
-    """Bodies on inner links are looked for on whole recordings."""
+    """Bodies on inner links are looked for on whole recordings, as is what is there all along one."""
     return effect.all_along or (place.link is not None and place.link != layout.robot.payload_link("L"))
 
 

@@ -209,6 +209,11 @@ def orthonormal(gram: np.ndarray) -> np.ndarray:
     return vectors[:, good] / np.sqrt(values[good]) / np.where(seen, d, np.inf)[:, None]
 
 
+def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
+    """(M,) rows in which columns are not zero."""
+    return np.asarray(np.any([np.any(z, axis=1) for z in columns.values()], axis=0))
+
+
 def whole(m: Metric, usable: np.ndarray) -> Metric:
     """Everything usable fitted."""
     side = side_of(m.rows, m.X, m.y, m.B, usable)

@@ -178,7 +178,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         {
             name: {
                 "value": p.value,
-                "std": _together(p.std, wider.get(name), own_rows.get(name)),
+                "std": _deviation(own_rows.get(name, p.std), wider.get(name, 0.0)),
                 "unit": p.unit,
                 "at_bound": p.at_bound,
             }
@@ -203,10 +203,9 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
     )
 
 
-def _together(*deviations: float | None) -> float | None:
-    """Of independent errors; None where none is known."""
-    known = [its for its in deviations if its is not None]
-    return float(np.linalg.norm(known)) if any(known) else None
+def _deviation(std: float | None, wider: float) -> float | None:
+    """With what it is less known by; None of a value that was given, or whose search ended at a bound."""
+    return float(np.hypot(std, wider)) if std else None
 
 
 def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:

@@ -15,10 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, side_of, spread, weigh, whole
+from ident.diagnosis.evidence import Columns, Evidence, Metric, acting, side_of, spread, weigh, whole
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.own_of_a_run import (
-    acting,
     numbers,
     one_number,
     own_columns,

@@ -3,7 +3,7 @@ zero of a joint's position, another factor of its torque; columns in the rows of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 
 import numpy as np
 
@@ -13,11 +13,6 @@ from ident.diagnosis.sufficiency import NEARLY
 from ident.diagnosis.terms import Term
 from modelgen.effects.place import Place
 from modelgen.geometry.names import ParameterName
-
-
-def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
-    """(M,) rows in which columns are not zero."""
-    return np.asarray(np.any([np.any(z, axis=1) for z in columns.values()], axis=0))
 
 
 def own_columns(state: State, inside: np.ndarray, chosen: Collection[int]) -> dict[int, np.ndarray]:

@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 import scipy.sparse
 
-from ident.diagnosis.evidence import Metric, metric, orthonormal, stacked
+from ident.diagnosis.evidence import Metric, acting, metric, orthonormal, stacked
 from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record, comes_late, recorders
 from ident.diagnosis.rows import Rows
@@ -194,7 +194,7 @@ def solved(state: State) -> State:
 def shown(rows: Rows, columns: Mapping[int, np.ndarray]) -> bool:
     """Whether fitted rows show its size: of a load on a run that judges that run's do, and one that is there
     all along the only fitted run the contrast with those that judge."""
-    acts = np.any([np.any(z, axis=1) for z in columns.values()], axis=0)
+    acts = acting(columns)
     if not (acts & rows.judged).any() and rows.held_apart:
         others = rows.fitted & rows.use.any(axis=0) & ~acts
         return bool(others.any())

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from ident.diagnosis.between_runs import between_runs, comparable
-from ident.diagnosis.evidence import whole
+from ident.diagnosis.evidence import acting, whole
 from ident.diagnosis.is_a_load import as_one_number, can_be, cross_evidence, halves_of, is_load
 from ident.diagnosis.leading import outside_metric
-from ident.diagnosis.own_of_a_run import acting
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import Found, State
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain
 
 import numpy as np
 
@@ -20,7 +19,7 @@ from ident.examination.bodies import standard
 from ident.examination.check import Check
 from ident.examination.hypothesis import EXPLAINED, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import Assignment, Quick, Sample
-from ident.examination.recordings_apart import OFFSETS, OWN, ROWS
+from ident.examination.recordings_apart import OFFSETS, OWN, thinned
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 from modelgen.geometry.kinematics import Geometry
 
@@ -48,14 +47,14 @@ class Changed:
 
 def another_signal(asked: Asked, told: Sequence[Hypothesis]) -> Iterator[Check]:
     """The signal of one recording that explains steadily more than each of the hypotheses told of all."""
-    whole = _thinned(asked.quick)
+    whole = _few(asked.quick)
     if len(whole.samples) < 2:
         return
     before = Explained.by(whole, asked.how)
     best = max(_changed(asked, whole), key=lambda its: its.explained.fit.gain_over(before.fit), default=None)
     if best is None or not _explains(best, before):
         return
-    others = [before, *(Explained.by(_thinned(h.quick or asked.quick), h.how) for h in told)]
+    others = [before, *(Explained.by(_few(h.quick or asked.quick), h.how) for h in told)]
     others += _carried(whole, best, asked.how) if best.check == "position_zero" else []
     if not all(steadily(its, best.explained, RARE) for its in others):
         return
@@ -73,10 +72,10 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis]) -> Iterator[Check]:
     )
 
 
-def _thinned(quick: Quick) -> Quick:
+def _few(quick: Quick) -> Quick:
     """All rows as one, few enough to try a hundred motions."""
     whole = all_rows(quick)
-    return whole.of([s.rows(slice(None, None, max(1, len(s.t) // ROWS))) for s in whole.samples])
+    return whole.of([thinned(s) for s in whole.samples])
 
 
 def _explains(its: Changed, before: Explained) -> bool:
@@ -93,17 +92,11 @@ def _carried(whole: Quick, its: Changed, how: Assignment) -> Iterator[Explained]
     columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
     if columns.need.model == "D":
         return
-    of = {}
-    for s in whole.samples:
-        bodies = standard(table, s.q, s.dq, s.ddq, free=False)[0] if s.label == its.recording else None
-        of[s.label] = None if bodies is None else bodies[columns.joint_of]
+    (s,) = (s for s in whole.samples if s.label == its.recording)
+    bodies = standard(table, s.q, s.dq, s.ddq, free=False)[0][columns.joint_of]
     for link in range(len(table.rows)):
-        own = slice(10 * link, 10 * link + 10)
-        samples = []
-        for s in whole.samples:
-            bodies = of[s.label]
-            more = np.zeros((*s.W.shape[:2], 10)) if bodies is None else bodies[:, :, own]
-            samples.append(replace(s, W=np.concatenate([s.W, more], axis=2)))
+        own = bodies[:, :, 10 * link : 10 * link + 10]
+        samples = [x.beside(own if x is s else np.zeros((*x.W.shape[:2], 10))) for x in whole.samples]
         yield Explained.by(whole.of(samples), how)
 
 
@@ -118,8 +111,10 @@ def _mirrors(asked: Asked, whole: Quick, best: Changed) -> Iterator[Changed]:
     """The same of the signal in another recording, where two are all that there is."""
     for k, s in enumerate(whole.samples):
         if s.label != best.recording:
-            of_joint = (_positions(asked, whole, k, joint) for joint in range(len(asked.joints)))
-            every = _torques(asked, whole, k) if best.signal[0] != "q" else chain.from_iterable(of_joint)
+            if best.signal[0] == "q":
+                every = _positions(asked, whole, k, asked.joints.index(best.signal[1:]))
+            else:
+                every = _torques(asked, whole, k)
             its = [m for m in every if (m.check, m.signal) == (best.check, best.signal)]
             yield from sorted(its, key=lambda m: -m.explained.fit.gain_over(best.explained.fit))[:1]
 

@@ -88,7 +88,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(alike).check
         best = max(told, key=lambda h: h.gain, default=None)
-        odd = not found and (told or _bad(asked.fit) or _unforeseen(asked.fit))
+        odd = not found and (bool(told) or _bad(asked.fit) or _unforeseen(asked.fit))
         if odd and (moved := list(another_signal(asked, told))):
             return tuple(moved)
         if best is None:
@@ -109,7 +109,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         return tuple(found)
     doubted = any(check.hint for stream in prepared.streams for check in stream.checks)
     alone = [] if found or doubted else list(recordings_apart(asked))
-    if alone:  # of which recording all rows tell
+    if alone and not odd:  # of which recording all rows tell, if they were not asked
         alone = list(another_signal(asked, ())) or alone
     found += motor_signs(asked)
     beside = alone or list(unexplained(asked))

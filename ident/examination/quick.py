@@ -78,6 +78,10 @@ class Sample:
         Y, weight, W, late = self.Y[pick], self.weight[pick], self.W[:, pick], self.late[:, pick]
         return replace(self, thin=thin, Y=Y, weight=weight, W=W, late=late)
 
+    def beside(self, more: np.ndarray) -> Sample:
+        """With more columns (C, N, p) behind the model's."""
+        return replace(self, W=np.concatenate([self.W, more], axis=2))
+
     def predicted(self, chi: np.ndarray) -> np.ndarray:
         """(N, C) N m of parameters chi (b,)."""
         return np.stack([W @ chi for W in self.W], axis=1)

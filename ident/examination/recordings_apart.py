@@ -169,7 +169,7 @@ def _instead(asked: Asked, apart: Apart, causes: Sequence[Cause]) -> list[str]:
     """The fault that one number describes which stretch by stretch of all recordings explains more than every
     cause, if there is one: a rokae's torque a third too large in another recording was a zero here."""
     quick = asked.quick
-    samples = [_thinned(_assigned(replace(s, role="identify"), asked.how)) for s in quick.samples]
+    samples = [thinned(_assigned(replace(s, role="identify"), asked.how)) for s in quick.samples]
     plain, place = quick.plain(), [s.label for s in samples].index(apart.sample.label)
 
     def explained(sample: Sample) -> Explained:
@@ -229,7 +229,7 @@ def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
         if len(odd):
             size = sizes[k] / np.fmax(_middle(sizes[rest]), 1e-300)
             travel = reach[k] / np.fmax(np.median(reach[rest], axis=0), 1e-9)
-            yield Apart(_thinned(sample), chi, errors[k], usual, expected, tuple(odd.tolist()), size, travel)
+            yield Apart(thinned(sample), chi, errors[k], usual, expected, tuple(odd.tolist()), size, travel)
 
 
 def _odd(error: np.ndarray, expected: np.ndarray) -> np.ndarray:
@@ -247,7 +247,7 @@ def _unsure(sample: Sample, fitted: Sequence[Sample], how: Assignment) -> np.nda
     parts = [p for s in fitted for p in _stretches(s, max(2, PARTS // len(fitted)))]
     sums = [normal for normal in (Normal.of([p]) for p in parts) if normal is not None]
     chis = [solve(added([*sums[:k], *sums[k + 1 :]]), None, how).chi for k in range(len(sums))]
-    thin = _thinned(sample)
+    thin = thinned(sample)
     made = np.stack([thin.predicted(chi) for chi in chis])
     spread = (len(chis) - 1) * made.var(axis=0)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -266,7 +266,7 @@ def _middle(values: np.ndarray, of: Any = np.nanmedian) -> np.ndarray:
     return out
 
 
-def _thinned(s: Sample) -> Sample:
+def thinned(s: Sample) -> Sample:
     """Rows enough to judge by, few enough to try a hundred motions."""
     return s.rows(slice(None, None, max(1, len(s.t) // ROWS)))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -51,7 +50,7 @@ def _of_itself(asked: Asked, j: int) -> Fit:
     def beside(s: Sample) -> Sample:
         hats = np.stack([np.interp(s.q[:, j], knots, hat) for hat in np.eye(KNOTS)], axis=1)
         own = np.array(quick.columns.joint_of, int)[:, None, None] == j
-        return replace(s, W=np.concatenate([s.W, own * hats], axis=2))
+        return s.beside(own * hats)
 
     return quick.of([beside(s) for s in quick.samples]).fit(asked.how)
 

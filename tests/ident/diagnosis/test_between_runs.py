@@ -16,10 +16,10 @@ from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis.between_runs import between_runs, says_between
 from ident.diagnosis.diagnosis import without_explained
 from ident.diagnosis.events import best_event
-from ident.diagnosis.evidence import weigh
+from ident.diagnosis.evidence import acting, weigh
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.own_of_a_run import acting, drives_of, one_number, own_columns, zero_columns
+from ident.diagnosis.own_of_a_run import drives_of, one_number, own_columns, zero_columns
 from ident.diagnosis.parameters_apart import closer
 from ident.diagnosis.state import settled
 from ident.diagnosis.terms import Term

@@ -11,12 +11,12 @@ from benchmarks.planted_faults import BASES, DATA, FAULTS, Fault, carried, plant
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.events import Event, _gains, best_event
-from ident.diagnosis.evidence import whole
+from ident.diagnosis.evidence import acting, whole
 from ident.diagnosis.is_a_load import crossed, stands_apart
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.own_of_a_run import acting, zero_columns
+from ident.diagnosis.own_of_a_run import zero_columns
 from ident.diagnosis.refine import Refined, fit_sizes, refine
 from ident.diagnosis.state import Found, settled, with_found
 from ident.diagnosis.terms import Term
