@@ -96,6 +96,12 @@ def closer(m: Metric, columns: Columns, told: Evidence) -> float:
     return _of_whole(m, columns, told)[0]
 
 
+def times_noise(m: Metric, columns: Columns, sizes: np.ndarray) -> float:
+    """How many times as much as noise makes them the model's parameters change from the fitted to the judged
+    rows beside columns of these sizes, all channels in one regression (squares)."""
+    return _of_whole(m, columns, weigh(m, columns, sizes))[1]
+
+
 def _of_whole(m: Metric, columns: Columns, told: Evidence) -> tuple[float, float]:
     """What is left of log E, and kappa, all channels in one regression."""
     white = m.whiten(columns)
