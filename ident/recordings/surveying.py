@@ -57,7 +57,8 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
     lowest = highest = np.empty(0)
     last_t: float | None = None
     last_row = np.empty(0)
-    recent, leaps = np.empty((0, n)), []  # positions just before a block
+    recent: tuple[np.ndarray, ...] = (np.empty(0), np.empty((0, n)))  # stamps, positions before a block
+    leaps = []
     sums = np.zeros(3)  # intervals inside segments: count, sum, sum of squares about the median
     worst = 0.0
     marks: list[tuple[float, float]] = []  # gaps
@@ -97,13 +98,14 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         marks += [(float(after_t[k] - dt[k]), float(after_t[k])) for k in np.flatnonzero(wide)]
         for k in np.flatnonzero(wide):
             first = len(values) - len(after) + k  # of the rows after the gap
-            sides = (
-                np.vstack([recent, values[max(first - SIDE, 0) : first, :n]])[-SIDE:],
-                values[first : first + SIDE, :n],
+            near = slice(max(first - SIDE, 0), first), slice(first, first + SIDE)
+            stamps, sides = (
+                (np.concatenate([past, now[near[0]]])[-SIDE:], now[near[1]])
+                for past, now in zip(recent, (t, values[:, :n]))
             )
-            if goes_on(*sides, float(dt[k]) / first_interval):
+            if goes_on(sides, stamps, first_interval):
                 leaps.append(clock_leap(stream.label, float(dt[k]), int(at[k]) + 1))
-        recent = np.vstack([recent, values[-SIDE:, :n]])[-SIDE:]
+        recent = tuple(np.concatenate([past, now])[-SIDE:] for past, now in zip(recent, (t, values[:, :n])))
         inner = dt[moving & ~wide]
         sums += [len(inner), inner.sum(), ((inner - first_interval) ** 2).sum()]
         worst = max(worst, float(np.abs(inner - first_interval).max(initial=0.0)))

@@ -7,12 +7,14 @@ from recordings import motion, write_parquet, write_study
 from small_arm import ARM
 
 import generated
+from ident.equations.prepared import prepare_study
 from ident.estimation.fit import fit_study
-from ident.examination.clock import Grid, rounded_stamps, uniform_clock
+from ident.examination.clock import Grid, goes_on, rounded_stamps, uniform_clock
 from ident.examination.of_table import more_joints
 from ident.recordings.study import load_study
 
 K = np.arange(6000)
+GAPPED = [0, 1, 3, 4, 6, 7, 9, 10, 20, 21, 23, 24, 26, 27, 29, 30]
 
 
 def stamps_told(t):
@@ -47,6 +49,17 @@ def test_lost_rows_of_a_long_log_do_not_ask_for_all_stamps_again():
         assert grid.other >= 100 and grid.rounded is rounded
 
 
+@pytest.mark.parametrize(("set_on", "seen"), [(3.0, True), (0.0, False)])
+def test_a_clock_that_was_set_is_told_from_rows_that_are_lost(set_on, seen):
+    """Eight stamps of a drawn motion on either side of a gap of ten rows; of the others every third is gone,
+    and none of a motion without them has set its clock."""
+    t = 0.01 * np.array([0, 1, 3, 4, 6, 7, 9, 10, 11, 12, 14, 15, 17, 18, 20, 21] if seen else GAPPED)
+    rng = np.random.default_rng(2)
+    q = np.sin(3 * t[:, None] + [0.3, 1.9]) + 2e-4 * rng.normal(size=(16, 2))
+    stamps = t + set_on * (np.arange(16) > 7)
+    assert goes_on((q[:8], q[8:]), (stamps[:8], stamps[8:]), 0.01) is seen
+
+
 class TestOnRecordings:
     pytestmark = ON_RECORDINGS
 
@@ -62,6 +75,22 @@ class TestOnRecordings:
         fit = fit_study(planted(tmp_path, change).with_(robust=robust))
         assert fit.full_rate_error["validate"]["total"] < 10
         assert any(check.check == "resting_joint" for check in fit.checks)
+
+    def test_a_joint_that_rests_is_no_switch_where_its_encoder_flickers(self, tmp_path):
+        """By its one step, as in the first three seconds of a UR10e: its log was refused."""
+
+        def change(c):
+            flicker = 1e-4 * (np.arange(len(c["t"])) % 7 == 0)
+            return {**c, "q1": 0.4 + flicker} | ({"dq1": 0 * c["dq1"]} if "dq1" in c else {})
+
+        told = prepare_study(planted(tmp_path, change)).streams[0].checks
+        assert [(c.check, c.signals) for c in told] == [("resting_joint", ("q1",))]
+
+    def test_no_clock_is_set_in_a_log_that_lacks_rows(self, tmp_path):
+        """Of two fifths that an AIRBOT's and a UR10e's lacked the clock leapt in sixty places."""
+        keep = np.random.default_rng(3).random(20_000) > 0.4
+        study = planted(tmp_path, lambda c: {name: x[keep[: len(x)]] for name, x in c.items()})
+        assert [s.checks for s in prepare_study(study).streams] == [(), ()]
 
     def test_rounded_stamps_harm_nothing(self, tmp_path):
         """At 95.2 Hz, rounded to 10 ms: it was taken for 100 Hz with rows missing."""
