@@ -121,15 +121,8 @@ class State:
 
     @cached_property
     def scene(self) -> Scene:
-        return Scene(self.rows, self.segments, self.motions, self.model, self._beside)
-
-    def _beside(self, term: Term) -> FittedModel:
-        """The model, with what was found, as the fitted rows have it where a term multiplies it."""
-        design, B = self.design
-        own = set(term.place.rows(self.model.channels))
-        scaled = [(p, v * term.factor) if c in own else (p, v) for c, (p, v) in enumerate(design)]
-        beta = weighted_fit(self.rows, scaled, B, self.rows.fitted)
-        return replace(self, beta=beta, found=_sized(self.found, beta, self.rows.b)).model
+        beside = partial(beside_factor, replace(self), self.design)  # nothing that the state keeps: no circle
+        return Scene(self.rows, self.segments, self.motions, self.model, beside)
 
     def plus(self, *found: Found) -> State:
         """With more in it, not settled yet."""
@@ -142,6 +135,17 @@ class State:
     @property
     def terms(self) -> tuple[Term, ...]:
         return tuple(f.term for f in self.found if f.term is not None)
+
+
+def beside_factor(
+    state: State, stack: tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int], term: Term
+) -> FittedModel:
+    """The model, with what was found, as the fitted rows have it where a term multiplies it; stack: `design`."""
+    design, B = stack
+    own = set(term.place.rows(state.model.channels))
+    scaled = [(p, v * term.factor) if c in own else (p, v) for c, (p, v) in enumerate(design)]
+    beta = weighted_fit(state.rows, scaled, B, state.rows.fitted)
+    return replace(state, beta=beta, found=_sized(state.found, beta, state.rows.b)).model
 
 
 def added(rigid: FittedModel, found: Sequence[Found], channels: int, motion: Motion) -> np.ndarray:
