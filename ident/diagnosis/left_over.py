@@ -38,7 +38,8 @@ def leftovers(
     does not carry over is told where nothing else is, `unnamed` included, or where it kept a name away."""
     out: list[Unnamed] = []
     for u in unnamed:
-        state, steps = _laws(state, steps, u, tau)
+        if u.times_noise is None:  # what is no more than a change of the model is no function beside a name
+            state, steps = _laws(state, steps, u, tau)
     state, steps, doubtful, asked = overrated(state, steps, tau)
     for c in range(state.rows.channels):
         doubt = doubtful.get(c)
@@ -110,10 +111,12 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
 
 def _laws(state: State, steps: list[Step], rest: Unnamed, tau: float) -> tuple[State, list[Step]]:
     """Without what is no law of a channel in which a function without a name finds the rest beside it: what
-    such a function alone, learned in its place, says more than, and leaves nothing to say."""
+    such a function alone, learned in its place, says more than, and leaves nothing to say. (What the study
+    itself left out is there whatever is beside it: of a UR10e without viscous friction that of joints 2 and 4
+    was taken back, and the error ended at 8.1 instead of 4.6 %.)"""
     c = rest.channel
     for number, f in reversed(list(enumerate(state.found))):
-        if f.term is None or f.term.place.joint is None or c not in f.columns:
+        if f.term is None or f.term.place.joint is None or c not in f.columns or f.term.effect.replaces:
             continue
         others = state.but(number)
         named = tuple(g for g in others.found if g.term is not None or c not in g.columns)

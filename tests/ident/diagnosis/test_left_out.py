@@ -1,5 +1,6 @@
 """What a study leaves out on all joints is one hypothesis."""
 
+import numpy as np
 import pytest
 from planted import DATA, ON_RECORDINGS
 from small_arm import ARM
@@ -16,12 +17,25 @@ from modelgen.effects import catalogue
 
 
 @pytest.fixture(scope="module")
-def arm(tmp_path_factory):
+def simulated(tmp_path_factory):
+    """study(bump [N m]): an arm whose second torque has such a bump about 0.5 rad/s, a law nobody has named."""
     folder = tmp_path_factory.mktemp("left_out")
     (folder / "robot.yaml").write_text(ARM)
     runs = (PlannedRun("run1", "identify", 14.0), PlannedRun("run2", "validate", 10.0))
-    made = simulate(folder / "robot.yaml", "A", (), seed=3, sensors=Sensors(rate_hz=200.0), runs=runs)
-    return load_study(write_simulation(made, folder / "out"))
+
+    def study(bump):
+        made = simulate(folder / "robot.yaml", "A", (), seed=3, sensors=Sensors(rate_hz=200.0), runs=runs)
+        for run in made.recordings:
+            rate = np.gradient(run.columns["q2"], run.columns["t"])
+            run.columns["tau_m2"] = run.columns["tau_m2"] + bump * np.exp(-((rate - 0.5) ** 2) / 0.05)
+        return load_study(write_simulation(made, folder / f"bump{bump}"))
+
+    return study
+
+
+@pytest.fixture(scope="module")
+def arm(simulated):
+    return simulated(0.0)
 
 
 @pytest.mark.parametrize("name", ["viscous_friction", "coulomb_friction"])
@@ -51,6 +65,15 @@ def test_only_what_was_taken_out_is_asked_for(arm):
     assert asked(arm) == set()
     assert asked(arm.with_(without=("viscous_friction:2",))) == {("viscous_friction", 2)}
     assert asked(arm.with_(without=("rotor_inertia",))) == {("rotor_inertia", 3)}
+
+
+def test_it_is_told_whatever_else_is_there(simulated):
+    """Beside a bump of the second torque over its rate, which functions of the rate learn together with its
+    viscous friction, this was taken back, and 5.4 % of error were left where 3.3 are."""
+    d = diagnose_study(simulated(0.2).with_(without=("viscous_friction",)))
+    told = {(f.effect, *f.joints) for f in d.findings}
+    assert told == {("viscous_friction", joint) for joint in (1, 2, 3)}
+    assert 2 in {joint for u in d.unexplained for joint in u.joints}
 
 
 class TestOnRecordings:
