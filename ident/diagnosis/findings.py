@@ -351,7 +351,7 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
                 for axis, g in zip("xyz", mended.gravity)
             }
         if len(check.signals) == len(effect.reported) == 1:  # recorded: a number times what is there
-            maps = [its.columns.get(check.signals[0]) for its in (study, mended)]
+            maps = [_map_of(its, check.signals[0], check.recording) for its in (study, mended)]
             before, after = (1.0 if its is None else its.scale for its in maps)
             gain = before / after
             if gain != 1.0:
@@ -369,6 +369,12 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
             )
         )  # fmt: skip
     return tuple(out)
+
+
+def _map_of(study: Study, signal: str, recording: str) -> Any:
+    """The column map of a signal: a recording's own, or the study's."""
+    own = [e.columns[signal] for e in study.recordings if e.label == recording and signal in e.columns]
+    return own[0] if own else study.columns.get(signal)
 
 
 def in_doubt(findings: Sequence[Finding], checks: Sequence[Check]) -> tuple[Finding, ...]:

@@ -1,74 +1,107 @@
 """A signal that is another one in one of the recordings: a position turned, in degrees, from another zero, a
-torque turned.
+torque turned, exchanged with another, times a number.
 
 All other questions change a signal alike in all recordings. Where one recording alone is odd, such an answer
 explains a part of it by chance: of an LWR4+ whose second joint was turned in the run that is fitted, "the
 positions of joints 2 and 5 look swapped" was told. So each signal of each recording is changed alone, all
-recordings fitted together, and what explains steadily more than every answer for all of them is told.
+recordings fitted together, and what explains steadily more than every answer for all of them is told, with
+all that these recordings do not tell from it: another signal, the same one of another recording, a load or
+other friction there.
 """
 
 from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import standard
-from ident.examination.check import Check
+from ident.examination.check import Check, listed
 from ident.examination.hypothesis import EXPLAINED, SWAPPED, Asked, Hypothesis, falls
-from ident.examination.quick import Assignment, Quick, Sample
+from ident.examination.quick import Quick, Sample
 from ident.examination.recordings_apart import OFFSETS, OWN, thinned
-from ident.examination.stretches import RARE, Explained, all_rows, steadily
+from ident.examination.rivals import rivals
+from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 from modelgen.geometry.kinematics import Geometry
+from modelgen.geometry.names import ParameterName
 
 SAME = 1.1  # times an error that is as it was
+LOAD = "a load is carried that the study does not declare", "declare it with payload:"
 
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """One signal of one recording, changed: what is then explained."""
+    """What is different in one recording, in words, and what is then explained; `changes` of the study's
+    columns that undo it, none where it is no signal: `check` then says what to do."""
 
     recording: str
-    signal: str
+    signals: tuple[str, ...]
     check: str
     words: str
-    change: Mapping[str, float]
+    changes: Mapping[str, Mapping[str, Any]]
     explained: Explained
+    least: float = SWAPPED
+    drives: tuple[int, ...] = ()
 
     def remedy(self, asked: Asked) -> str:
         """The study's own line, but for a zero, which is known here to some degrees only."""
-        if "offset" in self.change:
-            return f"{OWN} with {{{self.signal}: {{offset: {self.change['offset']:.3g}}}}}"
-        line = asked.line({self.signal: self.change})
-        return f"recordings: [{{name: {json.dumps(self.recording)}, {line}}}]"
+        if not self.changes:
+            return self.check
+        if self.check == "position_zero":
+            (name,) = self.signals
+            return f"{OWN} with {{{name}: {{offset: {self.changes[name]['offset']:.3g}}}}}"
+        return f"recordings: [{{name: {json.dumps(self.recording)}, {asked.line(self.changes)}}}]"
 
 
-def another_signal(asked: Asked, told: Sequence[Hypothesis]) -> Iterator[Check]:
-    """The signal of one recording that explains steadily more than each of the hypotheses told of all."""
+def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = True) -> Iterator[Check]:
+    """The signal of one recording that explains steadily more than each of the hypotheses told of all.
+
+    Positions cost a motion each; without them it is looked whether a torque is another one, and they are
+    asked where it looks so."""
     whole = _few(asked.quick)
     if len(whole.samples) < 2:
         return
     before = Explained.by(whole, asked.how)
-    best = max(_changed(asked, whole), key=lambda its: its.explained.fit.gain_over(before.fit), default=None)
+    found = list(_torques(asked, whole, before))
+    if positions or any(_explains(its, before) for its in found):
+        found += _positions(asked, whole)
+
+    def gain(its: Changed) -> float:
+        return its.explained.fit.gain_over(before.fit)
+
+    best = max(found, key=gain, default=None)
     if best is None or not _explains(best, before):
         return
-    others = [before, *(Explained.by(_few(h.quick or asked.quick), h.how) for h in told)]
-    others += _carried(whole, best, asked.how) if best.check == "position_zero" else []
-    if not all(steadily(its, best.explained, RARE) for its in others):
+    others = [Explained.by(_few(h.quick or asked.quick), h.how) for h in told]
+    if not all(steadily(its, best.explained, RARE) for its in (before, *others)):
         return
-    near = [its for its in _mirrors(asked, whole, best) if not steadily(its.explained, best.explained, RARE)]
-    said = ", or ".join([best.words, *(f"{its.words} in {its.recording}" for its in near)])
+    instead = _instead(whole, best, asked)
+    if any(gain(its) > gain(best) for its in instead):
+        return
+    everywhere = list(rivals(whole, asked.how, asked.currents))
+    if any(agreed(best.explained, its.explained, ODD / len(everywhere)) for its in everywhere):
+        return
+    once = {
+        (its.recording, its.check, its.signals): its for its in sorted(found, key=gain) if its is not best
+    }
+    alike = [its for its in once.values() if _explains(its, before) and steadily(before, its.explained, RARE)]
+    near = [its for its in (*alike, *instead) if not steadily(its.explained, best.explained, RARE)]
+    every = [best, *sorted(near, key=gain, reverse=True)]
+    where = [f" in {its.recording}" if its.recording != best.recording else "" for its in every]
+    said = ", or ".join(its.words + at for its, at in zip(every, where))
     fallen = falls(before.fit, best.explained.fit)
     which = ", these recordings do not tell which" if near else ""
     yield Check(
         best.check,
-        (best.signal,),
+        best.signals,
         f"in this recording {said}{which}: so taken, {fallen} over all recordings",
-        " or ".join(dict.fromkeys(its.remedy(asked) for its in (best, *near))),
+        " or ".join(dict.fromkeys(its.remedy(asked) for its in every)),
         recording=best.recording,
-        explains=best.check != "position_zero",  # that the diagnosis asks for itself, and sizes
+        explains=best.check != "position_zero" and all(its.changes for its in near),  # which it asks, sizes
     )
 
 
@@ -79,72 +112,83 @@ def _few(quick: Quick) -> Quick:
 
 
 def _explains(its: Changed, before: Explained) -> bool:
-    """Whether as much is explained as by other positions, and the torques that it explains better are."""
+    """Whether as much is explained as it has to, and the torques that it explains better are."""
     seen = np.isfinite(before.fit.error) & np.isfinite(its.explained.fit.error)
     was, error = before.fit.error[seen], its.explained.fit.error[seen]
     better = error < was / SAME
     gained = its.explained.fit.gain_over(before.fit)
-    return bool(gained > SWAPPED and better.any() and (error[better] <= EXPLAINED).all())
+    return bool(gained > its.least and better.any() and (error[better] <= EXPLAINED).all())
 
 
-def _carried(whole: Quick, its: Changed, how: Assignment) -> Iterator[Explained]:
-    """What a body on one of the links explains in its recording: nearly what another zero does."""
+def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
+    """What a recording's own may be where one of its signals looks another: a body on the link on which it
+    explains most (nearly what another zero does), other friction of joints whose torques look scaled."""
+    if its.check not in ("position_zero", "torque_scale"):
+        return []
     columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
-    if columns.need.model == "D":
-        return
     (s,) = (s for s in whole.samples if s.label == its.recording)
-    bodies = standard(table, s.q, s.dq, s.ddq, free=False)[0][columns.joint_of]
-    for link in range(len(table.rows)):
-        own = bodies[:, :, 10 * link : 10 * link + 10]
-        samples = [x.beside(own if x is s else np.zeros((*x.W.shape[:2], 10))) for x in whole.samples]
-        yield Explained.by(whole.of(samples), how)
+
+    def beside(own: np.ndarray, words: str, do: str) -> Changed:
+        samples = [
+            x.beside(own if x is s else np.zeros((*x.W.shape[:2], own.shape[2]))) for x in whole.samples
+        ]
+        explained = Explained.by(whole.of(samples), asked.how)
+        return Changed(s.label, (), do, words, {}, explained)
+
+    out = []
+    if columns.need.model != "D":
+        bodies = standard(table, s.q, s.dq, s.ddq, free=False)[0][columns.joint_of]
+        each = [bodies[:, :, 10 * link : 10 * link + 10] for link in range(len(table.rows))]
+        loads = [beside(own, *LOAD) for own in each]
+        out.append(min(loads, key=lambda load: float(np.nansum(np.log(load.explained.fit.error)))))
+    if its.drives:
+        names = [ParameterName.of(name) for name in columns.parameters]
+        labels = {asked.joints[j] for j in its.drives}
+        drives = [k for k, name in enumerate(names) if name and not name.of_body and name.label in labels]
+        joints = f"joint{'s' if len(labels) > 1 else ''} {listed(sorted(labels))}"
+        words = f"the friction of {joints} is another", f"look at the drive of {joints}"
+        out += [beside(s.W[:, :, drives], *words)] if drives else []
+    return out
 
 
-def _changed(asked: Asked, whole: Quick) -> Iterator[Changed]:
-    for k in range(len(whole.samples)):
-        yield from _torques(asked, whole, k)
+def _torques(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]:
+    sums = Sums.of(whole, asked.how)
+    if len(sums.each) < len(whole.samples):
+        return
+    for k, sample in enumerate(whole.samples):
+        told = list(readings(asked, sums, k, before.fit))
+        most = max((gain for gain, _ in told), default=0.0)
+        for gain, reading in told:
+            if gain > max(most - SWAPPED, 0.0):
+                yield _read(whole, asked, sample, reading)
+
+
+def _read(whole: Quick, asked: Asked, sample: Sample, its: Reading) -> Changed:
+    samples = [its.of(s) if s is sample else s for s in whole.samples]
+    explained = Explained.by(whole.of(samples), asked.how)
+    return Changed(
+        sample.label, its.signals, its.check, its.words, its.changes, explained, its.least, its.drives
+    )
+
+
+def _positions(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    for sample in whole.samples:
         for joint in range(len(asked.joints)):
-            yield from _positions(asked, whole, k, joint)
+            yield from _position(asked, whole, sample, joint)
 
 
-def _mirrors(asked: Asked, whole: Quick, best: Changed) -> Iterator[Changed]:
-    """The same of the signal in another recording, where two are all that there is."""
-    for k, s in enumerate(whole.samples):
-        if s.label != best.recording:
-            if best.signal[0] == "q":
-                every = _positions(asked, whole, k, asked.joints.index(best.signal[1:]))
-            else:
-                every = _torques(asked, whole, k)
-            its = [m for m in every if (m.check, m.signal) == (best.check, best.signal)]
-            yield from sorted(its, key=lambda m: -m.explained.fit.gain_over(best.explained.fit))[:1]
-
-
-def _taken(asked: Asked, whole: Quick, k: int, sample: Sample) -> Explained:
-    return Explained.by(whole.of([*whole.samples[:k], sample, *whole.samples[k + 1 :]]), asked.how)
-
-
-def _torques(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:
-    """Each torque of one recording turned."""
-    sample = whole.samples[k]
-    for c in asked.seen:
-        sign = np.where(np.arange(sample.Y.shape[1]) == asked.how.order[c], -1.0, 1.0)
-        explained = _taken(asked, whole, k, replace(sample, Y=sample.Y * sign))
-        name = asked.name(c)
-        words = f"{name} has the other sign"
-        yield Changed(sample.label, name, "torque_sign", words, {"sign": -1}, explained)
-
-
-def _positions(asked: Asked, whole: Quick, k: int, joint: int) -> Iterator[Changed]:
+def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterator[Changed]:
     """One position of one recording, moved in all ways that are ordinary."""
-    name, columns, sample = f"q{asked.joints[joint]}", whole.columns, whole.samples[k]
+    name, columns = f"q{asked.joints[joint]}", whole.columns
     its = np.arange(len(asked.joints)) == joint
 
     def changed(check: str, words: str, change: Mapping[str, float], **motion: float) -> Changed:
         factor, offset = (
             np.where(its, motion.get(key, none), none) for key, none in (("factor", 1.0), ("offset", 0.0))
         )
-        explained = _taken(asked, whole, k, sample.moved(columns, factor=factor, offset=offset))
-        return Changed(sample.label, name, check, f"{name} {words}", change, explained)
+        moved = sample.moved(columns, factor=factor, offset=offset)
+        explained = Explained.by(whole.of([moved if s is sample else s for s in whole.samples]), asked.how)
+        return Changed(sample.label, (name,), check, f"{name} {words}", {name: change}, explained)
 
     yield changed("position_sign", "has the other sign", {"sign": -1}, factor=-1.0)
     if asked.joints[joint] in columns.model.prismatic:

@@ -89,7 +89,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             found[-1] = best.beside(alike).check
         best = max(told, key=lambda h: h.gain, default=None)
         odd = not found and (bool(told) or _bad(asked.fit) or _unforeseen(asked.fit))
-        if odd and (moved := list(another_signal(asked, told))):
+        if not found and (moved := list(another_signal(asked, told, positions=odd))):
             return tuple(moved)
         if best is None:
             break

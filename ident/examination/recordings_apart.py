@@ -123,7 +123,9 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
             if instead and not load:
                 continue
             load_too = ["a load is carried that the study does not declare"] if load else []
-            words = ", or ".join([best.words, *load_too, *instead])
+            others = [s.label for s in quick.samples if s.label != apart.sample.label]
+            there_too = [f"the other way in {others[0]}"] if best.alike and len(others) == 1 else []
+            words = ", or ".join([best.words, *there_too, *load_too, *instead])
             said = f"{words} (as it is, the other recordings predict it with an error of {here:.0f} %, "
             said += f"so taken {100 * float(np.nanmax(apart.left(best.sample)[list(apart.odd)])):.0f} %)"
             check = _check(best.check, apart, best.signals, said, best.remedy)

@@ -5,7 +5,7 @@ from contextlib import nullcontext
 import numpy as np
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, planted
+from planted import ON_RECORDINGS, measured, planted
 from small_arm import ARM
 
 import ident
@@ -96,3 +96,79 @@ def test_one_signal_turned_in_the_only_fitted_run_which_is_explained_all_the_sam
     found = [c for c in checks if c.check in ("torque_sign", "position_sign")]
     assert [(c.check, c.signals, c.recording) for c in found] == [(check, names, "run1")]
     assert "do not tell" not in found[0].message
+
+
+def _other_torques(its, factors, order):
+    """The simulated torques of run1 in other places and times numbers."""
+    named = {f"tau_m{j}": its.columns[f"tau_m{k}"] * f for j, k, f in zip((1, 2, 3), order, factors)}
+    return dict(its.columns) | (named if its.label == "run1" else {})
+
+
+@pytest.mark.parametrize(
+    ("factors", "order", "check", "names"),
+    [
+        ((1, 1, 1), (1, 3, 2), "swapped_signals", ("tau_m2", "tau_m3")),
+        ((1, 1.5, 1), (1, 2, 3), "torque_scale", ("tau_m2",)),
+        ((1.3, 1.3, 1.3), (1, 2, 3), "torque_scale", ("tau_m1", "tau_m2", "tau_m3")),
+    ],
+)
+def test_other_torques_in_the_only_fitted_run(tmp_path, factors, order, check, names):
+    (tmp_path / "small.yaml").write_text(ARM)
+    plan = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 15.0))
+    made = simulate(tmp_path / "small.yaml", runs=plan, seed=4)
+    runs = [
+        ident.Recording(pa.table(_other_torques(r, factors, order)), r.use, name=r.label)
+        for r in made.recordings
+    ]
+    study = ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs)
+    told = [c for c in ident.fit(study).checks if c.check in ("swapped_signals", "torque_scale")]
+    assert [(c.check, c.signals) for c in told] == [(check, names)]
+    assert "a load" not in told[0].message and (told[0].recording == "run1" or "in run1" in told[0].message)
+
+
+@pytest.mark.parametrize(
+    "request_", ["payload_change:link=2,m=2,recording=run1", "payload_change:m=2,recording=run2"]
+)
+def test_a_load_is_no_factor_of_a_torque(tmp_path, request_):
+    (tmp_path / "small.yaml").write_text(ARM)
+    plan = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 15.0))
+    made = simulate(tmp_path / "small.yaml", effects=(request_,), runs=plan, seed=4)
+    runs = [ident.Recording(pa.table(dict(r.columns)), r.use, name=r.label) for r in made.recordings]
+    checks = ident.fit(ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs)).checks
+    assert not {"torque_scale", "swapped_signals", "torque_sign"} & {c.check for c in checks}
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("pair", [(2, 3), (4, 5)])
+def test_of_a_measured_robot_two_torques_swapped_in_the_run_that_is_fitted(tmp_path, pair):
+    """Of a TX40 one was told to change its sign within the run, of the other pair nothing was said."""
+    a, b = (f"tau_m{j}" for j in pair)
+
+    def swap(c):
+        first = c["t"] - c["t"][0] < 2.8
+        return {a: np.where(first, c[b], c[a]), b: np.where(first, c[a], c[b])}
+
+    study = planted(tmp_path, lambda c: c | swap(c), measured("staubli_tx40"))
+    (entry,) = {r.file: r for r in study.recordings}.values()
+    runs = [
+        entry.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
+        for use, begin, end in (("identify", None, 2.8), ("validate", 2.8, 3.9))
+    ]
+    study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    told = [(c.check, c.signals, c.recording) for c in examine_fit(prepare_study(study))]
+    assert told == [("swapped_signals", (a, b), "identify")]
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(("robot", "signal", "factor"), [("ur10e", "i2", 2.0), ("ur10e", "i3", 0.7)])
+def test_of_a_measured_robot_one_torque_scaled_in_the_run_that_is_fitted(tmp_path, robot, signal, factor):
+    """It was twice as large, or a load was carried, or it was so from nine seconds on."""
+    study = planted(tmp_path, in_the_long_run(lambda c: {signal: factor * c[signal]}))
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.signals, c.recording) for c in checks] == [
+        ("torque_scale", (signal,), "excite_a_50s")
+    ]
+    scaled, other = (entry.columns for entry in mended_study(study, checks).recordings)
+    assert scaled[signal].scale == pytest.approx(1 / factor, rel=0.02) and not other

@@ -53,10 +53,6 @@ FRANKA = {
         lambda c: c | {"tau_l2": c["tau_l2"] + 2 * np.std(c["tau_l2"]) * c["t"] / np.ptp(c["t"])},
         "tau_l2 drifts by",
     ),
-    "a factor in one part": (
-        lambda c: c | {"tau_l2": np.where(_half(c["t"]), 1.3, 1.0) * c["tau_l2"]},
-        "tau_l2 of validate is 1.3 times as large or a load is carried there:",
-    ),
 }
 
 
@@ -66,6 +62,14 @@ def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
     change, words = FRANKA[fault]
     (check,) = _said(parted(planted(tmp_path, change, measured("franka_panda")), 6.5, 9.8))
     assert check.check == "poor_excitation" and words in check.message
+
+
+def test_a_factor_in_what_judges_is_told_there_with_a_load(tmp_path):
+    """It was all that the motions were said not to show."""
+    half = lambda c: c | {"tau_l2": np.where(_half(c["t"]), 1.3, 1.0) * c["tau_l2"]}  # noqa: E731
+    (check,) = _said(parted(planted(tmp_path, half, measured("franka_panda")), 6.5, 9.8))
+    assert (check.check, check.signals, check.recording) == ("torque_scale", ("tau_l2",), "validate")
+    assert "tau_l2 is 1.3" in check.message and "times too large, or a load is carried" in check.message
 
 
 def _five_seconds(study):

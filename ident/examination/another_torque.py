@@ -1,0 +1,118 @@
+"""What the torques of one recording may be beside those of the others: turned, exchanged, times a number.
+
+Only right-hand sides of one recording's sums change, so that each of some hundred costs a small solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from ident.examination.hypothesis import SWAPPED, Asked
+from ident.examination.quick import Assignment, Fit, Normal, Quick, Sample, added, solve
+from ident.examination.scales import SCALED
+
+FACTORS = np.geomspace(1e-3, 1e3, 31)
+FINER, TIMES = 9, 3  # of them between the neighbours of the best one, so often
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Recorded torque k of a recording taken as factor[k] times that of source[k], in words; `changes` of the
+    study's columns, what it has to gain, and places of the joints whose drives may have changed instead."""
+
+    check: str
+    signals: tuple[str, ...]
+    words: str
+    changes: Mapping[str, Mapping[str, Any]]
+    source: tuple[int, ...]
+    factor: tuple[float, ...]
+    least: float = SWAPPED
+    drives: tuple[int, ...] = ()
+
+    def of(self, sample: Sample) -> Sample:
+        """The recording so read."""
+        order, factor = list(self.source), np.array(self.factor)
+        return replace(sample, Y=sample.Y[:, order] * factor, late=sample.late[:, :, order] * factor)
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """Those of some recordings, of which one's torques are read otherwise."""
+
+    each: tuple[Normal, ...]
+    total: Normal
+    how: Assignment
+
+    @classmethod
+    def of(cls, whole: Quick, how: Assignment) -> Sums:
+        each = tuple(normal for s in whole.samples if (normal := Normal.of([s])) is not None)
+        return cls(each, added(each), how)
+
+    def fit(self, k: int, source: Sequence[int], factor: np.ndarray) -> Fit:
+        """Of all recordings, with torques of recording k in other places and times a factor."""
+        own, order = self.each[k], list(source)
+        v = self.total.v - own.v + own.v[:, order] * factor[:, None]
+        yy = self.total.yy - own.yy + own.yy[:, order] * factor**2
+        return solve(replace(self.total, v=v, yy=yy), None, self.how)
+
+
+def readings(asked: Asked, sums: Sums, k: int, before: Fit) -> Iterator[tuple[float, Reading]]:
+    """What recording k's torques may be, each with the gain over `before` that all recordings then show."""
+    for its in (*_turned(asked), *_exchanged(asked)):
+        yield sums.fit(k, its.source, np.array(its.factor)).gain_over(before), its
+    every = [c for c in asked.seen if c not in asked.quick.columns.gain_columns]
+    for channels in [[c] for c in asked.seen] + ([every] if len(every) > 1 else []):
+        yield _scaled(asked, sums, k, before, channels)
+
+
+def _turned(asked: Asked) -> Iterator[Reading]:
+    n = len(asked.how.order)
+    for c in asked.seen:
+        factor = tuple(-1.0 if k == asked.how.order[c] else 1.0 for k in range(n))
+        name = asked.name(c)
+        words = f"{name} has the other sign"
+        yield Reading("torque_sign", (name,), words, {name: {"sign": -1}}, tuple(range(n)), factor)
+
+
+def _exchanged(asked: Asked) -> Iterator[Reading]:
+    """Two torques of one side; a current is then times the gain of its own drive."""
+    order, gains, channels = asked.how.order, asked.gains, asked.quick.columns.need.channels
+    for a, b in combinations(asked.seen, 2):
+        if channels[a].side == channels[b].side:
+            source, factor = list(range(len(order))), [1.0] * len(order)
+            source[order[a]], source[order[b]] = order[b], order[a]
+            factor[order[a]], factor[order[b]] = float(gains[a] / gains[b]), float(gains[b] / gains[a])
+            one, other = asked.name(a), asked.name(b)
+            changes = {one: {"of": other}, other: {"of": one}}
+            words = f"{one} and {other} look swapped"
+            yield Reading("swapped_signals", (one, other), words, changes, tuple(source), tuple(factor))
+
+
+def _scaled(asked: Asked, sums: Sums, k: int, before: Fit, channels: Sequence[int]) -> tuple[float, Reading]:
+    """These torques times the number with which all recordings are explained best; no gain where it is hardly
+    more than that of an absurd one."""
+    order = asked.how.order
+    same, own = tuple(range(len(order))), np.isin(np.arange(len(order)), [order[c] for c in channels])
+
+    def gain(by: float) -> float:
+        return sums.fit(k, same, np.where(own, by, 1.0)).gain_over(before)
+
+    absurd = max(gain(by) for by in FACTORS[[0, -1]])
+    factors = FACTORS
+    for _ in range(TIMES):
+        best = int(np.argmax([gain(by) for by in factors]))
+        low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
+        factors = np.geomspace(low, high, FINER)
+    most, by = max((gain(by), float(by)) for by in factors)
+    names, size = asked.names(channels), float(f"{by:.3g}")
+    plain = f"{names[0]} is" if len(names) == 1 else "all torques are"
+    words = f"{plain} {max(by, 1 / by):.3g} times too {'small' if by > 1 else 'large'}"
+    changes, factor = {name: {"scale": size} for name in names}, tuple(np.where(own, size, 1.0).tolist())
+    drives = tuple(int(asked.quick.columns.joint_of[c]) for c in channels)
+    most = most if most - absurd > SCALED else 0.0
+    return most, Reading("torque_scale", names, words, changes, same, factor, SCALED, drives)
