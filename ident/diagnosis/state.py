@@ -140,7 +140,8 @@ class State:
 def beside_factor(
     state: State, stack: tuple[tuple[tuple[np.ndarray, np.ndarray], ...], int], term: Term
 ) -> FittedModel:
-    """The model, with what was found, as the fitted rows have it where a term multiplies it; stack: `design`."""
+    """The model, with what was found, as the fitted rows have it where a term multiplies it; stack: its
+    `design`."""
     design, B = stack
     own = set(term.place.rows(state.model.channels))
     scaled = [(p, v * term.factor) if c in own else (p, v) for c, (p, v) in enumerate(design)]

@@ -265,6 +265,12 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
         return text + _among_changes(item, near, times)
     if near is not None and item.get("nearest_by_chance") is not None:
         return text + _too_poorly_told(item, near, item["nearest_by_chance"])
+    if near is not None and not item["depends_on"]:
+        return (
+            f"{text}{_as_nearest(item, near)}, but fitted to these recordings it is not possible (a mass "
+            "that is negative, a shape that ends where its search does): something is there, and it is "
+            "not this."
+        )
     if not item["depends_on"]:
         share = item["share_of_residual_percent"]
         if share < 100:

@@ -18,7 +18,7 @@ from modelgen.effects import catalogue
 
 @pytest.fixture(scope="module")
 def simulated(tmp_path_factory):
-    """study(bump [N m]): an arm whose second torque has such a bump about 0.5 rad/s, a law nobody has named."""
+    """study(bump [N m]): an arm whose second torque has such a bump about 0.5 rad/s, a law without a name."""
     folder = tmp_path_factory.mktemp("left_out")
     (folder / "robot.yaml").write_text(ARM)
     runs = (PlannedRun("run1", "identify", 14.0), PlannedRun("run2", "validate", 10.0))

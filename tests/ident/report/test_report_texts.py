@@ -217,6 +217,19 @@ def test_signals_that_move_alike_are_named_beside_the_one_that_was_asked():
     assert "depends on q3, or on q1, q6, which move alike in these recordings" in unexplained_sentence(item)
 
 
+def test_a_load_that_no_fit_can_hold_is_no_share_of_what_is_left():
+    """Of a Franka whose third joint was homed 90 degrees off "1.1e-14 % of what is left on the judged runs is
+    not in the fitted ones" was told."""
+    near = {"effect": "payload_change", "joints": [], "log_e": 217.0, "error_drop_percent": 0.0}
+    item = DIAGNOSIS["unexplained"][0] | {
+        "depends_on": [], "share_of_residual_percent": 1.1e-14, "nearest": near, "carries_over": True,
+        "parameters_change_times_noise": None, "nearest_by_chance": None,
+    }  # fmt: skip
+    text = unexplained_sentence(item)
+    assert "payload change on the whole robot says something" in text and "it is not this" in text
+    assert "%" not in text
+
+
 def test_many_findings_are_grouped_by_effect():
     def found(name, *joints):
         return DIAGNOSIS["findings"][1] | {"effect": name, "joints": list(joints)}
