@@ -242,10 +242,13 @@ def flexible(
     groups = list(_groups(signals, joint, len(segments), on_rows, short))
     back = _spread(m, channel, joint, segments)
     name = f"q{joint + 1}"
-    for k in wave_peaks(segments, joint, back, top_wave):
-        groups.append(((name,), partial(on_rows, _wave(segments, joint, k, None))))
-        with_rate = _wave(segments, joint, k, signals.own[f"dq{joint + 1}"])
-        groups.append(((name, f"dq{joint + 1}"), partial(on_rows, with_rate)))
+    rates = signals.own[f"dq{joint + 1}"]
+    # a wave that goes with the rate has its line in what is left times the rate, and none over the position
+    lines = wave_peaks(segments, joint, back, top_wave)
+    moving = wave_peaks(segments, joint, [b * x for b, x in zip(back, rates)], top_wave)
+    groups += [((name,), partial(on_rows, _wave(segments, joint, k, None))) for k in lines]
+    for k in dict.fromkeys([*lines, *moving]):
+        groups.append(((name, f"dq{joint + 1}"), partial(on_rows, _wave(segments, joint, k, rates))))
     asked = [group for group in groups if only is None or set(group[0]) <= only]
     told = (in_order if short else map)(lambda group: _ridge(m, channel, group[1]()), asked)
     best: tuple[float, tuple[str, ...], np.ndarray, np.ndarray] | None = None
