@@ -35,26 +35,17 @@ LOAD = "a load is carried that the study does not declare", "declare it with pay
 
 @dataclass(frozen=True, slots=True)
 class Changed:
-    """What is different in one recording, in words, and what is then explained; `changes` of the study's
-    columns that undo it, none where it is no signal: `check` then says what to do."""
+    """What is different in one recording, in words, what to do and what is then explained; no `signals` and
+    no `check` where it is none of its signals."""
 
     recording: str
     signals: tuple[str, ...]
     check: str
     words: str
-    changes: Mapping[str, Mapping[str, Any]]
+    remedy: str
     explained: Explained
     least: float = SWAPPED
     drives: tuple[int, ...] = ()
-
-    def remedy(self, asked: Asked) -> str:
-        """The study's own line, but for a zero, which is known here to some degrees only."""
-        if not self.changes:
-            return self.check
-        if self.check == "position_zero":
-            (name,) = self.signals
-            return f"{OWN} with {{{name}: {{offset: {self.changes[name]['offset']:.3g}}}}}"
-        return f"recordings: [{{name: {json.dumps(self.recording)}, {asked.line(self.changes)}}}]"
 
 
 def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = True) -> Iterator[Check]:
@@ -99,9 +90,9 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         best.check,
         best.signals,
         f"in this recording {said}{which}: so taken, {fallen} over all recordings",
-        " or ".join(dict.fromkeys(its.remedy(asked) for its in every)),
+        " or ".join(dict.fromkeys(its.remedy for its in every)),
         recording=best.recording,
-        explains=best.check != "position_zero" and all(its.changes for its in near),  # which it asks, sizes
+        explains=best.check != "position_zero" and all(its.signals for its in near),  # which it asks, sizes
     )
 
 
@@ -133,7 +124,7 @@ def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
             x.beside(own if x is s else np.zeros((*x.W.shape[:2], own.shape[2]))) for x in whole.samples
         ]
         explained = Explained.by(whole.of(samples), asked.how)
-        return Changed(s.label, (), do, words, {}, explained)
+        return Changed(s.label, (), "", words, do, explained)
 
     out = []
     if columns.need.model != "D":
@@ -164,11 +155,19 @@ def _torques(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]
 
 
 def _read(whole: Quick, asked: Asked, sample: Sample, its: Reading) -> Changed:
-    samples = [its.of(s) if s is sample else s for s in whole.samples]
-    explained = Explained.by(whole.of(samples), asked.how)
-    return Changed(
-        sample.label, its.signals, its.check, its.words, its.changes, explained, its.least, its.drives
-    )
+    explained = _taken(asked, whole, sample, its.of(sample))
+    remedy = _own_line(asked, sample, its.changes)
+    return Changed(sample.label, its.signals, its.check, its.words, remedy, explained, its.least, its.drives)
+
+
+def _own_line(asked: Asked, sample: Sample, changes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Of the study, with columns of the recording's own."""
+    return f"recordings: [{{name: {json.dumps(sample.label)}, {asked.line(changes)}}}]"
+
+
+def _taken(asked: Asked, whole: Quick, sample: Sample, other: Sample) -> Explained:
+    """All recordings fitted together with another sample in the place of one."""
+    return Explained.by(whole.of([other if s is sample else s for s in whole.samples]), asked.how)
 
 
 def _positions(asked: Asked, whole: Quick) -> Iterator[Changed]:
@@ -182,18 +181,21 @@ def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterato
     name, columns = f"q{asked.joints[joint]}", whole.columns
     its = np.arange(len(asked.joints)) == joint
 
-    def changed(check: str, words: str, change: Mapping[str, float], **motion: float) -> Changed:
+    def changed(check: str, words: str, remedy: str, **motion: float) -> Changed:
         factor, offset = (
             np.where(its, motion.get(key, none), none) for key, none in (("factor", 1.0), ("offset", 0.0))
         )
-        moved = sample.moved(columns, factor=factor, offset=offset)
-        explained = Explained.by(whole.of([moved if s is sample else s for s in whole.samples]), asked.how)
-        return Changed(sample.label, (name,), check, f"{name} {words}", {name: change}, explained)
+        explained = _taken(asked, whole, sample, sample.moved(columns, factor=factor, offset=offset))
+        return Changed(sample.label, (name,), check, f"{name} {words}", remedy, explained)
 
-    yield changed("position_sign", "has the other sign", {"sign": -1}, factor=-1.0)
+    def line(**change: float) -> str:
+        return _own_line(asked, sample, {name: change})
+
+    yield changed("position_sign", "has the other sign", line(sign=-1), factor=-1.0)
     if asked.joints[joint] in columns.model.prismatic:
         return
-    yield changed("angle_unit", "is in degrees", {"scale": np.pi / 180}, factor=np.pi / 180)
+    yield changed("angle_unit", "is in degrees", line(scale=np.pi / 180), factor=np.pi / 180)
     for offset in [x for size in OFFSETS for x in (size, -size)]:
         words = f"starts from another zero, about {-offset:.2g} rad off"
-        yield changed("position_zero", words, {"offset": offset}, offset=offset)
+        remedy = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"  # no line: known to some degrees only
+        yield changed("position_zero", words, remedy, offset=offset)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ident.examination.hypothesis import SWAPPED, Asked
-from ident.examination.quick import Assignment, Fit, Normal, Quick, Sample, added, solve
+from ident.examination.quick import Assignment, Fit, Normal, Quick, Sample, added, gain_of, solve
 from ident.examination.scales import SCALED
 
 FACTORS = np.geomspace(1e-3, 1e3, 31)
@@ -60,14 +60,38 @@ class Sums:
         yy = self.total.yy - own.yy + own.yy[:, order] * factor**2
         return solve(replace(self.total, v=v, yy=yy), None, self.how)
 
+    def least_errors(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """(C,) relative errors below which no fit of several channels comes: as recorded, and with recording
+        k's torque times any number."""
+        own, out = self.each[k], []
+        for c, place in enumerate(self.how.order):
+            v = np.stack([self.total.v[c, place] - own.v[c, place], own.v[c, place]], axis=1)
+            size = np.array([self.total.yy[c, place] - own.yy[c, place], own.yy[c, place]])
+            both = (v.sum(axis=1, keepdims=True), size.sum(keepdims=True)), (v, size)
+            out.append([_least_error(self.total.G[c], *its) for its in both])
+        return np.array(out)[:, 0], np.array(out)[:, 1]
+
+
+def _least_error(G: np.ndarray, v: np.ndarray, size: np.ndarray) -> float:
+    """Of the sum of L torques on rows of their own, each times any number, with W' Y (b, L), |Y|^2 (L,)."""
+    length = np.sqrt(np.maximum(np.diag(G), 1e-300))
+    normal = G / np.outer(length, length) + np.diag(np.where(np.diag(G) > 0, 1e-12, 1.0))
+    u = v / length[:, None] / np.sqrt(np.maximum(size, 1e-300))
+    left = np.eye(len(size)) - u.T @ np.linalg.solve(normal, u)
+    return float(np.sqrt(max(np.linalg.eigvalsh(left)[0], 0.0)))
+
 
 def readings(asked: Asked, sums: Sums, k: int, before: Fit) -> Iterator[tuple[float, Reading]]:
-    """What recording k's torques may be, each with the gain over `before` that all recordings then show."""
+    """What recording k's torques may be, each with the gain over `before` that all recordings then show. A
+    number is not looked for where none gains enough to be told."""
     for its in (*_turned(asked), *_exchanged(asked)):
         yield sums.fit(k, its.source, np.array(its.factor)).gain_over(before), its
     every = [c for c in asked.seen if c not in asked.quick.columns.gain_columns]
+    plain, times = sums.least_errors(k)
     for channels in [[c] for c in asked.seen] + ([every] if len(every) > 1 else []):
-        yield _scaled(asked, sums, k, before, channels)
+        least = np.where(np.isin(np.arange(len(plain)), channels), times, plain)
+        if gain_of(before.error, least) > SCALED:
+            yield _scaled(asked, sums, k, before, channels)
 
 
 def _turned(asked: Asked) -> Iterator[Reading]:
