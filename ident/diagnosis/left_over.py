@@ -15,13 +15,12 @@ from ident.diagnosis.outcome import Step, Unnamed
 from ident.diagnosis.parameters_apart import Changes, beside_changes
 from ident.diagnosis.state import Found, State, solved, without
 from ident.diagnosis.sufficiency import (
-    NEARLY,
+    as_much,
     ask,
     explained_share,
     heard,
-    margin,
+    move_alike,
     signals_read,
-    sufficient,
 )
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighed_again import asked_for
@@ -145,11 +144,10 @@ def _is_a_law(term: Term, own: Evidence, rest: Unnamed, learned: Flexible, tau: 
     alone.)"""
     read = signals_read(term)
     apart = not set(rest.variables) <= (frozenset({"tau"}) if read is None else read)
-    judged = sufficient(term, own, learned, tau) or (
-        read is None and apart and own.log_e + rest.log_e >= learned.evidence.log_e
-    )
-    asked = NEARLY * learned.prior_evidence + margin(term.free, tau)
-    return judged and bool(own.gain + apart * rest.gain > asked)
+    alone = not move_alike(learned, tau) and as_much(own.log_e, learned.evidence.log_e, term.free, tau)
+    beside = read is None and apart and own.log_e + rest.log_e >= learned.evidence.log_e
+    fitted = as_much(own.gain + apart * rest.gain, learned.fitted, term.free, tau)
+    return bool((alone or beside) and fitted)
 
 
 def _leaning(others: State, f: Found, functions: Functions, m: Metric) -> Unnamed:

@@ -273,7 +273,8 @@ def _pair(
         if other.term.key == best.term.key or not set(other.columns) & set(best.columns):
             continue
         together = weigh(weighed.metric, side_by_side(best, other))
-        asked = flex.evidence.log_e + margin(max(best.term.free, other.term.free), tau)
-        if together.log_e > asked and together.supported(alpha):
+        more = margin(max(best.term.free, other.term.free), tau)
+        judged, fitted = together.log_e - flex.evidence.log_e, together.gain - flex.fitted
+        if min(judged, fitted) > more and together.supported(alpha):
             return other
     return None

@@ -43,7 +43,8 @@ class Signals:
 class Flexible:
     """The best function found: its signals, its column (M,) as learned, what it says; what functions of the
     same signal of other joints say (their names, nats), where that was asked; the columns (M, k) that it is
-    made of, each at the size that the prior gives it."""
+    made of, each at the size that the prior gives it. `fitted` is what it says of the fitted rows as
+    a law's gain does, the noise being what is left; its size is paid for."""
 
     variables: tuple[str, ...]
     column: np.ndarray
@@ -51,6 +52,7 @@ class Flexible:
     evidence: Evidence
     others: tuple[tuple[str, float], ...] = ()
     room: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    fitted: float = -np.inf
 
 
 def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:
@@ -251,15 +253,15 @@ def flexible(
         groups.append(((name, f"dq{joint + 1}"), partial(on_rows, _wave(segments, joint, k, rates))))
     asked = [group for group in groups if only is None or set(group[0]) <= only]
     told = (in_order if short else map)(lambda group: _ridge(m, channel, group[1]()), asked)
-    best: tuple[float, tuple[str, ...], np.ndarray, np.ndarray] | None = None
-    for (variables, _), (value, column, room) in zip(asked, told):
+    best: tuple[float, tuple[str, ...], np.ndarray, np.ndarray, float] | None = None
+    for (variables, _), (value, column, room, price) in zip(asked, told):
         if best is None or value > best[0]:
-            best = (value, variables, column, room)
+            best = (value, variables, column, room, price)
     if best is None or best[0] < wanted:
         return None
-    value, variables, column, room = best
+    value, variables, column, room, price = best
     evidence = weigh(m, {channel: column[:, None]}, np.ones(1))
-    return Flexible(variables, column, value, evidence, room=room)
+    return Flexible(variables, column, value, evidence, room=room, fitted=evidence.gain - price)
 
 
 def imitation(
@@ -311,15 +313,17 @@ def _spread(m: Metric, channel: int, joint: int, segments: Sequence[FineSegment]
     return out
 
 
-def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Evidence of a group on the fitted rows, its posterior mean (M,), the columns (M, k) of its prior."""
+def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, float]:
+    """Evidence of a group on the fitted rows, its posterior mean (M,), the columns (M, k) of its prior, and
+    what it pays for its size [nats]: what the fall of squares is ahead of the evidence by, at the best size
+    half of the numbers that it uses and of ln det (1 + lambda G), whatever the noise's size."""
     on = m.fitted.mask & m.rows.use[channel]
     white = m.whiteners[channel] @ Z
     here = np.where(on[:, None], white, 0.0)
     seen = np.sum(here**2, axis=0) > UNSEEN * np.sum(white**2, axis=0)  # others have no size to be learned
     Z, here = Z[:, seen], here[:, seen]
     if not seen.any():
-        return 0.0, np.zeros(len(Z)), Z
+        return 0.0, np.zeros(len(Z)), Z, 0.0
     places, values = m.X[channel]
     cross = m.fitted.basis[places].T @ (values.T @ here)
     own = here.T @ here
@@ -330,10 +334,11 @@ def _ridge(m: Metric, channel: int, Z: np.ndarray) -> tuple[float, np.ndarray, n
     keep = s > 1e-9
     s, U = s[keep], U[:, keep]
     if not len(s):
-        return 0.0, np.zeros(len(Z)), np.zeros((len(Z), 0))
+        return 0.0, np.zeros(len(Z)), np.zeros((len(Z), 0)), 0.0
     h = (U.T @ g) ** 2
     spread = LAMBDAS[:, None] * s[None, :]
     values_ = 0.5 * np.sum(h * LAMBDAS[:, None] / (1 + spread) - np.log1p(spread), axis=1)
     k = int(np.argmax(values_))
     a = U @ ((U.T @ g) * LAMBDAS[k] / (1 + LAMBDAS[k] * s)) / scale
-    return float(values_[k]), Z @ a, Z @ (U / scale[:, None] * np.sqrt(LAMBDAS[k]))
+    price = 0.5 * np.sum(spread[k] / (1 + spread[k]) + np.log1p(spread[k]))
+    return float(values_[k]), Z @ a, Z @ (U / scale[:, None] * np.sqrt(LAMBDAS[k])), float(price)

@@ -34,7 +34,7 @@ def case(tiny, seed, size, wild):
     strange = np.concatenate([Z[: M // 2] @ strengths[0], Z[M // 2 :] @ strengths[1]])
     rows = tiny["rows"](np.ones((M, 1)), size * effect + strange + rng.normal(size=M))
     m = tiny["metric"](rows)
-    value, column, room = _ridge(m, 0, Z)
+    value, column, room, _ = _ridge(m, 0, Z)
     flex = Flexible(("q1",), column, value, weigh(m, {0: column[:, None]}, np.ones(1)), room=room)
     term = SimpleNamespace(place=SimpleNamespace(joint=0))
     return SimpleNamespace(metric=m), Found(term, {0: effect[:, None]}, np.ones(1)), {0: flex}

@@ -19,7 +19,7 @@ def _law(effect, own, rest, alone):
     beside it, and its nats; alone: those of the function in its place."""
     term = SimpleNamespace(effect=catalogue()[effect], place=Place(joint=1, side="motor"), free=1)
     evidence, fitted = alone
-    learned = Flexible(("q2",), np.zeros(1), fitted, SimpleNamespace(log_e=evidence))
+    learned = Flexible(("q2",), np.zeros(1), fitted, SimpleNamespace(log_e=evidence), fitted=fitted)
     left = Unnamed(1, rest[0], *rest[1:], 0.5, None)
     return _is_a_law(term, SimpleNamespace(log_e=own[0], gain=own[1]), left, learned, TAU)
 
