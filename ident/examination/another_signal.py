@@ -21,11 +21,13 @@ import numpy as np
 from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import standard
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import EXPLAINED, SWAPPED, Asked, Hypothesis, falls
+from ident.examination.coupled import held
+from ident.examination.hypothesis import EXPLAINED, SWAPPED, Asked, Hypothesis, bad, falls
 from ident.examination.quick import Quick, Sample
 from ident.examination.recordings_apart import OFFSETS, OWN, thinned
 from ident.examination.rivals import rivals
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
+from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
 from modelgen.geometry.kinematics import Geometry
 from modelgen.geometry.names import ParameterName
 
@@ -52,13 +54,14 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     """The signal of one recording that explains steadily more than each of the hypotheses told of all.
 
     Positions cost a motion each; without them it is looked whether a torque is another one, and they are
-    asked where it looks so."""
+    asked where it looks so, or where no fit of all recordings explains a torque. (Each of a UR10e's, of which
+    one had its fourth position doubled, was explained well enough by itself.)"""
     whole = _few(asked.quick)
     if len(whole.samples) < 2:
         return
     before = Explained.by(whole, asked.how)
     found = list(_torques(asked, whole, before))
-    if positions or any(_explains(its, before) for its in found):
+    if positions or bad(before.fit) or any(_explains(its, before) for its in found):
         found += _positions(asked, whole)
 
     def gain(its: Changed) -> float:
@@ -194,8 +197,15 @@ def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterato
     yield changed("position_sign", "has the other sign", line(sign=-1), factor=-1.0)
     if asked.joints[joint] in columns.model.prismatic:
         return
-    yield changed("angle_unit", "is in degrees", line(scale=np.pi / 180), factor=np.pi / 180)
+    yield changed("angle_unit", "is in degrees", line(scale=DEGREES), factor=DEGREES)
+    for factor in POSITION_FACTORS:
+        yield changed("angle_unit", f"is {times_too(1 / factor)}", line(scale=factor), factor=factor)
     for offset in [x for size in OFFSETS for x in (size, -size)]:
         words = f"starts from another zero, about {-offset:.2g} rad off"
         remedy = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"  # no line: known to some degrees only
         yield changed("position_zero", words, remedy, offset=offset)
+    for too in held(columns):
+        if too.j == joint:
+            explained = _taken(asked, whole, sample, too.without(columns, sample))
+            remedy = f"{too.remedy} of that recording"
+            yield Changed(sample.label, (name,), "coupled_position", too.words, remedy, explained)

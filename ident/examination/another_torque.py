@@ -15,6 +15,7 @@ import numpy as np
 from ident.examination.hypothesis import SWAPPED, Asked
 from ident.examination.quick import Assignment, Fit, Normal, Quick, Sample, added, gain_of, solve
 from ident.examination.scales import SCALED
+from ident.examination.units import times_too
 
 FACTORS = np.geomspace(1e-3, 1e3, 31)
 FINER, TIMES = 9, 3  # of them between the neighbours of the best one, so often
@@ -135,7 +136,7 @@ def _scaled(asked: Asked, sums: Sums, k: int, before: Fit, channels: Sequence[in
     most, by = max((gain(by), float(by)) for by in factors)
     names, size = asked.names(channels), float(f"{by:.3g}")
     plain = f"{names[0]} is" if len(names) == 1 else "all torques are"
-    words = f"{plain} {max(by, 1 / by):.3g} times too {'small' if by > 1 else 'large'}"
+    words = f"{plain} {times_too(1 / by)}"
     changes, factor = {name: {"scale": size} for name in names}, tuple(np.where(own, size, 1.0).tolist())
     drives = tuple(int(asked.quick.columns.joint_of[c]) for c in channels)
     most = most if most - absurd > SCALED else 0.0

@@ -21,6 +21,7 @@ _GRAVEST = (
     "torque_sign",
     "torque_scale",
     "swapped_signals",
+    "coupled_position",
     "base_orientation",
     "joint_axis",
     "wrong_robot",

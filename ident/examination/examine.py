@@ -24,9 +24,10 @@ from ident.examination.base import Tilt, base_orientation, unseen
 from ident.examination.bodies import Parts, errors, parts_of
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried_faults
 from ident.examination.check import Check, refuse, turned_sign, worst_first
+from ident.examination.coupled import coupled_positions
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.hypothesis import EXPLAINED, NOTHING, Asked, Hypothesis, signal_of
+from ident.examination.hypothesis import EXPLAINED, NOTHING, Asked, Hypothesis, bad, signal_of
 from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.places import other_orders, swapped, swapped_positions
 from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
@@ -46,7 +47,6 @@ DOUBTFUL = 0.15  # error of a channel from which several faults at once are aske
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
 FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is blamed, and anything else
 FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
-BAD, BAD_TOGETHER = 0.3, 0.125  # of one channel, or of the median one
 
 
 def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
@@ -88,7 +88,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(alike).check
         best = max(told, key=lambda h: h.gain, default=None)
-        odd = not found and (bool(told) or _bad(asked.fit) or _unforeseen(asked.fit))
+        odd = not found and (bool(told) or bad(asked.fit) or _unforeseen(asked.fit))
         if not found and (moved := list(another_signal(asked, told, positions=odd))):
             return tuple(moved)
         if best is None:
@@ -168,27 +168,22 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
         found += scales(asked)
     if error.max() > DOUBTFUL:
         found += [*several_signs(asked), *swapped(asked), *degrees(asked)]
-    bad = _bad(asked.fit)
-    if bad:
-        found += [*_positions(asked), *scaled_positions(asked), *other_orders(asked)]
+    at_all = bad(asked.fit)
+    if at_all:
+        found += [*_positions(asked), *scaled_positions(asked), *coupled_positions(asked)]
+        found += other_orders(asked)
     found += delays(asked)
     found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
     once = {(h.check.check, h.check.signals): h for h in found}
     found = [h for h in once.values() if _believed(asked, h)]
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        for its in _geometry(prepared, asked, best, axes=bad):
+        for its in _geometry(prepared, asked, best, axes=at_all):
             if isinstance(its, Tilt):
                 found = [h for h in found if h.gain > its.gain or _beside(prepared, asked, h, its)]
             else:
                 found.append(its)
     return found
-
-
-def _bad(fit: Fit) -> bool:
-    """Whether a torque is explained so badly, or most are, that positions may be to blame."""
-    error = fit.error[np.isfinite(fit.error)]
-    return bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
 
 
 def _unforeseen(fit: Fit) -> bool:

@@ -16,6 +16,7 @@ CLEARLY = 0.7  # gain: one channel's error is halved
 EXPLAINED = 0.5  # error of a torque above which no fault of it is believed: something else is missing
 NOTHING = 0.85  # error of a channel that the model does not explain
 SWAPPED = 1.4  # gain by other positions
+BAD, BAD_TOGETHER = 0.3, 0.125  # error of one channel, or of the median one
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +40,8 @@ class Hypothesis:
             return self
         end = min((k for k in (message.find(": "), message.find("; ")) if k > 0), default=len(message))
         also = "".join(f", or {its.words}" for its in others)
-        lines = dict.fromkeys(its.check.remedy for its in others if its.check.remedy != self.check.remedy)
+        lines = dict.fromkeys(its.check.remedy for its in others if its.check.remedy)
+        lines.pop(self.check.remedy, None)
         check = replace(
             self.check,
             message=f"{message[:end]}{also}, these recordings do not tell which{message[end:]}",
@@ -114,6 +116,12 @@ def signal_of(columns: Columns, c: int, currents: bool) -> str:
     """The study's name of the signal behind a channel."""
     name = columns.channels[c]
     return "i" + name[5:] if currents and name.startswith("tau_m") else name
+
+
+def bad(fit: Fit) -> bool:
+    """Whether a torque is explained so badly, or most are, that positions may be to blame."""
+    error = fit.error[np.isfinite(fit.error)]
+    return bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
 
 
 def falls(before: Fit, after: Fit) -> str:

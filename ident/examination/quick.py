@@ -97,6 +97,15 @@ class Sample:
         thin = replace(its, q=q + offset, dq=dq, ddq=ddq, sign_dq=sign)
         return replace(self, thin=thin, W=_observation(columns, self.payload, thin))
 
+    def mixed(self, columns: Columns, positions: np.ndarray, torques: np.ndarray) -> Sample:
+        """Along positions (n, n) times those recorded, with recorded torques times (C, C)."""
+        its = self.thin
+        q, dq, ddq = (x @ positions.T for x in (its.q, its.dq, its.ddq))
+        plain = (positions == np.eye(len(positions))).all(axis=1)
+        thin = replace(its, q=q, dq=dq, ddq=ddq, sign_dq=np.where(plain, its.sign_dq, np.sign(dq)))
+        W = _observation(columns, self.payload, thin)
+        return replace(self, thin=thin, W=W, Y=self.Y @ torques, late=self.late @ torques)
+
 
 @dataclass(frozen=True, slots=True)
 class Assignment:

@@ -1,7 +1,7 @@
 """What may be there in place of a fault that a check names: everyday faults that one number describes.
 
     a torque takes up a share of another one, drifts, is larger in one recording or from an instant on
-    a position is a number times too large, or starts from another zero
+    a position is a number times too large, starts from another zero, or holds that of the joint before it
 
 Each is fitted to the same rows, the model's parameters with it, so that it can be held against the named one
 stretch by stretch. What is done to a torque is linear in the number; a position is found by Gauss-Newton
@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ident.examination.coupled import held_too
 from ident.examination.hypothesis import signal_of
 from ident.examination.quick import Assignment, Fit, Quick, Sample
 from ident.examination.stretches import Explained
@@ -42,6 +43,8 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     for c in np.flatnonzero(whole.identify.rows > 10).tolist():
         yield from _of_torque(whole, fit, how, c, currents)
     yield from _positions(whole, fit, how)
+    for words, moved in held_too(whole):
+        yield Rival(words, Explained.by(moved, how))
 
 
 def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) -> Iterator[Rival]:

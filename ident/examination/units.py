@@ -8,51 +8,36 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import Fit, Sample
+from ident.examination.quick import Fit
 from ident.examination.signals import TURNS
+from ident.examination.smooth_torques import more_than_smooth
 
 POSITION_FACTORS = (0.1, 0.5, 2.0, 10.0, 180 / np.pi)
 DEGREES, HALF = np.pi / 180, 0.5
-KNOTS = 8  # of a torque of one position: bends that a spring's, a counterbalance's or a cable's has
+
+
+def times_too(factor: float) -> str:
+    """Of what is a number times what it should be."""
+    return f"{max(factor, 1 / factor):.3g} times too {'large' if factor > 1 else 'small'}"
 
 
 def scaled_positions(asked: Asked) -> Iterator[Hypothesis]:
-    """One position times a number: another unit, a gear counted twice or not at all. It moves all that the
-    joint carries, so it has to explain more than any torque of that position alone beside the model does. (Of
-    a spring on an arm's first joint q1 was told as 2 times too large: sin(q / 2) is nearly k q.)"""
+    """One position times a number: another unit, a gear counted twice or not at all."""
     for j, label in enumerate(asked.joints):
-        itself: Fit | None = None
         for factor in POSITION_FACTORS:
 
             def told(other: Fit, label: str = label, factor: float = factor) -> Check:
                 return Check(
                     "angle_unit",
                     (f"q{label}",),
-                    f"q{label} looks {1 / factor:.3g} times too large: another unit, or a gear that is "
+                    f"q{label} looks {times_too(1 / factor)}: another unit, or a gear that is "
                     f"counted twice or not at all; so taken, {falls(asked.fit, other)}",
                     asked.line({f"q{label}": {"scale": factor}}),
                 )
 
             moved = asked.quick.moved(factor=np.where(np.arange(len(asked.joints)) == j, factor, 1.0))
-            for its in asked.along(moved, told, f"q{label} is {1 / factor:.3g} times too large"):
-                itself = itself or _of_itself(asked, j)
-                if its.gain > itself.gain_over(asked.fit):
-                    yield its
-
-
-def _of_itself(asked: Asked, j: int) -> Fit:
-    """The fit where a joint's torques have any function of its own position beside the model: straight lines
-    between knots."""
-    quick = asked.quick
-    every = np.concatenate([s.q[:, j] for s in quick.samples])
-    knots = np.linspace(every.min(), every.max(), KNOTS)
-
-    def beside(s: Sample) -> Sample:
-        hats = np.stack([np.interp(s.q[:, j], knots, hat) for hat in np.eye(KNOTS)], axis=1)
-        own = np.array(quick.columns.joint_of, int)[:, None, None] == j
-        return s.beside(own * hats)
-
-    return quick.of([beside(s) for s in quick.samples]).fit(asked.how)
+            for its in asked.along(moved, told, f"q{label} is {times_too(1 / factor)}"):
+                yield from more_than_smooth(asked, its, [j])
 
 
 def degrees(asked: Asked) -> Iterator[Hypothesis]:

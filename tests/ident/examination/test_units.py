@@ -1,5 +1,6 @@
 """A position in another unit, and what only looks like one."""
 
+import numpy as np
 import pyarrow as pa
 import pytest
 from planted import ON_RECORDINGS, planted
@@ -40,3 +41,17 @@ def test_a_measured_position_in_another_unit_is_told(tmp_path, joint, factor):
     study = planted(tmp_path, lambda c: {k: factor * v if k in names else v for k, v in c.items()})
     (said,) = [c for c in examine_fit(prepare_study(study)) if c.check == "angle_unit"]
     assert said.signals == (f"q{joint}",) and f"scale: {1 / factor:g}" in said.remedy
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(("joint", "factor", "long"), [(4, 2.0, True), (4, 2.0, False), (3, 0.5, True)])
+def test_a_measured_position_in_another_unit_in_one_run(tmp_path, joint, factor, long):
+    """Of the fourth one nothing was said, fitted or judged; of the third one that it is so in all."""
+    names = {f"{d}q{joint}" for d in ("", "d", "dd")}
+    here = lambda c: (np.ptp(c["t"]) > 40) == long  # noqa: E731
+    change = lambda c: {k: factor * v if k in names and here(c) else v for k, v in c.items()}  # noqa: E731
+    (said,) = examine_fit(prepare_study(planted(tmp_path, change)))
+    recording = "excite_a_50s" if long else "excite_c_30s"
+    assert (said.check, said.signals, said.recording) == ("angle_unit", (f"q{joint}",), recording)
+    assert f"scale: {1 / factor:g}" in said.remedy
