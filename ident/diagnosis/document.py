@@ -137,4 +137,5 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "carries_over": u.carries_over,
         "parameters_change_times_noise": u.times_noise,
         "nearest_by_chance": u.by_chance,
+        "on_fitted_runs": None if u.on_fitted is None else dict(zip(("nearest", "functions"), u.on_fitted)),
     }

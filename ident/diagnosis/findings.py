@@ -97,6 +97,7 @@ class Unexplained:
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
     times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
     by_chance: float | None = None  # p of the sizes of `nearest`, by the stretches, which keeps it away
+    on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +227,7 @@ def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:
         picture(state, None, u.channel, u.variables),
         u.alike,
         u.times_noise,
+        on_fitted=u.on_fitted,
     )
 
 

@@ -40,6 +40,7 @@ from ident.diagnosis.sufficiency import (
     explained_share,
     margin,
     move_alike,
+    short_of_fitted,
     signals_read,
     sufficiency,
     sufficient,
@@ -163,6 +164,7 @@ def trace(
                         explained_share(state, c, flex.column),
                         Equivalent(best.term, evidence.log_e),
                         alike=alike,
+                        on_fitted=short_of_fitted(best.term, evidence, flex, tau),
                     )
                 )
                 closed.add(state.model.channels[c].joint)

@@ -41,6 +41,7 @@ class Unnamed:
     carries_over: bool = True
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
     times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
+    on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,12 @@ def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> 
     if move_alike(flex, tau):
         return False
     judged = as_much(own.log_e, flex.evidence.log_e, term.free, tau)
-    return judged and as_much(own.gain, flex.fitted, term.free, tau)
+    return judged and short_of_fitted(term, own, flex, tau) is None
+
+
+def short_of_fitted(term: Term, own: Evidence, flex: Flexible, tau: float) -> tuple[float, float] | None:
+    """What a law, and functions, say of the fitted rows, where it says less than they do there."""
+    return None if as_much(own.gain, flex.fitted, term.free, tau) else (float(own.gain), float(flex.fitted))
 
 
 def as_much(law: float, function: float, numbers: int, tau: float) -> bool:

@@ -302,7 +302,7 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     elif near is not None:
         own, its = item.get("log_e"), near.get("log_e")
         known = own is not None and its is not None
-        against = f" (log E {number(its, 3)}, {_against(own - its)})" if known else ""
+        against = f" (log E {number(its, 3)}, {_against(own - its)}{_on_fitted(item)})" if known else ""
         text += f" Nearest is {effect_name(near['effect'])} on {place(near['joints'])}{against}."
     return text
 
@@ -312,6 +312,16 @@ def _against(short: float) -> str:
     if abs(short) < AS_MUCH:
         return "as much as that"
     return f"{number(short, 3)} short of it" if short > 0 else f"{number(-short, 3)} more than that"
+
+
+def _on_fitted(item: Mapping[str, Any]) -> str:
+    """What keeps an effect away that the judged runs alone would let pass."""
+    nats = item.get("on_fitted_runs")
+    if nats is None:
+        return ""
+    return (
+        f"; on the fitted runs {number(nats['nearest'], 3)}, {_against(nats['functions'] - nats['nearest'])}"
+    )
 
 
 def _depends(item: Mapping[str, Any]) -> str:

@@ -9,7 +9,7 @@ from small_arm import ARM
 
 from ident.diagnosis.nameless import Flexible, _ridge, flexible, imitation, wave_peaks
 from ident.diagnosis.opening import opened
-from ident.diagnosis.sufficiency import explained_share, heard, move_alike, sufficient
+from ident.diagnosis.sufficiency import explained_share, heard, move_alike, short_of_fitted, sufficient
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
@@ -120,7 +120,10 @@ def test_a_law_says_as_much_on_the_rows_that_chose_it_too(odd):
     assert found is not None and 0 < found.fitted <= found.evidence.gain + 1.0  # its size is paid for
     term, told = SimpleNamespace(free=3), found.evidence
     assert sufficient(term, told, found, 8.3)
-    assert not sufficient(term, replace(told, gain=0.5 * told.gain), found, 8.3)
+    less = replace(told, gain=0.5 * told.gain)
+    assert not sufficient(term, less, found, 8.3)
+    assert short_of_fitted(term, told, found, 8.3) is None
+    assert short_of_fitted(term, less, found, 8.3) == (less.gain, found.fitted)
 
 
 def test_a_wave_over_the_position_has_its_line(clean_arm):

@@ -207,6 +207,8 @@ def test_unexplained_structure_names_its_signals_and_what_speaks_against_the_nea
 def test_what_carries_over_is_told_with_what_the_nearest_effect_is_short_of_it():
     item = DIAGNOSIS["unexplained"][0] | {"carries_over": True}
     assert unexplained_sentence(item).endswith("Nearest is spring on joint 3 (log E 12.0, 28.0 short of it).")
+    fitted = unexplained_sentence(item | {"on_fitted_runs": {"nearest": 182.0, "functions": 555.0}})
+    assert fitted.endswith("(log E 12.0, 28.0 short of it; on the fitted runs 182, 373 short of it).")
     for log_e, words in ((12.0 - 5e-12, "as much as that"), (9.5, "2.50 more than that")):
         told = unexplained_sentence(item | {"log_e": log_e})
         assert told.endswith(f"Nearest is spring on joint 3 (log E 12.0, {words}).")
