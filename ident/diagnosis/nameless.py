@@ -253,13 +253,10 @@ def flexible(
         groups.append(((name, f"dq{joint + 1}"), partial(on_rows, _wave(segments, joint, k, rates))))
     asked = [group for group in groups if only is None or set(group[0]) <= only]
     told = (in_order if short else map)(lambda group: _ridge(m, channel, group[1]()), asked)
-    best: tuple[float, tuple[str, ...], np.ndarray, np.ndarray, float] | None = None
-    for (variables, _), (value, column, room, price) in zip(asked, told):
-        if best is None or value > best[0]:
-            best = (value, variables, column, room, price)
-    if best is None or best[0] < wanted:
+    best = max(zip(asked, told), key=lambda its: its[1][0], default=None)
+    if best is None or best[1][0] < wanted:
         return None
-    value, variables, column, room, price = best
+    (variables, _), (value, column, room, price) = best
     evidence = weigh(m, {channel: column[:, None]}, np.ones(1))
     return Flexible(variables, column, value, evidence, room=room, fitted=evidence.gain - price)
 

@@ -42,7 +42,7 @@ def sufficient(term: Term, own: Evidence, flex: Flexible | None, tau: float) -> 
     """A law says as much as any function of its signals on the rows that judge and on those that chose both:
     the judged ones alone speak for any law where they go further than the fitted ones, as no function does.
     (The dead zone of a UR10e's fifth torque was told as friction under load, by 107 nats where functions of
-    the rate and the load say 112; on the fitted rows it was 182 against 620.)"""
+    the rate and the load say 112; on the fitted rows it was 182 against 555.)"""
     if flex is None:
         return True
     if move_alike(flex, tau):

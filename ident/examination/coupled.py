@@ -18,15 +18,17 @@ import numpy as np
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
 from ident.examination.quick import Columns, Fit, Quick, Sample
-from ident.examination.smooth_torques import more_than_smooth
+from ident.examination.smooth_torques import SmoothTorques
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 
 def coupled_positions(asked: Asked) -> Iterator[Hypothesis]:
     """Each turning joint's position with that of the joint before it added or taken off, alone or with the
     torques of such drives."""
-    for its, drives in product(held(asked.quick.columns), (False, True)):
-        yield from _coupled(asked, its, drives)
+    every = held(asked.quick.columns)
+    smooth = {its.j: SmoothTorques(asked, [its.j - 1, its.j]) for its in every}
+    for its, drives in product(every, (False, True)):
+        yield from _coupled(asked, its, drives, smooth[its.j])
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +70,7 @@ def held_too(quick: Quick) -> Iterator[tuple[str, Quick]]:
         yield its.words, quick.of([its.without(quick.columns, s) for s in quick.samples])
 
 
-def _coupled(asked: Asked, its: Held, drives: bool) -> Iterator[Hypothesis]:
+def _coupled(asked: Asked, its: Held, drives: bool, smooth: SmoothTorques) -> Iterator[Hypothesis]:
     quick, how, j = asked.quick, asked.how, its.j
     power = np.eye(len(how.order))
     pairs = []
@@ -96,4 +98,4 @@ def _coupled(asked: Asked, its: Held, drives: bool) -> Iterator[Hypothesis]:
     for hypothesis in asked.along(moved, told, f"{its.own} has {its.before} in it", least=CLEARLY):
         plain, other = (Explained.by(all_rows(x), how) for x in (quick, moved))
         if steadily(plain, other, RARE):
-            yield from more_than_smooth(asked, hypothesis, [j - 1, j])
+            yield from smooth.less_than(hypothesis)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import reduce
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -22,17 +22,27 @@ from ident.examination.stretches import RARE, Explained, all_rows, steadily
 KNOTS = 8  # bends that a spring's, a counterbalance's or a cable's torque has
 
 
-def more_than_smooth(asked: Asked, its: Hypothesis, joints: Sequence[int]) -> Iterator[Hypothesis]:
-    """A hypothesis about the positions of these joints, by their places; with the torque that these
-    recordings do not tell from it, and not where that explains them steadily better."""
-    smooth, taken = _smooth(asked, joints), Explained.by(all_rows(its.quick or asked.quick), its.how)
-    if steadily(smooth, taken, RARE):
-        yield its
-    elif not steadily(taken, smooth, RARE):
-        names = listed(f"q{asked.joints[j]}" for j in joints)
-        between = "between them" if len(joints) > 1 else "there"
-        words = f"the model lacks a torque that goes with {names} (a spring or a cable {between})"
-        yield its.beside([replace(its, check=replace(its.check, remedy=""), words=words)])
+class SmoothTorques:
+    """Of these joints (places), fitted once and only where something is held against them."""
+
+    def __init__(self, asked: Asked, joints: Sequence[int]) -> None:
+        self.asked, self.joints = asked, joints
+
+    @cached_property
+    def explained(self) -> Explained:
+        return _smooth(self.asked, self.joints)
+
+    def less_than(self, its: Hypothesis) -> Iterator[Hypothesis]:
+        """A hypothesis about the positions of the joints; with the torque that these recordings do not tell
+        from it, and not where that explains them steadily better."""
+        taken = Explained.by(all_rows(its.quick or self.asked.quick), its.how)
+        if steadily(self.explained, taken, RARE):
+            yield its
+        elif not steadily(taken, self.explained, RARE):
+            names = listed(f"q{self.asked.joints[j]}" for j in self.joints)
+            between = "between them" if len(self.joints) > 1 else "there"
+            words = f"the model lacks a torque that goes with {names} (a spring or a cable {between})"
+            yield its.beside([replace(its, check=replace(its.check, remedy=""), words=words)])
 
 
 def _smooth(asked: Asked, joints: Sequence[int]) -> Explained:

@@ -10,7 +10,7 @@ from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
 from ident.examination.quick import Fit
 from ident.examination.signals import TURNS
-from ident.examination.smooth_torques import more_than_smooth
+from ident.examination.smooth_torques import SmoothTorques
 
 POSITION_FACTORS = (0.1, 0.5, 2.0, 10.0, 180 / np.pi)
 DEGREES, HALF = np.pi / 180, 0.5
@@ -24,6 +24,7 @@ def times_too(factor: float) -> str:
 def scaled_positions(asked: Asked) -> Iterator[Hypothesis]:
     """One position times a number: another unit, a gear counted twice or not at all."""
     for j, label in enumerate(asked.joints):
+        smooth = SmoothTorques(asked, [j])
         for factor in POSITION_FACTORS:
 
             def told(other: Fit, label: str = label, factor: float = factor) -> Check:
@@ -37,7 +38,7 @@ def scaled_positions(asked: Asked) -> Iterator[Hypothesis]:
 
             moved = asked.quick.moved(factor=np.where(np.arange(len(asked.joints)) == j, factor, 1.0))
             for its in asked.along(moved, told, f"q{label} is {times_too(1 / factor)}"):
-                yield from more_than_smooth(asked, its, [j])
+                yield from smooth.less_than(its)
 
 
 def degrees(asked: Asked) -> Iterator[Hypothesis]:
