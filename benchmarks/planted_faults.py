@@ -370,7 +370,7 @@ def examine(base: Base, fault: Fault, limit: int) -> dict[str, Any] | None:
     }
 
 
-def told(finding: Mapping[str, Any]) -> str:
+def named(finding: Mapping[str, Any]) -> str:
     joints = ", ".join(map(str, finding["joints"]))
     return finding["effect"].replace("_", " ") + (f" {joints}" if joints else "")
 
@@ -388,15 +388,15 @@ def row(base: Base, fault: Fault, answer: Mapping[str, Any], plain: Mapping[str,
         return [base.robot.replace("_", " "), name, answer["error"][:90], "", "", "", ""]
     document = answer["document"]
     findings = document["findings"]
-    own = {told(f) for f in plain.get("document", {}).get("findings", ())}
-    first = told(findings[0]) if findings else document["verdict"]
+    own = {named(f) for f in plain.get("document", {}).get("findings", ())}
+    first = named(findings[0]) if findings else document["verdict"]
     if findings and right(base, fault, findings[0]):
         first = f"**{first}**"
     elif any(right(base, fault, f) for f in findings):
         first += " (the fault later)"
     elif findings and first not in own and fault.answers:
         first += " (new)"
-    others = [told(f) for f in findings[1:] if not right(base, fault, f)]
+    others = [named(f) for f in findings[1:] if not right(base, fault, f)]
     others = [text if text in own else f"{text} (new)" for text in others]
     warned = [c["check"].replace("_", " ") for c in document["checks"] if c["outcome"] != "mended"]
     before, after = (
@@ -464,7 +464,7 @@ def table(folder: Path) -> str:
 
 def page(folder: Path, commit: str) -> str:
     """Markdown: what is said of every robot as it is, and the table of faults."""
-    from ident.report.diagnosis_words import finding_sentence, unexplained_sentence, verdict
+    from ident.report.diagnosis_words import told, verdict
 
     lines = [
         "# Measured robots",
@@ -482,8 +482,7 @@ def page(folder: Path, commit: str) -> str:
             f"{use} {before[use]['total']:.1f} → {after[use]['total']:.1f} %" for use in before
         )
         lines += [f"## {base.robot.replace('_', ' ')}, as it is", "", f"**{verdict(document)}**", ""]
-        lines += [f"- {finding_sentence(document, item)}" for item in document["findings"]]
-        lines += [f"- {unexplained_sentence(item)}" for item in document["unexplained"]]
+        lines += [f"- {sentence}" for sentence in told(document)]
         lines += ["", f"Error, before → after: {errors}.", ""]
     return "\n".join([*lines, "## Faults planted", "", table(folder)])
 

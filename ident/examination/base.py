@@ -131,7 +131,7 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
             "poor_excitation",
             (),
             f"these motions do not show how the base is mounted: with gravity turned by {angle:.0f} degrees "
-            f"the model explains the torques about as well (errors of {span(now)}, not {span(plain)})",
+            f"the model explains the torques about as well (errors of {span(now)}, as told {span(plain)})",
             "gravity is taken as the robot file has it, make sure that it is",
         )
 

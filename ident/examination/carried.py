@@ -127,4 +127,6 @@ def ambiguous(held: np.ndarray | None, told: Sequence[Carried]) -> Check:
 
 
 def span(error: np.ndarray) -> str:
-    return f"{100 * np.nanmin(error):.0f} to {100 * np.nanmax(error):.0f} %"
+    """Shares from the least to the greatest, in per cent."""
+    least, most = (f"{100 * x:.{int(100 * x < 10)}f}" for x in (np.nanmin(error), np.nanmax(error)))
+    return f"{least} %" if least == most else f"{least} to {most} %"

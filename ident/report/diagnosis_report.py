@@ -16,6 +16,7 @@ from ident.report.diagnosis_words import (
     mind_in_words,
     place,
     rivals_in_words,
+    sides_in_words,
     told,
     unexplained_sentence,
     verdict,
@@ -254,7 +255,7 @@ def _unexplained_table(document: Mapping[str, Any], item: Mapping[str, Any]) -> 
     evidence = f"log E = {number(item['log_e'], 3)} of a function without a name" if item.get("log_e") else ""
     return _facts_table(
         [
-            ("What is left", unexplained_sentence(item)),
+            ("What is left", unexplained_sentence(item, sides_in_words(document))),
             (
                 "What speaks for it",
                 f"{evidence}; {number(asked, 2)} is asked." if evidence and asked else evidence,

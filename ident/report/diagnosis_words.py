@@ -257,26 +257,32 @@ def mind_in_words(finding: Mapping[str, Any]) -> str:
     )
 
 
-def unexplained_sentence(item: Mapping[str, Any]) -> str:
+def sides_in_words(document: Mapping[str, Any]) -> str:
+    """What was fitted and what judged: whole runs, or stretches of the same ones."""
+    judged = document.get("judged") or {}
+    return "stretches" if judged.get("recordings") and not judged.get("apart") else "runs"
+
+
+def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
     """Signals, share, nearest effect and what speaks against it; that it does not carry over."""
     text = f"{place(item['joints']).capitalize()}, {item['channel']}: "
     near, times = item.get("nearest"), item.get("parameters_change_times_noise")
     if near is not None and times is not None:
-        return text + _among_changes(item, near, times)
+        return text + _among_changes(item, near, times, sides)
     if near is not None and item.get("nearest_by_chance") is not None:
-        return text + _too_poorly_told(item, near, item["nearest_by_chance"])
+        return text + _too_poorly_told(item, near, item["nearest_by_chance"], sides)
     if near is not None and not item["depends_on"]:
         return (
-            f"{text}{_as_nearest(item, near)}, but fitted to these recordings it is not possible (a mass "
-            "that is negative, a shape that ends where its search does): something is there, and it is "
-            "not this."
+            f"{text}{_as_nearest(item, near, sides)}, but fitted to these recordings it is not possible (a "
+            "mass that is negative, a shape that ends where its search does): something is there, and it "
+            "is not this."
         )
     if not item["depends_on"]:
         share = item["share_of_residual_percent"]
         if share < 100:
             return (
-                f"{text}{percent(share)} of what is left on the judged runs is not in the fitted ones, and "
-                "nothing known explains it; fit longer, faster or more varied motion."
+                f"{text}{percent(share)} of what is left on the judged {sides} is not in the fitted ones, "
+                "and nothing known explains it; fit longer, faster or more varied motion."
             )
         return f"{text}on some run the model predicts it worse than none would; nothing known explains it."
     if item["depends_on"] == ["t"] and item.get("carries_over") is False:
@@ -293,16 +299,16 @@ def unexplained_sentence(item: Mapping[str, Any]) -> str:
     )
     text += f"{_depends(item)}, {shape}"
     if item.get("carries_over") is False:
-        text += " It is in the fitted runs and does not carry over to the judged runs."
+        text += f" It is in the fitted {sides} and does not carry over to the judged {sides}."
     if near is not None and item.get("carries_over") is False:
         text += (
             f" {effect_name(near['effect']).capitalize()} on {place(near['joints'])} says something of the "
-            f"judged runs (log E {number(near['log_e'], 3)}), and not enough beside this to be named."
+            f"judged {sides} (log E {number(near['log_e'], 3)}), and not enough beside this to be named."
         )
     elif near is not None:
-        own, its = item.get("log_e"), near.get("log_e")
-        known = own is not None and its is not None
-        against = f" (log E {number(its, 3)}, {_against(own - its)}{_on_fitted(item)})" if known else ""
+        own, its, against = item.get("log_e"), near.get("log_e"), ""
+        if own is not None and its is not None:
+            against = f" (log E {number(its, 3)}, {_against(own - its)}{_on_fitted(item, sides)})"
         text += f" Nearest is {effect_name(near['effect'])} on {place(near['joints'])}{against}."
     return text
 
@@ -314,14 +320,13 @@ def _against(short: float) -> str:
     return f"{number(short, 3)} short of it" if short > 0 else f"{number(-short, 3)} more than that"
 
 
-def _on_fitted(item: Mapping[str, Any]) -> str:
-    """What keeps an effect away that the judged runs alone would let pass."""
+def _on_fitted(item: Mapping[str, Any], sides: str) -> str:
+    """What keeps an effect away that the judged rows alone would let pass."""
     nats = item.get("on_fitted_runs")
     if nats is None:
         return ""
-    return (
-        f"; on the fitted runs {number(nats['nearest'], 3)}, {_against(nats['functions'] - nats['nearest'])}"
-    )
+    short = _against(nats["functions"] - nats["nearest"])
+    return f"; on the fitted {sides} {number(nats['nearest'], 3)}, {short}"
 
 
 def _depends(item: Mapping[str, Any]) -> str:
@@ -330,36 +335,36 @@ def _depends(item: Mapping[str, Any]) -> str:
     return f"{part} of what the model leaves there depends on {joined(list(item['depends_on']))}"
 
 
-def _as_nearest(item: Mapping[str, Any], near: Mapping[str, Any]) -> str:
+def _as_nearest(item: Mapping[str, Any], near: Mapping[str, Any], sides: str) -> str:
     """What the nearest effect says of it."""
     name = f"{effect_name(near['effect'])} on {place(near['joints'])}"
     log_e = f"(log E {number(near['log_e'], 3)})"
     if not item["depends_on"]:
-        return f"{name} says something of the judged runs {log_e}"
+        return f"{name} says something of the judged {sides} {log_e}"
     return f"{_depends(item)}, as {name} would have it {log_e}"
 
 
-def _too_poorly_told(item: Mapping[str, Any], near: Mapping[str, Any], chance: float) -> str:
+def _too_poorly_told(item: Mapping[str, Any], near: Mapping[str, Any], chance: float, sides: str) -> str:
     """What the stretches of the recordings do not tell from nothing."""
     return (
-        f"{_as_nearest(item, near)}; but between stretches of the recordings its size changes so much that a "
-        f"fit does not tell it from zero (p {number(chance, 2)}); longer or more varied motion would."
+        f"{_as_nearest(item, near, sides)}; but between stretches of the recordings its size changes so much "
+        f"that a fit does not tell it from zero (p {number(chance, 2)}); longer or more varied motion would."
     )
 
 
-def _among_changes(item: Mapping[str, Any], near: Mapping[str, Any], times: float) -> str:
+def _among_changes(item: Mapping[str, Any], near: Mapping[str, Any], times: float, sides: str) -> str:
     """What is no more than what the model gets wrong from one run to the next."""
     return (
-        f"{_as_nearest(item, near)}; but from the fitted to the judged runs the model's own parameters "
-        f"change {number(times, 2)} times as much as noise makes them (squares), and beside such changes "
-        "that is not enough to name it."
+        f"{_as_nearest(item, near, sides)}; but from the fitted to the judged {sides} the model's own "
+        f"parameters change {number(times, 2)} times as much as noise makes them (squares), and beside "
+        "such changes that is not enough to name it."
     )
 
 
 def told(document: Mapping[str, Any]) -> list[str]:
     """A sentence for each finding, then for each unexplained structure."""
     return [finding_sentence(document, finding) for finding in document["findings"]] + [
-        unexplained_sentence(item) for item in document["unexplained"]
+        unexplained_sentence(item, sides_in_words(document)) for item in document["unexplained"]
     ]
 
 

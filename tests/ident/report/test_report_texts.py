@@ -204,6 +204,13 @@ def test_unexplained_structure_names_its_signals_and_what_speaks_against_the_nea
     )
 
 
+def test_stretches_of_a_recording_that_stands_alone_are_no_runs():
+    judged = {"recordings": ["run1"], "apart": False}
+    text = told(DIAGNOSIS | {"judged": judged})[-1]
+    assert "in the fitted stretches and does not carry over to the judged stretches" in text
+    assert "runs" not in text
+
+
 def test_what_carries_over_is_told_with_what_the_nearest_effect_is_short_of_it():
     item = DIAGNOSIS["unexplained"][0] | {"carries_over": True}
     assert unexplained_sentence(item).endswith("Nearest is spring on joint 3 (log E 12.0, 28.0 short of it).")
