@@ -241,7 +241,8 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                 continue
             steps = np.abs(np.diff(x))
             smallest = np.quantile(steps[steps > 0], 0.1) if (steps > 0).any() else 0.0
-            below = (y >= y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x))) & ~top
+            beside = y.max(where=~top, initial=y.min())  # farther below where steps are of several sizes
+            below = (y >= min(y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x)), beside)) & ~top
             if count < CLIPPED_EXCESS * max(below.sum(), 1):
                 continue
             edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from planted import ON_RECORDINGS, measured, planted, refused
+from planted import ON_RECORDINGS, measured, parted, planted, refused
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
@@ -23,6 +23,19 @@ def test_a_clipped_torque_has_no_other_fault(tmp_path, name, low, high):
     prepared = prepare_study(planted(tmp_path, lambda c: c | {name: clip(c[name])}, study))
     said = [*examine_tables(prepared), *examine_fit(prepared)]
     assert {(check.check, check.signals) for check in said} == {("saturation", (name,))}
+
+
+def test_steps_of_more_than_one_size_are_no_clipped_torque(tmp_path):
+    """A rokae's seventh torque, rounded by its logger and once more: its largest value stands by itself,
+    three of the smaller steps above the next, and 4.2 % of a run's samples were told to be clipped."""
+    study = parted(measured("rokae_xmate3pro"), 7.0, 9.7)
+
+    def rounded(c):
+        step = 0.02 * np.std(c["tau_l7"])
+        return c | {"tau_l7": np.round(c["tau_l7"] / step) * step}
+
+    prepared = prepare_study(planted(tmp_path, rounded, study))
+    assert "saturation" not in {check.check for check in examine_tables(prepared)}
 
 
 def test_a_run_at_the_end_of_a_torque_s_range_is_said_to_be_perhaps_that(tmp_path):
