@@ -9,12 +9,18 @@ between -Fc and Fc. On a twin of the paper's robot this alone biased every Fc an
 deviations. Hence
   1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long; vs is
      two standard deviations of its noise, estimated for each recording and joint; of a joint that is slow
-     for its encoder (resolution.py) it is the rate with the least error, that of its positions: of a TX40
-     that moved at 0.1 rad/s the steps behind four times their cut-off were three Stribeck frictions,
+     for its encoder (resolution.py) it is the rate with the least error, that of its positions (of a TX40
+     that moved at 0.1 rad/s the steps behind four times their cut-off were three Stribeck frictions), and vs
+     is at least one step in a period of their cut-off: what crosses fewer is that much off, where the noise
+     of all samples is a sixth of it,
   2. samples of a joint slower than vs do not count in its channels, from 2 vs on they count fully
   (`certain`):
-     Y and every column of W are multiplied by that weight before they are decimated, so each row stays a true
-     equation; errors are reported over all samples nevertheless,
+     Y and every column of W are multiplied by that weight before they are decimated, so each row stays a
+     true equation; errors are reported over all samples nevertheless. A joint that is slow for its encoder
+     does not count either before it has gone a whole step since it last turned: where it turned is known no
+     better, and dry friction gives way over a travel. (Of an arm at 15 mrad/s, steps of 0.33 mrad, friction
+     came 0.1 s too early at one turn and as late at the next: a third of its size was left for 0.3 s, and
+     delays were told.)
   3. where it counts, the column is the sign; between -vs and vs it is tanh(2.5 dq / vs),
   4. a torque that comes late carries the sign of then: where it is known by how much, samples do not count
      either whose joint was too slow then. (Counted, they put delays of a twin 0.3 to 0.8 of 17 ms, 2 to 5
@@ -36,6 +42,7 @@ from ident.recordings.study import FilterSettings
 from ident.signals.dry_friction import TurnOver
 from ident.signals.low_pass import LowPass, fast_length, filtered, reflected, zero_phase
 from ident.signals.resolution import lowest_cutoff, steps_of
+from ident.signals.travelled import Turned, travelled
 
 NOISE_FACTOR = 2.0  # vs in standard deviations of the velocity noise
 INNER = 6144  # rows of a window without its halo: more take more memory, fewer more time
@@ -89,6 +96,7 @@ class FilterBank:
     resting: tuple[int, ...] = ()  # joints that stand at one place throughout the study
     late: tuple[tuple[int, ...], ...] = ()  # of each joint: samples by which its torques come late, if any do
     lowest: tuple[float, ...] = ()  # Hz of each joint: what its encoder's steps leave of it (resolution.py)
+    hidden: tuple[float, ...] = ()  # rad | m of each joint: a step, within which a turn is hidden
 
     @property
     def filters(self) -> tuple[tuple[LowPass, LowPass], ...]:
@@ -184,9 +192,23 @@ def certainty(dq: np.ndarray, vs: np.ndarray) -> np.ndarray:
     return np.clip(np.abs(dq) / np.maximum(vs, 1e-9) - 1.0, 0.0, 1.0)
 
 
-def _certain(around: np.ndarray, vs: np.ndarray, bank: FilterBank, count: int) -> np.ndarray:
-    """(count, n) of a block, from the speeds `around` it: where a torque comes late, of then as well."""
-    sure, begin = certainty(around, vs), bank.beside - 2
+def _shown(light: np.ndarray, bank: FilterBank, turned: list[Turned | None], count: int) -> np.ndarray:
+    """(N, n) bool: whether each joint has gone on since it last turned by more than its steps hide, along
+    positions `light` (N, n); turned (n,) go from block to block of `count` rows."""
+    out = np.ones(light.shape, bool)
+    for j, hidden in enumerate(bank.hidden):
+        if hidden > 0:
+            path, turned[j] = travelled(light[:, j], turned[j], count)
+            out[:, j] = path >= hidden
+    return out
+
+
+def _certain(
+    around: np.ndarray, shown: np.ndarray, vs: np.ndarray, bank: FilterBank, count: int
+) -> np.ndarray:
+    """(count, n) of a block, from the speeds `around` it and whether a turn is `shown`: where a torque comes
+    late, of then as well."""
+    sure, begin = certainty(around, vs) * shown, bank.beside - 2
     out = sure[begin:][:count].copy()
     for j, its in enumerate(bank.late):
         for k in its:
@@ -261,7 +283,11 @@ def _smoothed(stream: RecordingStream, bank: FilterBank) -> Iterator[tuple[Smoot
 
 
 def _block(
-    stream: RecordingStream, bank: FilterBank, its: Smoothed, states: list[float | None]
+    stream: RecordingStream,
+    bank: FilterBank,
+    its: Smoothed,
+    states: list[float | None],
+    turned: list[Turned | None],
 ) -> FilteredBlock:
     """What follows from a window's filtered positions; rows at rest and in filter transients are left out."""
     rate, n = bank.position.rate_hz, len(stream.need.joints)
@@ -272,7 +298,8 @@ def _block(
     speed = around[bank.beside - 2 :][: len(its.weight)]
     dq, ddq = first_difference(its.q, rate), second_difference(its.q, rate)
     sign = told_sign(its.light[here][span], speed[span], rate, vs, bank.turn_over, states)
-    certain = _certain(around, vs, bank, len(its.weight))[span]
+    shown = _shown(its.light, bank, turned, len(its.weight))[2:-2]
+    certain = _certain(around, shown, vs, bank, len(its.weight))[span]
     for j in bank.resting:  # rounding is no motion; its load is seen all the same, beside static friction
         dq[:, j] = ddq[:, j] = speed[:, j] = sign[:, j] = 0.0
         certain[:, j] = 1.0
@@ -348,7 +375,13 @@ def prepare(
     bank = replace(bank, lowest=tuple(lowest) if np.isfinite(lowest).any() else ())
     if settings.sign_velocity is not None:
         return replace(bank, vs=np.full(n, settings.sign_velocity))
-    return replace(bank, vs=NOISE_FACTOR * velocity_noise(q, bank))
+    vs = NOISE_FACTOR * velocity_noise(q, bank)
+    if bank.lowest:
+        hz = np.array(bank.lowest)
+        steps = np.where(np.isfinite(hz), steps_of(stream), 0.0)
+        vs = np.maximum(vs, steps * np.where(steps > 0, hz, 0.0))
+        bank = replace(bank, hidden=tuple(steps.tolist()))
+    return replace(bank, vs=vs)
 
 
 def _first_moving(stream: RecordingStream) -> np.ndarray:
@@ -389,14 +422,15 @@ def filter_stream(
             yield its
 
     states: list[float | None] = [None] * n
+    turned: list[Turned | None] = [None] * n
     last = 0
     for its in made() if torque_too and key in stream.held else stream.held.blocks(key, made()):
         if its.segment != last:
-            last, states[:] = its.segment, [None] * n
+            last, states[:], turned[:] = its.segment, [None] * n, [None] * n
         if torque_too:
             _, motor, sensor = stream.split(low)
             its = replace(its, motor=motor, sensor=sensor)
-        yield its.segment, _block(stream, bank, its, states)
+        yield its.segment, _block(stream, bank, its, states, turned)
 
 
 __all__ = [

@@ -20,7 +20,7 @@ def joined(stream, bank):
     }
 
 
-@pytest.mark.parametrize("late", [3, -5])
+@pytest.mark.parametrize("late", [30, -50])
 def test_samples_count_where_both_signs_are_certain(tmp_path, late):
     write_simulation(simulate("scara", "A", runs=(PlannedRun("run1", "identify", 40.0, 3),)), tmp_path)
     prepared = prepare_study(load_study(tmp_path / "study.yaml"))
