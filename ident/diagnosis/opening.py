@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from ident.diagnosis.fine import FineKeeper, FineSegment, bytes_of
-from ident.diagnosis.presliding import told_as_effects
+from ident.diagnosis.presliding import shortest_travels, told_as_effects
 from ident.diagnosis.room import Room, room_for
 from ident.diagnosis.rows import Rows, rows_of
 from ident.diagnosis.state import Found, Problem, State, first_state, settled
@@ -31,6 +31,7 @@ from ident.equations.terms import late_by
 from ident.estimation.least_squares import channel_sigma, weighted_least_squares
 from ident.progress import Progress, silent
 from ident.signals.filtering import prepare
+from modelgen.effects import catalogue
 from modelgen.effects.place import Layout
 from modelgen.geometry.names import ParameterName
 
@@ -143,6 +144,7 @@ def opened(
 
 def _dry(parameters: Sequence[str], layout: Layout, rows: Rows, n: int) -> tuple[Dry, ...]:
     """Where the joints' dry friction stands in the model's columns."""
+    shorter = shortest_travels(catalogue().values(), layout)
     names = [ParameterName.of(name) for name in parameters]
     out = []
     for j, label in enumerate(layout.robot.joint_labels):
@@ -154,7 +156,7 @@ def _dry(parameters: Sequence[str], layout: Layout, rows: Rows, n: int) -> tuple
             if (name := names[k]) is not None and name.label == label and name.kind in DRY
         )
         if places:
-            out.append(Dry(j, places))
+            out.append(Dry(j, places, shorter=shorter.get(j, np.inf)))
     return tuple(out)
 
 

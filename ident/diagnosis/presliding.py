@@ -9,7 +9,7 @@ before the samples can show it: it is when a sign was sampled."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -18,6 +18,9 @@ from ident.diagnosis.signs import sign_column
 from ident.diagnosis.state import State, settled, solved
 from ident.diagnosis.turn_over import grids, with_column
 from ident.signals.dry_friction import TurnOver
+from modelgen.effects.effect import Effect
+from modelgen.effects.place import Layout
+from modelgen.effects.states import integrate_dahl
 
 SEEN = 0.1  # of the error
 SAMPLES = 2.0  # in which a joint covers what its recording cannot show of a travel
@@ -27,13 +30,30 @@ LATE_S = tuple(sign * late for late in (0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0
 def told_as_effects(state: State) -> State:
     """The state with the travel of those joints left to the search that the error asks for."""
     travels = {j: turn.travel for j, turn in state.turns.items()}
-    soft = [d.joint for d in state.problem.dry if travels.get(d.joint, 0.0) > _unseen_travel(state, d.joint)]
+    soft = [
+        d.joint
+        for d in state.problem.dry
+        if travels.get(d.joint, 0.0) > max(_unseen_travel(state, d.joint), d.shorter)
+    ]
     if not soft:
         return state
     bare = _by_rate_alone(state, soft)
     seen = {j for j in soft if _error(state, j) < (1 - SEEN) * _error(bare, j)}
     seen -= _late(bare, state, seen)
     return bare if seen == set(soft) else _by_rate_alone(state, seen) if seen else state
+
+
+def shortest_travels(effects: Iterable[Effect], layout: Layout) -> dict[int, float]:
+    """{joint: the shortest travel [rad | m] that an effect has which gives way as dry friction does}."""
+    out: dict[int, float] = {}
+    for effect in effects:
+        if effect.state is None or effect.state.integrate is not integrate_dahl:
+            continue
+        for place in effect.places(layout):
+            if place.joint is not None:
+                low = min(low for low, _ in effect.bounds(place, layout).values())
+                out[place.joint] = min(out.get(place.joint, np.inf), low)
+    return out
 
 
 def _unseen_travel(state: State, joint: int) -> float:

@@ -24,10 +24,10 @@ from ident.diagnosis.signs import SignColumns, sign_columns
 from ident.diagnosis.whitened import Whitener
 from ident.signals.dry_friction import TurnOver
 
-SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width
+SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width; of the travel: largest presliding
 ORDINARY = 0.1  # rad/s, m/s: up to there in slow motions, whose friction is no other one
 STRAIGHT = 2.0  # times the top rate: a sign that turns over so slowly is a straight line
-SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding
+SHORTEST, LONGEST = 2e-6, 2e-3  # of the joint's travel: least and largest presliding, or what no effect has
 STEPS = 1.5  # ratio of the grid
 CHANCE = 1.0  # of a whitened sum of squares: what any width gains by chance, in the mean
 NEAR = 4.0  # of the same: how far below the summit a parabola is that of the curve
@@ -42,22 +42,25 @@ Explained = Callable[[Sequence[TurnOver]], np.ndarray]  # (K,) what each of K tu
 @dataclass(frozen=True, slots=True)
 class Dry:
     """Where a joint's dry friction stands: (channel, place of its parameter). travels: whether it may give
-    way before it slips."""
+    way before it slips; shorter [rad | m]: than any effect has it, a travel is no other friction."""
 
     joint: int
     places: tuple[tuple[int, int], ...]
     travels: bool = True
+    shorter: float = 0.0
 
 
-def grids(segments: Sequence[FineSegment], joint: int) -> dict[str, np.ndarray]:
-    """Widths to try."""
+def grids(segments: Sequence[FineSegment], joint: int, shorter: float = 0.0) -> dict[str, np.ndarray]:
+    """Widths to try; shorter: as of `Dry`."""
     top = max(float(np.abs(s.speed[:, joint]).max()) for s in segments)
     noise = max(float(s.vs[joint]) for s in segments) / 10
     reach = max(s.q[:, joint].max() for s in segments) - min(s.q[:, joint].min() for s in segments)
     low = max(noise, SLOWEST * top, 1e-9)
     return {
         "rate": _ladder(low, max(HIGHEST * top, min(ORDINARY, STRAIGHT * top), 1.5 * low)),
-        "travel": _ladder(SHORTEST * reach + 1e-12, LONGEST * reach + 2e-12),
+        "travel": _ladder(
+            SHORTEST * reach + 1e-12, max(LONGEST * reach, min(shorter, HIGHEST * reach)) + 2e-12
+        ),
     }
 
 
@@ -127,7 +130,7 @@ def settle(
             columns = partial(_columns, segments, rows, whiteners, d, record, kept)
             explained = normal.explaining(d, columns)
             before = out.get(d.joint)
-            ladders = grids(motion, d.joint)
+            ladders = grids(motion, d.joint, d.shorter)
             orders = ORDERS if d.travels else (("rate",),)
             starts = [] if before is None else [(before, orders[0], False)]
             if before is not None and before.travel > 0:

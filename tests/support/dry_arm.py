@@ -16,8 +16,9 @@ from ident.recordings.study import load_study
 Sign = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of q, dq (N, 3) -> (N, 3)
 
 
-def opened_dry_arm(folder: Path, sign: Sign, rate_hz: float, seed: int) -> State:
-    """The first state of a diagnosis of two runs, 20 s and 12 s, with 0.02 N m of white noise."""
+def opened_dry_arm(folder: Path, sign: Sign, rate_hz: float, seed: int, top: float | None = None) -> State:
+    """The first state of a diagnosis of two runs, 20 s and 12 s, with 0.02 N m of white noise; top: rate of
+    every joint [rad/s], where the motion is not to be as fast as it comes."""
     (folder / "robot.yaml").write_text(ARM)
     model = generated.load(str(folder / "robot.yaml"), "A")
     rng = np.random.default_rng(seed)
@@ -27,6 +28,8 @@ def opened_dry_arm(folder: Path, sign: Sign, rate_hz: float, seed: int) -> State
             chi[k] = 1.0
     for k, seconds in enumerate((20, 12)):
         t, q, dq, ddq = motion(seconds, rate_hz, k, 3, 2.0)
+        share = 1.0 if top is None else top / np.abs(dq).max(axis=0)
+        q, dq, ddq = share * q, share * dq, share * ddq
         tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign(q, dq))) + 0.02 * rng.normal(
             size=(len(t), 3)
         )
