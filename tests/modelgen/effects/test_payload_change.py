@@ -60,6 +60,8 @@ def test_a_mass_that_the_motion_cannot_show_is_not_told():
 def test_a_mass_is_positive_and_lies_where_it_is_usual():
     assert E.physical(values_of(E)) is None
     assert "M would be negative" in E.physical({**values_of(E), "M": -1.0})
+    assert "a body has a mass" in E.physical({**values_of(E), "M": 0.0})
+    assert E.physical({"ZZ": 0.1}) is None  # a mass that the motion cannot show
     assert E.usual({"m": 3.0}, {}) == pytest.approx({"m": 3.0, "mx": 0.06, "my": -0.04, "mz": 0.24})
 
 
