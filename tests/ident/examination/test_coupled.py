@@ -36,10 +36,8 @@ def test_an_elbow_that_is_counted_from_the_base(tmp_path, sign, line, drives):
 @pytest.mark.parametrize(
     ("robot", "j", "i", "sign"),
     [
-        ("ur10e", 3, 2, 1),
         ("ur10e", 3, 2, -1),
         ("airbot_play", 3, 2, 1),
-        ("airbot_play", 3, 2, -1),
         ("ur10e", 5, 4, 1),
     ],
 )
