@@ -19,15 +19,20 @@ LITTLE = 0.25  # of what these rows hide of a law's other parts
 TURNED = 0.99  # of the sign that friction takes: below it has not turned over yet
 
 
-def without_turning(state: State, m: Metric) -> Metric:
+def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Metric:
     """The metric `m` on the rows of each channel in which its own joint keeps its direction, one row apart
-    from those in which it does not."""
+    from those in which it does not, or so far that the filter of the rows passes a hundredth of a turn."""
     rows = state.rows
     beside = []
     for c, use in enumerate(rows.use):
         j = state.model.channels[c].joint
-        turning = np.concatenate([_turning(s.sign_dq[:, j], s.rows, s.every) for s in state.segments])
-        beside.append(use & ~turning)
+        turning = [
+            _turning(
+                s.sign_dq[:, j], s.rows, s.every, -(-s.filter.transient // s.every) if as_far_as_felt else 1
+            )
+            for s in state.segments
+        ]
+        beside.append(use & ~np.concatenate(turning))
     design, B = state.design
     return metric(replace(rows, use=np.array(beside)), design, B, m.whiteners)
 
@@ -50,12 +55,12 @@ def turning_alone(state: State, m: Metric, r: Refined) -> bool:
     return bool(shares[0] < LITTLE * shares[-1])
 
 
-def _turning(sign: np.ndarray, rows: int, every: int) -> np.ndarray:
-    """(rows,) bool."""
+def _turning(sign: np.ndarray, rows: int, every: int, apart: int) -> np.ndarray:
+    """(rows,) bool, of rows in which a joint turns and those within so many of them."""
     here = (np.abs(sign[: rows * every]) < TURNED).reshape(rows, every).any(axis=1)
-    flips = np.diff(np.sign(sign[: rows * every : every]), prepend=np.sign(sign[:1])) != 0
-    here |= flips
+    here |= np.diff(np.sign(sign[: rows * every : every]), prepend=np.sign(sign[:1])) != 0
     wide = here.copy()
-    wide[1:] |= here[:-1]
-    wide[:-1] |= here[1:]
+    for k in range(1, min(apart, rows - 1) + 1):
+        wide[k:] |= here[:-k]
+        wide[:-k] |= here[k:]
     return wide

@@ -190,7 +190,7 @@ def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> 
     rows alone, or given the fitted ones where that is what is told."""
     if not r.term.effect.shifts_time:
         return True
-    kept = without_turning(state, m)
+    kept = without_turning(state, m, as_far_as_felt=True)
     own = weigh(kept, r.columns)
     if not e.given:
         return own.log_e > tau

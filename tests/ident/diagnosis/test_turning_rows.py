@@ -1,0 +1,36 @@
+"""What comes late where joints turn round alone is no late torque."""
+
+import numpy as np
+from dry_arm import opened_dry_arm
+
+from ident.diagnosis.evidence import weigh
+from ident.diagnosis.outcome import threshold
+from ident.diagnosis.presliding import _by_rate_alone
+from ident.diagnosis.refine import refine
+from ident.diagnosis.terms import Term
+from ident.diagnosis.turning_rows import without_turning
+from ident.diagnosis.weighing import shifts_all
+from modelgen.effects import effect
+from modelgen.effects.place import Place
+
+TAU = threshold(0.01)
+
+
+def late(by):
+    """Dry friction that turns over so many samples after its joint."""
+
+    def sign(q, dq):
+        return np.sign(np.concatenate([dq[:1].repeat(by, axis=0), dq[:-by]]))
+
+    return sign
+
+
+def test_friction_that_turns_over_late_is_no_late_torque(tmp_path):
+    """Beside friction whose travel is not known: what is wrong where a joint turns rings in the filter of the
+    rows, and one row apart from it a delay was shown by 15 nats."""
+    state = _by_rate_alone(opened_dry_arm(tmp_path, late(4), 500.0, 3), range(3))
+    m = state.metric
+    r = refine(m, state.scene, Term(effect("time_delay"), Place(side="motor"), {}))
+    e = weigh(m, r.columns)
+    assert e.log_e > 50 and weigh(without_turning(state, m), r.columns).log_e > TAU
+    assert not shifts_all(state, m, r, e, TAU)
