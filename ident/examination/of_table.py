@@ -37,7 +37,7 @@ def of_table(
         lost_samples(columns, mender, rows),
         wraps(columns, mender),
         units(columns, mender, lowest, highest),
-        position_steps(columns, mender),
+        position_steps(columns, mender, excerpt),
         dead_and_resting(columns, lowest, highest),
         flags(columns, excerpt),
         limits_hit(columns, excerpt, slow),

@@ -19,6 +19,7 @@ MOST_MISSING = 0.05
 MOST_SPIKES = 0.01
 MOVED = 1e-3  # rad or m: less is rest
 TURNS = 4 * np.pi
+HELD = 30  # rows
 COUNTS = 1000.0  # rad: beyond it no joint goes, but an encoder's counts do
 LARGEST = 2e4  # N m: more than robots' joints give
 BESIDE = 1000**0.5  # times smaller: torques of one robot in one unit rather than in two, a thousand apart
@@ -138,8 +139,9 @@ def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
         )
 
 
-def position_steps(columns: Columns, mender: Mender) -> Iterator[Check]:
-    """A position that leaps and stays is an encoder that slipped, or rows that are gone."""
+def position_steps(columns: Columns, mender: Mender, excerpt: Excerpt) -> Iterator[Check]:
+    """A position that leaps and stays is an encoder that slipped, or rows that are gone; one that stood still
+    before, while another one moved, was held meanwhile."""
     spikes = mender.counts.get("spike", np.zeros(len(columns.signals)))
     steps = [step for step in mender.leaps if spikes[step[1]] < 20]  # what is left of spikes is no step
     if not steps:
@@ -147,15 +149,37 @@ def position_steps(columns: Columns, mender: Mender) -> Iterator[Check]:
     row, k, size = steps[0]
     unit = "m" if columns.prismatic[k] else "rad"
     names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
-    yield Check(
-        "position_step",
-        names,
-        f"{columns.signals[k]} leaps by {size:.3g} {unit} in row {row + 1} and stays there, "
-        "as when an encoder slips or rows were cut out",
-        "use the part before or after it with from: and to:",
-        outcome="refused",
-        rows=(row + 1, row + 1),
-    )
+    first = _held_until(excerpt, columns.n, row, k)
+    if first is None:
+        rows = row + 1, row + 1
+        said = (
+            f"leaps by {size:.3g} {unit} in row {row + 1} and stays there, as when an encoder slips or rows "
+        )
+        said += "were cut out"
+        remedy = "use the part before or after it with from: and to:"
+    else:
+        rows = first + 1, row
+        said = f"stands still in rows {rows[0]} to {rows[1]}, in which other joints move, and then leaps by "
+        said += f"{size:.3g} {unit}: an encoder or a message that was held"
+        remedy = "leave these rows out with from: and to:"
+    yield Check("position_step", names, f"{columns.signals[k]} {said}", remedy, outcome="refused", rows=rows)
+
+
+def _held_until(excerpt: Excerpt, n: int, row: int, k: int) -> int | None:
+    """The first row of those up to a leap in which a position does not change though the others do from row
+    to row, as it does behind it; None where there are few."""
+    for rows, _, values in excerpt.pieces:
+        at = int(np.searchsorted(rows, row))
+        if not 0 < at < len(rows) or rows[at] != row:
+            continue
+        changes = np.flatnonzero(np.diff(values[:at, k]))
+        first = int(changes[-1]) + 1 if len(changes) else 0
+        if at - first < HELD or n < 2:
+            return None
+        others = np.delete(np.diff(values[first:at, :n], axis=0) != 0, k, axis=1)
+        goes_on = np.diff(values[at : at + HELD, k]) != 0  # or the joint rests
+        return int(rows[first]) if others.mean() > 0.5 and goes_on.any() and goes_on.mean() > 0.5 else None
+    return None
 
 
 def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.errors import RecordingError
-from ident.examination.check import Check, refuse
+from ident.examination.check import Check, listed, refuse
 from ident.examination.clock import BURSTS, SIDE, Grid, clock_leap, goes_on, time_unit
 from ident.examination.excerpt import Excerpt
 from ident.examination.mending import Mender
@@ -119,8 +119,8 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
     if begin is None or last_t is None:
         raise RecordingError(
             stream.file,
-            "holds no row with a value in every column that is needed between from and to; look for an empty "
-            "column, or correct the window in the study",
+            "holds no row with a value in every column that is needed between from and to"
+            f"{_empty(stream, mender)}; map other columns with columns: {{...}}, or correct the window",
         )
     if rows < MIN_SAMPLES:
         raise RecordingError(
@@ -198,6 +198,14 @@ def _refuse_time(stream: RecordingStream, t: np.ndarray, dt: np.ndarray, rows: n
 def _round_rate(rate: float) -> float:
     """A measured rate to three digits: 1010.1 Hz of jittered stamps is 1010 Hz."""
     return float(f"{rate:.3g}")
+
+
+def _empty(stream: RecordingStream, mender: Mender) -> str:
+    """Columns without any value, in words."""
+    missing = mender.counts.get("missing_values", np.zeros(0, int))
+    names = stream.names[len(stream.names) - len(missing) :]  # the first one is the time, if there is one
+    empty = [name for name, count in zip(names, missing) if count == missing.max()]
+    return f" ({listed(empty)} {'is' if len(empty) == 1 else 'are'} empty)" if empty else ""
 
 
 def _every(t: np.ndarray, spacing: float, last: float) -> np.ndarray:

@@ -1,0 +1,26 @@
+"""A position that was held for a while, beside one that leaps."""
+
+import numpy as np
+import pytest
+from small_arm import ARM
+
+import ident
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_rows_in_which_a_position_was_held_are_named(tmp_path, held):
+    """It was said to have slipped in the row behind them."""
+    (tmp_path / "small.yaml").write_text(ARM)
+    t = np.arange(3000) / 200
+    columns = {"t": t} | {f"{kind}{j}": np.sin(j * t) for kind in ("q", "tau_m") for j in (1, 2, 3)}
+    if held:
+        columns["q2"][1200:1450] = columns["q2"][1200]
+    else:
+        columns["q2"][1450:] += 0.7
+    study = ident.Study(
+        robot=str(tmp_path / "small.yaml"), recordings=[ident.Recording(columns, use="identify", name="run")]
+    )
+    with pytest.raises(ident.Error) as caught:
+        ident.fit(study)
+    said = "stands still in rows 1201 to 1450" if held else "in row 1451 and stays there"
+    assert said in str(caught.value)
