@@ -22,16 +22,17 @@ from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import standard
 from ident.examination.check import Check, listed
 from ident.examination.coupled import held
-from ident.examination.hypothesis import EXPLAINED, SWAPPED, Asked, Hypothesis, bad, falls
-from ident.examination.quick import Quick, Sample
-from ident.examination.recordings_apart import OFFSETS, OWN, thinned
+from ident.examination.hypothesis import EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
+from ident.examination.quick import FLOOR, Quick, Sample
+from ident.examination.recordings_apart import AS_OTHERS, ENOUGH, OFFSETS, OWN, thinned
 from ident.examination.rivals import rivals
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
+from ident.examination.weightless import every, felt, without_gravity
 from modelgen.geometry.kinematics import Geometry
 from modelgen.geometry.names import ParameterName
 
-SAME = 1.1  # times an error that is as it was
+FEW = 2  # causes that may stand beside one
 LOAD = "a load is carried that the study does not declare", "declare it with payload:"
 
 
@@ -60,14 +61,14 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     if len(whole.samples) < 2:
         return
     before = Explained.by(whole, asked.how)
-    found = list(_torques(asked, whole, before))
+    found = [*_torques(asked, whole, before), *_weightless(asked, whole)]
     if positions or bad(before.fit) or any(_explains(its, before) for its in found):
         found += _positions(asked, whole)
 
     def gain(its: Changed) -> float:
         return its.explained.fit.gain_over(before.fit)
 
-    best = max(found, key=gain, default=None)
+    best = _best(whole, before, sorted(found, key=gain, reverse=True))
     if best is None or not _explains(best, before):
         return
     others = [Explained.by(_few(h.quick or asked.quick), h.how) for h in told]
@@ -83,12 +84,16 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         (its.recording, its.check, its.signals): its for its in sorted(found, key=gain) if its is not best
     }
     alike = [its for its in once.values() if _explains(its, before) and steadily(before, its.explained, RARE)]
+    alike = [its for its in alike if _of_itself(whole, before, its)]
     near = [its for its in (*alike, *instead) if not steadily(its.explained, best.explained, RARE)]
     every = [best, *sorted(near, key=gain, reverse=True)]
     where = [f" in {its.recording}" if its.recording != best.recording else "" for its in every]
     said = ", or ".join(its.words + at for its, at in zip(every, where))
     fallen = falls(before.fit, best.explained.fit)
     which = ", these recordings do not tell which" if near else ""
+    if len(near) > FEW:
+        yield _unknown(best, said, fallen)
+        return
     yield Check(
         best.check,
         best.signals,
@@ -97,6 +102,50 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         recording=best.recording,
         explains=best.check != "position_zero" and all(its.signals for its in near),  # which it asks, sizes
     )
+
+
+def _unknown(best: Changed, said: str, fallen: str) -> Check:
+    """Of so many causes none is one."""
+    return Check(
+        "unrelated_torque",
+        (),
+        f"torques and motion of this recording contradict the other recordings', or theirs it, and nothing "
+        f"tells by what: {said} are each an explanation, {fallen} over all recordings",
+        "check that all signals are of one run and that the recordings are of one robot",
+        recording=best.recording,
+    )
+
+
+def _best(whole: Quick, before: Explained, found: Sequence[Changed]) -> Changed | None:
+    """The first of these, most gain first, that its recording bears by itself and that what gains more does
+    not reject: or it is only a part of something else."""
+    for its in found:
+        if _of_itself(whole, before, its):
+            return its if not steadily(its.explained, found[0].explained, RARE) else None
+    return None
+
+
+def _of_itself(whole: Quick, before: Explained, its: Changed) -> bool:
+    """Whether a fit of the recording alone explains it no worse than without the cause, and one fit of all
+    recordings explains them about as fits of each do: a signal that is another one contradicts its own
+    recording, too, or fits it as well, and beside nothing else makes one robot's recordings of them.
+    (Of an LWR4+ whose other recording had no gravity in its torques a first position 10 times too small was
+    told, of torques of another run two that look swapped.)"""
+
+    def alone(quick: Quick, label: str) -> Explained:
+        return Explained.by(whole.of([s for s in quick.samples if s.label == label]), before.how)
+
+    so = alone(its.explained.quick, its.recording)
+    if steadily(so, alone(whole, its.recording), RARE):
+        return False
+    each = [so if s.label == its.recording else alone(whole, s.label) for s in whole.samples]
+    usual = float(np.mean([_mean(x.fit.error) for x in each]))
+    return _mean(its.explained.fit.error) < max(AS_OTHERS * usual, ENOUGH)
+
+
+def _mean(error: np.ndarray) -> float:
+    """Geometric, of errors (C,)."""
+    return float(np.exp(np.nanmean(np.log(np.maximum(error, FLOOR)))))
 
 
 def _few(quick: Quick) -> Quick:
@@ -171,6 +220,16 @@ def _own_line(asked: Asked, sample: Sample, changes: Mapping[str, Mapping[str, A
 def _taken(asked: Asked, whole: Quick, sample: Sample, other: Sample) -> Explained:
     """All recordings fitted together with another sample in the place of one."""
     return Explained.by(whole.of([other if s is sample else s for s in whole.samples]), asked.how)
+
+
+def _weightless(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    for sample in whole.samples:
+        for which in every([c for c in felt(whole) if c in asked.seen]):
+            names = asked.names(which)
+            words = f"{listed(names)} {'does' if len(names) == 1 else 'do'} not feel gravity"
+            explained = Explained.by(without_gravity(whole, which, sample.label), asked.how)
+            remedy = "log that recording with the controller's gravity torque"
+            yield Changed(sample.label, names, "gravity_compensated", words, remedy, explained)
 
 
 def _positions(asked: Asked, whole: Quick) -> Iterator[Changed]:

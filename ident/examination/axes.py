@@ -13,7 +13,7 @@ from ident.equations.columns import Columns
 from ident.examination.bodies import errors, gain, parts_of
 from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
-from ident.examination.hypothesis import EXPLAINED, Hypothesis
+from ident.examination.hypothesis import Hypothesis, explains
 from ident.examination.quick import Assignment, Sample
 
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
@@ -56,7 +56,7 @@ def joint_axes(
     if not found:
         return
     best = max(found, key=lambda item: item[0])
-    if best[0] < prior or np.nanmax(best[3]) > EXPLAINED:
+    if best[0] < prior or not explains(plain, best[3]):
         return
     equal = [text for value, _, text, _ in found if value > 0.97 * best[0] and text != best[2]]
     also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""
@@ -75,11 +75,13 @@ def joint_axes(
 
 
 def _by_several(before: np.ndarray, after: np.ndarray) -> bool:
-    """Whether several torques speak for a turned axis and none against it: bodies behind it are in the torque
-    of every joint before it. (Of an LWR4+ link 6 was told by its last torque alone, which is hardly any.)"""
+    """Whether several torques speak for a turned axis and hardly any against it: bodies behind it are in the
+    torque of every joint before it. (Of an LWR4+ link 6 was told by its last torque alone, which is hardly
+    any; of its second row's own quarter turn, which six torques show, nothing because of that one.)"""
     gains = np.log(np.maximum(before, 1e-9) / np.maximum(after, 1e-9))
     gains = gains[np.isfinite(gains)]
-    return bool(gains.min() > -KEPT and gains.sum() - gains.max() > 0.5 * CLEARLY)
+    gained = gains[gains > 0].sum()
+    return bool(-gains.min() < KEPT * max(gained, CLEARLY) and gains.sum() - gains.max() > 0.5 * CLEARLY)
 
 
 def _turned(rows: tuple[Any, ...], j: int, key: str, quarters: int) -> tuple[Any, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from ident.examination.bodies import RIDGE, Parts, errors, gain
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried, span
 from ident.examination.check import Check
-from ident.examination.hypothesis import EXPLAINED, Hypothesis
+from ident.examination.hypothesis import Hypothesis, explains
 from ident.examination.quick import Assignment
 from ident.examination.stretches import ODD, beyond_chance
 
@@ -92,7 +92,7 @@ def base_orientation(
         where = " of the recordings that validate"
     else:
         where = ""
-    if np.nanmax(errors(identify, None, best)[0]) > EXPLAINED:  # something else is missing
+    if not explains(*(errors(identify, None, g)[0] for g in (assumed, best))):  # something else is missing
         return
     line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
     angle, norm = _angle(assumed, best), float(np.linalg.norm(best))

@@ -22,6 +22,7 @@ _GRAVEST = (
     "torque_scale",
     "swapped_signals",
     "coupled_position",
+    "gravity_compensated",
     "base_orientation",
     "joint_axis",
     "wrong_robot",

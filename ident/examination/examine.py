@@ -27,18 +27,20 @@ from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.coupled import coupled_positions
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.hypothesis import EXPLAINED, NOTHING, Asked, Hypothesis, bad, signal_of
+from ident.examination.hypothesis import CLEARLY, NOTHING, Asked, Hypothesis, bad, explains, signal_of
 from ident.examination.limits import beyond_limits, reads_currents
-from ident.examination.places import other_orders, swapped, swapped_positions
+from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
-from ident.examination.scales import scales, too_large
+from ident.examination.same_samples import same_samples
+from ident.examination.scales import scales, too_large, turned_scales
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
 from ident.examination.stretches import RARE, Explained, all_rows, pieces, steadily
 from ident.examination.turned import one_turned, turned_positions
 from ident.examination.unexplained import unexplained
-from ident.examination.units import degrees, scaled_positions
+from ident.examination.units import degrees, geared, scaled_positions
 from ident.examination.velocity import logged_velocities
+from ident.examination.weightless import unfelt, weightless
 from ident.examination.within import changed_within
 from ident.recordings.study import Study
 
@@ -53,7 +55,8 @@ def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
     """What was found in the recordings when they were opened, and of them against the robot's limits."""
     found = [check for stream in prepared.streams for check in stream.checks]
     twice = sentences("same_rows", prepared.study.remarks)
-    return worst_first([*twice, *found, *beyond_limits(prepared)])
+    copied = same_samples(prepared.streams)
+    return worst_first([*twice, *copied, *found, *beyond_limits(prepared)])
 
 
 def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
@@ -117,6 +120,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if not found and not beside and held is not None and gain_of(held, asked.fit.error) > CARRIED:
         scaled = carried_faults(asked)
         beside += [ambiguous(held, scaled)] if scaled else []
+    if not found and not beside:
+        beside += unfelt(asked)
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
         beside += _unseen(prepared, asked)
     return (*_joined(found, asked.maps), *beside)
@@ -154,7 +159,7 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
 def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     """What would explain torques that the model as it is does not; one where nothing else is to be asked."""
     everything = all_signs(asked)
-    if everything is not None:
+    if everything is not None and not _unforeseen(asked.fit):  # whose friction a fit of nonsense tells
         right = [h for h in _positions(asked) if _believed(asked, h) and not _mirrored(asked, h)]
         return right or [everything]
     doubted = [c for s in prepared.streams for c in s.checks if c.check == "torque_scale" and c.hint]
@@ -167,18 +172,19 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     if not prepared.study.without:  # a torque that misses a term of the model looks scaled
         found += scales(asked)
     if error.max() > DOUBTFUL:
-        found += [*several_signs(asked), *swapped(asked), *degrees(asked)]
+        found += [*several_signs(asked), *swapped(asked), *other_torques(asked), *degrees(asked)]
+        found += turned_scales(asked) if not prepared.study.without else []
     at_all = bad(asked.fit)
     if at_all:
-        found += [*_positions(asked), *scaled_positions(asked), *coupled_positions(asked)]
+        found += [*_positions(asked), *geared(asked), *scaled_positions(asked), *coupled_positions(asked)]
         found += other_orders(asked)
-    found += delays(asked)
+    found += [*weightless(asked), *delays(asked)]
     found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
     once = {(h.check.check, h.check.signals): h for h in found}
     found = [h for h in once.values() if _believed(asked, h)]
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        for its in _geometry(prepared, asked, best, axes=at_all):
+        for its in _geometry(prepared, asked, best, axes=at_all or _unforeseen(asked.fit)):
             if isinstance(its, Tilt):
                 found = [h for h in found if h.gain > its.gain or _beside(prepared, asked, h, its)]
             else:
@@ -227,7 +233,7 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
     ]
     if h.quick is None and len(fit.error) == 1 and evidence(taken.quick, fit, h.how).friction[0] > SURE:
         return bool(fit.error[0] < NOTHING)
-    explained = bool((fit.error[its] <= EXPLAINED).all())
+    explained = explains(before.error[its], fit.error[its])
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
     if motion and len(h.check.signals) == 1:
@@ -278,8 +284,10 @@ def _geometry(prepared: Prepared, asked: Asked, prior: float, axes: bool) -> Ite
     alone = prior == 0 and how == asked.quick.plain()
     tilted = list(base_orientation(identify, validate, gravity, how, rivals if alone else None, stretches))
     yield from tilted
-    if axes and not any(isinstance(its, Hypothesis) for its in tilted):
-        prior = max([prior, *(its.gain for its in tilted)])
+    if axes:
+        # a row of the table may stand for the base
+        clearly = [its.gain + CLEARLY * isinstance(its, Hypothesis) for its in tilted]
+        prior = max([prior, *clearly])
         yield from joint_axes(table, columns, samples, gravity, how, prior)
 
 

@@ -10,12 +10,13 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.examination.check import Check, column_line
-from ident.examination.quick import FLOOR, Assignment, Fit, Quick
+from ident.examination.quick import FLOOR, Assignment, Fit, Quick, alone
 
 CLEARLY = 0.7  # gain: one channel's error is halved
 EXPLAINED = 0.5  # error of a torque above which no fault of it is believed: something else is missing
 NOTHING = 0.85  # error of a channel that the model does not explain
 SWAPPED = 1.4  # gain by other positions
+SAME = 1.1  # times an error that is as it was
 BAD, BAD_TOGETHER = 0.3, 0.125  # error of one channel, or of the median one
 
 
@@ -70,6 +71,13 @@ class Asked:
         return replace(self, quick=quick, how=its.how, fit=quick.fit(its.how))
 
     @property
+    def alone(self) -> np.ndarray:
+        """(C,) errors of every channel fitted by itself, below which no fit of all comes."""
+        size, v = self.quick.identify.right(self.how)
+        its = zip(self.quick.identify.G, v, size)
+        return np.concatenate([alone(G, right[:, None], np.array([norm])) for G, right, norm in its])
+
+    @property
     def seen(self) -> list[int]:
         """Channels of which there are rows."""
         return np.flatnonzero(self.quick.identify.rows > 10).tolist()
@@ -93,6 +101,11 @@ class Asked:
             if name.startswith("q") and {name[1:], change.get("of", name)[1:]} <= self.velocities
         }
         return column_line(self.maps, {**changes, **twins})
+
+    def left_out(self, channels: Sequence[int]) -> str:
+        """The study's `channels:` line without these."""
+        names = self.quick.columns.channels
+        return f"channels: [{', '.join(name for c, name in enumerate(names) if c not in channels)}]"
 
     def better(self, other: Fit, least: float) -> bool:
         return other.gain_over(self.fit) > least and other.holds_over(self.fit) > 0.5 * least
@@ -122,6 +135,15 @@ def bad(fit: Fit) -> bool:
     """Whether a torque is explained so badly, or most are, that positions may be to blame."""
     error = fit.error[np.isfinite(fit.error)]
     return bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
+
+
+def explains(before: np.ndarray, after: np.ndarray) -> bool:
+    """Whether of torques with these errors some are explained, and all but those that are hardly touched.
+    (The last torque of an LWR4+ is mostly noise; for it no gravity was missed in the other six.)"""
+    done = after <= EXPLAINED
+    untouched = np.abs(np.log(np.maximum(after, 1e-9) / np.maximum(before, 1e-9))) < np.log(SAME)
+    seen = np.isfinite(after)
+    return bool(done.any() and (done | untouched)[seen].all())
 
 
 def falls(before: Fit, after: Fit) -> str:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
-from ident.examination.quick import Fit
+from ident.examination.quick import FLOOR, Fit, alone
+from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 
 def swapped(asked: Asked) -> Iterator[Hypothesis]:
@@ -49,6 +51,69 @@ def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
 def exchanged(n: int, a: int, b: int) -> list[int]:
     """0 .. n - 1 with two in each other's place."""
     return [b if k == a else a if k == b else k for k in range(n)]
+
+
+def other_torques(asked: Asked) -> Iterator[Hypothesis]:
+    """All torques of a side in other places: those in which each channel by itself explains most of what
+    stands there, or all counted from the tip or from the next joint where that explains as much. (Of an LWR4+
+    with its torques from tip to base the sixth was told as turned.)"""
+    columns = asked.quick.columns
+    for side in dict.fromkeys(c.side for c in columns.need.channels):
+        mine = [c for c in asked.seen if columns.need.channels[c].side == side]
+        if len(mine) < 3:
+            continue
+        regular = [_placed(asked, mine, o) for o in (mine[::-1], mine[1:] + mine[:1], mine[-1:] + mine[:-1])]
+        found = [order for order in (*regular, _assigned(asked, mine)) if _gains(asked, order)]
+        if not found:
+            continue
+        taken = [_taken(asked, order) for order in found]
+        best = max(taken, key=lambda its: its.fit.gain_over(taken[0].fit))
+        order = next(o for o, its in zip(found, taken) if its is best or not steadily(its, best, RARE))
+        pairs = combinations(mine, 2) if order not in regular else ()
+        near = ([order[k] for k in exchanged(len(order), a, b)] for a, b in pairs)
+        known = all(steadily(_taken(asked, other), best, RARE) for other in near)
+        yield _torque_order(asked, order, known)
+
+
+def _gains(asked: Asked, order: Sequence[int]) -> bool:
+    """Whether torques in such places are explained so much better; two alone are `swapped`."""
+    other = asked.quick.fit(asked.how.placed(order, asked.gains))
+    return sum(c != k for c, k in enumerate(order)) > 2 and asked.better(other, SWAPPED)
+
+
+def _assigned(asked: Asked, mine: Sequence[int]) -> list[int]:
+    """For every channel the one whose torque stands in it, by the least errors of channels fitted alone."""
+    sums, columns = asked.quick.identify, [asked.how.order[c] for c in mine]
+    each = [alone(sums.G[c], sums.v[c][columns].T, sums.yy[c][columns]) for c in mine]
+    places = linear_sum_assignment(np.log(np.maximum(each, FLOOR)))[1]
+    return _placed(asked, mine, [mine[k] for k in places])
+
+
+def _placed(asked: Asked, mine: Sequence[int], order: Sequence[int]) -> list[int]:
+    source = list(range(len(asked.how.order)))
+    for c, k in zip(mine, order):
+        source[c] = k
+    return source
+
+
+def _taken(asked: Asked, source: Sequence[int]) -> Explained:
+    return Explained.by(all_rows(asked.quick), asked.how.placed(source, asked.gains))
+
+
+def _torque_order(asked: Asked, source: Sequence[int], known: bool) -> Hypothesis:
+    """known: whether these recordings tell this order from those that are nearest to it."""
+    taken = asked.how.placed(source, asked.gains)
+    other = asked.quick.fit(taken)
+    moved = [c for c, k in enumerate(source) if c != k]
+    names, theirs = asked.names(moved), asked.names(source[c] for c in moved)
+    order = f"{', '.join(theirs)} where {', '.join(names)} are meant"
+    said = f"the torques look recorded in another order, {order}"
+    also = "" if known else " or an order near it, these recordings do not tell which"
+    line = asked.line({name: {"of": its} for name, its in zip(names, theirs)})
+    remedy = line if known else f"check the order of the torques' columns, maybe {line}"
+    message = f"{said}{also}; so taken, {falls(asked.fit, other)}"
+    check = Check("swapped_signals", names, message, remedy)
+    return Hypothesis(other.gain_over(asked.fit), taken, check, words=said)
 
 
 def other_orders(asked: Asked) -> Iterator[Hypothesis]:

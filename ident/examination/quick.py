@@ -11,7 +11,7 @@ in which halving the error of one channel is 0.69 whatever the size of its torqu
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,6 +21,7 @@ from ident.equations.columns import Columns
 from ident.recordings.recording import RecordingStream
 from ident.signals.filtering import FilterBank, FilteredBlock, filter_stream
 from ident.signals.neighbours import first_samples, joined, picked
+from modelgen.geometry.names import ParameterName
 
 ROWS = 1500  # samples of all recordings of a role together
 HELD = 6e7  # bytes of their columns: fewer samples of a robot of very many joints
@@ -36,7 +37,8 @@ LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 @dataclass(frozen=True, slots=True)
 class Sample:
     """Samples of one recording, thinned: the motion's, filtered, Y (N, C) N m, weight (N, C), W (C, N, b);
-    late (L, N, C): the torques that are recorded LAGS after their instants."""
+    late (L, N, C): the torques that are recorded LAGS after their instants; weightless: channels whose
+    torques are taken without gravity."""
 
     label: str
     role: str
@@ -46,6 +48,7 @@ class Sample:
     weight: np.ndarray
     W: np.ndarray
     late: np.ndarray
+    weightless: frozenset[int] = frozenset()
 
     def unclipped(self, channels: Sequence[int]) -> Sample:
         """Without the rows in which these torques are near an end of their range."""
@@ -95,7 +98,14 @@ class Sample:
         q, dq, ddq = (x[:, joints] * factor for x in (its.q, its.dq, its.ddq))
         sign = its.sign_dq[:, joints] * np.sign(factor)
         thin = replace(its, q=q + offset, dq=dq, ddq=ddq, sign_dq=sign)
-        return replace(self, thin=thin, W=_observation(columns, self.payload, thin))
+        return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
+
+    def without_gravity(self, columns: Columns, channels: Iterable[int]) -> Sample:
+        """The same torques taken without gravity in these channels, too."""
+        more = sorted(set(channels) - self.weightless)
+        W = self.W.copy()
+        W[more] -= at_rest(columns, self.payload, self.thin.q)[more]
+        return replace(self, W=W, weightless=self.weightless.union(more))
 
     def mixed(self, columns: Columns, positions: np.ndarray, torques: np.ndarray) -> Sample:
         """Along positions (n, n) times those recorded, with recorded torques times (C, C)."""
@@ -103,7 +113,7 @@ class Sample:
         q, dq, ddq = (x @ positions.T for x in (its.q, its.dq, its.ddq))
         plain = (positions == np.eye(len(positions))).all(axis=1)
         thin = replace(its, q=q, dq=dq, ddq=ddq, sign_dq=np.where(plain, its.sign_dq, np.sign(dq)))
-        W = _observation(columns, self.payload, thin)
+        W = _observation(columns, self.payload, thin, self.weightless)
         return replace(self, thin=thin, W=W, Y=self.Y @ torques, late=self.late @ torques)
 
 
@@ -326,8 +336,11 @@ def _sample(
     return Sample(stream.label, stream.role, stream.payload, thin, torque[rows], weight, W, late)
 
 
-def _observation(columns: Columns, payload: str | None, thin: FilteredBlock) -> np.ndarray:
-    """W (C, N, b): the compiled model's columns and the study's own."""
+def _observation(
+    columns: Columns, payload: str | None, thin: FilteredBlock, weightless: Collection[int] = ()
+) -> np.ndarray:
+    """W (C, N, b): the compiled model's columns and the study's own; of some channels without what bodies are
+    felt at rest."""
     W = regressor(columns, payload, thin.q, thin.dq, thin.ddq, thin.sign_dq)
     places = model_columns(columns, payload)
     if len(places) < len(columns.parameters):
@@ -335,6 +348,19 @@ def _observation(columns: Columns, payload: str | None, thin: FilteredBlock) -> 
         W[:, :, places] = own
     for extra in columns.extras:
         W[extra.channel, :, extra.column] += extra.values(thin)
+    which = sorted(weightless)
+    if which:
+        W[which] -= at_rest(columns, payload, thin.q)[which]
+    return W
+
+
+def at_rest(columns: Columns, payload: str | None, q: np.ndarray) -> np.ndarray:
+    """(C, N, b): what is felt of bodies at positions q (N, n), which gravity alone makes."""
+    places, none = model_columns(columns, payload), np.zeros_like(q)
+    names = [ParameterName.of(columns.parameters[k]) for k in places]
+    bodies = [k for k, name in enumerate(names) if name is not None and name.of_body]
+    W = np.zeros((len(columns.channels), len(q), len(columns.parameters)))
+    W[:, :, places[bodies]] = regressor(columns, payload, q, none, none, none)[:, :, bodies]
     return W
 
 

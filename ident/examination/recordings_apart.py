@@ -133,15 +133,15 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
         elif unlike := [c for c in apart.odd if _unlike(apart, c)]:
             names = asked.names(unlike)
             if rivals_of := _or_another(asked, apart, unlike):
+                do, say = (("does", "do")[len(names) > 1], ("says", "say")[len(rivals_of) > 1])
                 yield _check(
                     "unrelated_torque",
                     apart,
                     names,
-                    f"{listed(names)} {'does' if len(names) == 1 else 'do'} not go with what "
-                    f"{listed(rivals_of)} say (error {here:.0f} %, there {there:.0f} %), and these do not "
-                    "tell which recording is the odd one: another load, a contact, another signal or run in "
-                    "one of them",
-                    "check how they were recorded",
+                    f"{listed(names)} {do} not go with what {listed(rivals_of)} {say} (error {here:.0f} %, "
+                    f"there {there:.0f} %), and these do not tell which recording is the odd one: another "
+                    "robot, load, signal or run or a contact in one of them, or another robot's file",
+                    "check how they were recorded, and the robot file",
                 )
                 continue
             yield _check(
@@ -159,12 +159,23 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
 
 
 def _or_another(asked: Asked, apart: Apart, channels: Sequence[int]) -> list[str]:
-    """The fitted recordings of which one may be the odd one in the place of a judged one."""
+    """The fitted recordings of which one may be the odd one in the place of a judged one whose own motion
+    explains its torques. (Of an arm's study with another arm's run to fit the run that judges was blamed.)"""
     fitted = [s.label for s in asked.quick.fitted]
-    if apart.sample.label in fitted or len(fitted) < 2:
+    if apart.sample.label in fitted:
+        return []
+    if _unrelated(apart.sample, channels):
         return []
     odd = odd_one(asked.quick.samples, asked.how, channels)
     return [] if odd is not None and odd.label == apart.sample.label else fitted
+
+
+def _unrelated(sample: Sample, channels: Sequence[int]) -> bool:
+    """Whether none of these torques is explained by its own recording's motion."""
+    normal = Normal.of([sample])
+    return normal is not None and bool(
+        (solve(normal, None, Assignment.plain(sample.Y.shape[1])).error[list(channels)] > EXPLAINED).all()
+    )
 
 
 def _instead(asked: Asked, apart: Apart, causes: Sequence[Cause]) -> list[str]:
@@ -281,6 +292,8 @@ def _assigned(s: Sample, how: Assignment) -> Sample:
 def _unlike(apart: Apart, c: int) -> bool:
     """No load or contact does that: a torque as large as elsewhere hardly goes with its motion."""
     r, error = _correlation(apart, c), apart.error[c]
+    if not apart.usual[c] <= EXPLAINED:  # what the others do not explain either
+        return False
     alike = 0.5 < apart.size[c] < 2.0 or len(apart.odd) > len(apart.error) / 2
     alike = alike and apart.travel[c] > 0.3
     return bool(alike and ((error > 0.5 and r < 0.3) or (error > 1.0 and r < 0.75)))

@@ -1,6 +1,7 @@
 """What may be there in place of a fault that a check names: everyday faults that one number describes.
 
     a torque takes up a share of another one, drifts, is larger in one recording or from an instant on
+    a torque lacks gravity
     a position is a number times too large, starts from another zero, or holds that of the joint before it
 
 Each is fitted to the same rows, the model's parameters with it, so that it can be held against the named one
@@ -20,6 +21,7 @@ from ident.examination.coupled import held_too
 from ident.examination.hypothesis import signal_of
 from ident.examination.quick import Assignment, Fit, Quick, Sample
 from ident.examination.stretches import Explained
+from ident.examination.weightless import felt, without_gravity
 
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
@@ -45,6 +47,9 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     yield from _positions(whole, fit, how)
     for words, moved in held_too(whole):
         yield Rival(words, Explained.by(moved, how))
+    for c in felt(whole):
+        words = f"{signal_of(whole.columns, c, currents)} does not feel gravity"
+        yield Rival(words, Explained.by(without_gravity(whole, [c]), how))
 
 
 def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) -> Iterator[Rival]:

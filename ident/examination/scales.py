@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ident.examination.check import Check
-from ident.examination.hypothesis import Asked, Hypothesis, falls
-from ident.examination.quick import Assignment, Fit, Quick, alone, gain_of
+from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
+from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import rivals
 from ident.examination.stretches import ODD, Explained, agreed, all_rows
 
@@ -39,7 +39,7 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     (Of eight real robots a factor gains at most 0.2 as they are, with a spring, a ripple or a weight that the
     model lacks; where the torque is 1.3 times too large 0.5 to 1.7 on five of them.)"""
     seen, how = asked.seen, asked.how
-    most = _most_gain(asked)
+    most = gain_of(asked.fit.error, asked.alone)  # no factors can gain more
     tried = [_scaled(asked, c, most) for c in seen] if most >= SCALED else []
     found = [(c, *its) for c, its in zip(seen, tried) if its is not None]
     if not found:
@@ -62,6 +62,26 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     beside = [other for other in factors if _alike(plain, its.explained, other.explained)]
     words = [other.words for other in others if _alike(plain, its.explained, other.explained)]
     yield Hypothesis(gain, how.times([c], its.factor), _off(asked, after, (its, *beside), words))
+
+
+def turned_scales(asked: Asked) -> Iterator[Hypothesis]:
+    """One torque off by a constant factor and turned: the motor's side of a gear that reverses. Of a small
+    torque neither the sign nor a factor alone may say anything. (Of a Franka's fifth torque times -1/30 the
+    sixth one was told to be unexplained.)"""
+    for c in asked.seen:
+        how = asked.how.times([c], -1.0)
+        turned = replace(asked, how=how, fit=asked.quick.fit(how))
+        if gain_of(asked.fit.error, turned.alone) < SWAPPED:  # which no factor changes
+            return
+        if _scaled(turned, c, gain_of(turned.fit.error, turned.alone)) is None:
+            continue
+        for its in scales(turned):
+            if its.check.signals == (asked.name(c),) and asked.better(asked.after(its).fit, SWAPPED):
+                factor = -its.how.factor[c] / asked.how.factor[c]
+                message = its.check.message.replace(" is ", " has the other sign and is ", 1)
+                line = asked.line({asked.name(c): {"scale": float(f"{factor:.3g}"), "sign": -1}})
+                check = replace(its.check, message=message, remedy=line)
+                yield replace(its, gain=asked.after(its).fit.gain_over(asked.fit), check=check)
 
 
 def _in_milli(its: Scale) -> bool:
@@ -119,14 +139,14 @@ def _off(asked: Asked, other: Fit, told: Sequence[Scale], others: Sequence[str])
     names = asked.names(its.channel for its in told)
     sizes = [_times_too(its.factor, its.low, its.high) for its in told]
     lines = [asked.line({name: {"scale": float(f"{its.factor:.3g}")}}) for name, its in zip(names, told)]
-    first, c = told[0], told[0].channel
+    first = told[0]
     which = [*(f"{name} {size}" for name, size in zip(names[1:], sizes[1:])), *others]
     beside = f", or {', or '.join(which)}, these recordings do not tell which" if which else ""
     return Check(
         "torque_scale",
         names,
         f"{names[0]} is {sizes[0]} beside the other torques{beside} (gear ratio, unit or drive gain): "
-        f"scaled, its error falls from {100 * asked.fit.error[c]:.0f} to {100 * other.error[c]:.0f} %",
+        f"scaled, {falls(asked.fit, other)}",
         f"write {' or '.join(lines)}, where it is that" if which else lines[0],  # no line to undo it by
         spread=None if which else (first.high - first.low) / (2 * NORMAL * first.factor),
     )
@@ -150,14 +170,6 @@ def _times_too(factor: float, low: float, high: float) -> str:
         factor, low, high = 1 / factor, 1 / high, 1 / low
     span = "" if low == high else f" ({low:.3g} to {high:.3g})"
     return f"{factor:.3g} times too {word}{span}"
-
-
-def _most_gain(asked: Asked) -> float:
-    """No factors of the torques can gain more: every channel fitted by itself."""
-    size, v = asked.quick.identify.right(asked.how)
-    its = zip(asked.quick.identify.G, v, size)
-    own = np.concatenate([alone(G, right[:, None], np.array([norm])) for G, right, norm in its])
-    return gain_of(asked.fit.error, own)
 
 
 def too_large(asked: Asked, names: Collection[str]) -> Iterator[Hypothesis]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import NOTHING, Asked
-from ident.examination.quick import FLOOR, Assignment, Normal, Quick, Sample, added, solve
+from ident.examination.quick import FLOOR, Assignment, Normal, Sample, added, solve
 
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
@@ -17,11 +17,6 @@ PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', 
 
 def _unrelated(names: tuple[str, ...], message: str, remedy: str) -> Check:
     return Check("unrelated_torque", names, message, remedy)
-
-
-def _without(quick: Quick, which: Sequence[int]) -> str:
-    """The `channels:` line that leaves channels out."""
-    return f"channels: [{', '.join(n for c, n in enumerate(quick.columns.channels) if c not in which)}]"
 
 
 def unexplained(asked: Asked) -> Iterator[Check]:
@@ -50,7 +45,7 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             names,
             f"the model explains nothing of {listed(names)}: noise, another signal, a sign that "
             "changes on the way, or a joint that carries next to no torque",
-            f"check the columns, or leave them out with {_without(quick, empty)}",
+            f"check the columns, or leave them out with {asked.left_out(empty)}",
         )
     usual = float(np.median(error))
     some = [
@@ -68,7 +63,7 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             f"{listed(f'{100 * fit.error[c]:.0f} %' for c in some)}, the other torques about "
             f"{100 * usual:.0f} %): noise, another signal for a while, a magnitude without its sign, or "
             "something large that the model lacks",
-            f"look at its plot, or leave it out with {_without(quick, some)}",
+            f"look at its plot, or leave it out with {asked.left_out(some)}",
         )
     if fit.validate is not None and np.isfinite(fit.validate).any():
         held = fit.validate[np.isfinite(fit.validate)]

@@ -3,7 +3,8 @@
 import numpy as np
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, planted
+import yaml
+from planted import ON_RECORDINGS, measured, planted
 from two_links import TWO_LINKS
 
 import ident
@@ -55,3 +56,23 @@ def test_a_measured_position_in_another_unit_in_one_run(tmp_path, joint, factor,
     recording = "excite_a_50s" if long else "excite_c_30s"
     assert (said.check, said.signals, said.recording) == ("angle_unit", (f"q{joint}",), recording)
     assert f"scale: {1 / factor:g}" in said.remedy
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(
+    ("robot", "joint", "ratio"),
+    [("ur10e", 2, 101.0), ("kuka_lwr4plus", 2, 101.0), ("kuka_lwr4plus", 4, -30.0)],
+)
+def test_a_measured_position_of_the_motors_side(tmp_path, robot, joint, ratio):
+    """Of the second robot's it was told that two positions look exchanged."""
+    names = {f"{d}q{joint}" for d in ("", "d", "dd")}
+    change = lambda c: {k: ratio * v if k in names else v for k, v in c.items()}  # noqa: E731
+    study = measured(robot)
+    if robot == "ur10e":
+        keep = ("excite_a_50s", "excite_c_30s")
+        study = study.with_(recordings=tuple(e for e in study.recordings if e.label in keep))
+    (said,) = examine_fit(prepare_study(planted(tmp_path, change, study)))
+    assert (said.check, said.signals) == ("angle_unit", (f"q{joint}",))
+    told = yaml.safe_load(said.remedy)["columns"][f"q{joint}"]
+    assert told["scale"] * told.get("sign", 1) * ratio == pytest.approx(1.0, abs=4 * said.spread)
