@@ -72,7 +72,7 @@ def test_what_leans_on_strange_structure_is_refused_and_what_does_not_stays(tiny
 @pytest.mark.skipif(
     not (DATA / "franka_panda").is_dir(), reason="the recordings of measured robots are not here"
 )
-@pytest.mark.parametrize("split", [5.0, 6.5, 8.0])
+@pytest.mark.parametrize("split", [5.0, 8.0])
 def test_a_franka_is_told_no_gain_however_its_run_is_cut(tmp_path, split):
     """13 s of one run: by each of these cuts a drive gain error was told, 1.18 of joint 6 or 0.86 of 5."""
     folder = DATA / "franka_panda"
