@@ -1,0 +1,47 @@
+"""Friction that comes late where joints turn round is no torque that is recorded late."""
+
+import numpy as np
+import pytest
+from recordings import motion, write_parquet, write_study
+from small_arm import ARM
+
+import generated
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+from ident.recordings.study import load_study
+from modelgen.effects.states import integrate_dahl
+
+RATE, TRAVEL, STEP = 250.0, 8e-5, 2e-5  # Hz; rad over which dry friction gives way; rad
+
+
+def said(folder, top, late):
+    """Checks of two runs of an arm no faster than `top` [rad/s], of Dahl's friction, whose torques are
+    recorded so many samples late."""
+    (folder / "robot.yaml").write_text(ARM)
+    model = generated.load(str(folder / "robot.yaml"), "A")
+    rng = np.random.default_rng(4)
+    chi = 0.1 * rng.normal(size=len(model.parameters))
+    for k, name in enumerate(model.parameters):
+        if name.startswith(("Fv", "Fc", "Iam")):
+            chi[k] = 1.0
+    for k in range(2):
+        t, q, dq, ddq = motion(60, RATE, k, 3, 0.5)
+        small = top / np.abs(dq).max(axis=0)
+        q, dq, ddq = small * q, small * dq, small * ddq
+        z = np.stack([integrate_dahl(x, {"width": TRAVEL}, 0.0) for x in q.T], axis=1)
+        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=z)) + 0.01 * rng.normal(size=(len(t), 3))
+        tau = np.concatenate([tau[:1].repeat(late, axis=0), tau[: len(t) - late]])
+        columns = {"t": t} | {f"q{j + 1}": STEP * np.rint(q[:, j] / STEP) for j in range(3)}
+        write_parquet(folder / f"run{k}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)})
+    entries = [{"file": "run0.parquet"}, {"file": "run1.parquet", "use": "validate"}]
+    study = load_study(write_study(folder, entries, robot="robot.yaml"))
+    return {c.check for c in examine_fit(prepare_study(study))}
+
+
+@pytest.mark.parametrize("top", [0.005, 0.01, 0.02])
+def test_presliding_is_no_delay(tmp_path, top):
+    assert "channel_delay" not in said(tmp_path, top, 0)
+
+
+def test_a_delay_is_one(tmp_path):
+    assert "channel_delay" in said(tmp_path, 1.0, 25)
