@@ -11,6 +11,7 @@ from ident.examination.check import Check
 from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import rivals
+from ident.examination.signs import evidence
 from ident.examination.stretches import ODD, Explained, agreed, all_rows
 
 SCALED = 0.5  # over no factor, and over any that is absurd; what else robots lacked gained 0.4 at most
@@ -67,7 +68,7 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
 def turned_scales(asked: Asked) -> Iterator[Hypothesis]:
     """One torque off by a constant factor and turned: the motor's side of a gear that reverses. Of a small
     torque neither the sign nor a factor alone may say anything. (Of a Franka's fifth torque times -1/30 the
-    sixth one was told to be unexplained.)"""
+    sixth one was told to be unexplained; of an AIRBOT's the fourth is no turned one, by its friction.)"""
     for c in asked.seen:
         how = asked.how.times([c], -1.0)
         turned = replace(asked, how=how, fit=asked.quick.fit(how))
@@ -76,12 +77,15 @@ def turned_scales(asked: Asked) -> Iterator[Hypothesis]:
         if _scaled(turned, c, gain_of(turned.fit.error, turned.alone)) is None:
             continue
         for its in scales(turned):
-            if its.check.signals == (asked.name(c),) and asked.better(asked.after(its).fit, SWAPPED):
+            after = asked.after(its)
+            rubs = evidence(after.quick, after.fit, after.how)
+            against = any(rubs.against(k) for k in asked.seen)  # or another torque is the turned one
+            if its.check.signals == (asked.name(c),) and asked.better(after.fit, SWAPPED) and not against:
                 factor = -its.how.factor[c] / asked.how.factor[c]
                 message = its.check.message.replace(" is ", " has the other sign and is ", 1)
                 line = asked.line({asked.name(c): {"scale": float(f"{factor:.3g}"), "sign": -1}})
                 check = replace(its.check, message=message, remedy=line)
-                yield replace(its, gain=asked.after(its).fit.gain_over(asked.fit), check=check)
+                yield replace(its, gain=after.fit.gain_over(asked.fit), check=check)
 
 
 def _in_milli(its: Scale) -> bool:
