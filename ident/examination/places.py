@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
@@ -83,6 +82,8 @@ def _gains(asked: Asked, order: Sequence[int]) -> bool:
 
 def _assigned(asked: Asked, mine: Sequence[int]) -> list[int]:
     """For every channel the one whose torque stands in it, by the least errors of channels fitted alone."""
+    from scipy.optimize import linear_sum_assignment  # for what is badly explained alone: a quarter of a fit
+
     sums, columns = asked.quick.identify, [asked.how.order[c] for c in mine]
     each = [alone(sums.G[c], sums.v[c][columns].T, sums.yy[c][columns]) for c in mine]
     places = linear_sum_assignment(np.log(np.maximum(each, FLOOR)))[1]
