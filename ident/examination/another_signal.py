@@ -196,8 +196,6 @@ def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
 
 def _torques(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]:
     sums = Sums.of(whole, asked.how)
-    if len(sums.each) < len(whole.samples):
-        return
     for k, sample in enumerate(whole.samples):
         told = list(readings(asked, sums, k, before.fit))
         most = max((gain for gain, _ in told), default=0.0)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ident.examination.hypothesis import SWAPPED, Asked
-from ident.examination.quick import Assignment, Fit, Normal, Quick, Sample, added, gain_of, solve
+from ident.examination.quick import Assignment, Fit, Normal, Quick, Sample, gain_of, solve
 from ident.examination.scales import SCALED
 from ident.examination.units import times_too
 
@@ -51,8 +51,7 @@ class Sums:
 
     @classmethod
     def of(cls, whole: Quick, how: Assignment) -> Sums:
-        each = tuple(normal for s in whole.samples if (normal := Normal.of([s])) is not None)
-        return cls(each, added(each), how)
+        return cls(whole.each, whole.identify, how)
 
     def fit(self, k: int, source: Sequence[int], factor: np.ndarray) -> Fit:
         """Of all recordings, with torques of recording k in other places and times a factor."""

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.bodies import errors, gain, parts_of
+from ident.examination.bodies import Parts, errors, gain, parts_of
 from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
 from ident.examination.hypothesis import Hypothesis, explains
@@ -32,13 +32,18 @@ def joint_axes(
     fitted = [s for s in samples if s.role == "identify"]
     held_out = [s for s in samples if s.role == "validate"]
 
-    def judged(other: Any) -> tuple[np.ndarray, np.ndarray | None]:
-        identify = parts_of(other, columns, fitted, how, AXES_SAMPLES, False)
-        assert identify is not None
-        return errors(identify, parts_of(other, columns, held_out, how, AXES_SAMPLES // 2, False), gravity)
+    def parts(other: Any) -> Parts:
+        its = parts_of(other, columns, fitted, how, AXES_SAMPLES, False)
+        assert its is not None
+        return its
+
+    def judged(other: Any, identify: Parts) -> np.ndarray | None:
+        validate = parts_of(other, columns, held_out, how, AXES_SAMPLES // 2, False)
+        return errors(identify, validate, gravity)[1]
 
     table = replace(table, gravity=tuple(float(g) for g in gravity))
-    plain, held = judged(table)
+    as_told = parts(table)
+    plain, held = errors(as_told, None, gravity)[0], judged(table, as_told)
     found: list[tuple[float, int, str, np.ndarray]] = []
     labels = iter(str(j) for j in columns.need.joints)
     for j, row in enumerate(table.rows):
@@ -46,10 +51,14 @@ def joint_axes(
         for key, turn in product(("alpha", "theta"), (1, -1, 2)):
             if key == "theta" and row.sigma == 0 and turn == 2 and j == 0:
                 continue
-            now, after = judged(replace(table, rows=_turned(table.rows, j, key, turn)))
+            other = replace(table, rows=_turned(table.rows, j, key, turn))
+            identify = parts(other)
+            now = errors(identify, None, gravity)[0]
+            if not gain(plain, now) > CLEARLY or not _by_several(plain, now):
+                continue
+            after = judged(other, identify)
             predicts = after is None or np.nanmax(after) < 1.0
-            told = gain(plain, now) > CLEARLY and gain(held, after) > 0.5 * CLEARLY
-            if told and predicts and _by_several(plain, now):
+            if predicts and gain(held, after) > 0.5 * CLEARLY:
                 words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
                 text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
                 found.append((gain(plain, now), j, f"{text}", now))

@@ -36,7 +36,8 @@ LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """Samples of one recording, thinned: the motion's, filtered, Y (N, C) N m, weight (N, C), W (C, N, b);
+    """Samples of one recording, thinned: the motion's, filtered, Y (N, C) N m, weight (N, C), W (C, N, b)
+    column after column;
     late (L, N, C): the torques that are recorded LAGS after their instants; weightless: channels whose
     torques are taken without gravity."""
 
@@ -74,6 +75,10 @@ class Sample:
     @property
     def ddq(self) -> np.ndarray:
         return self.thin.ddq
+
+    def is_summed_as(self, other: Sample) -> bool:
+        """Whether its `Normal` is that of the other."""
+        return self.W is other.W and self.Y is other.Y and self.weight is other.weight
 
     def rows(self, pick: slice | np.ndarray) -> Sample:
         """Some of its rows."""
@@ -182,21 +187,16 @@ class Normal:
     rows: np.ndarray
 
     @classmethod
-    def of(cls, samples: Sequence[Sample]) -> Normal | None:
-        if not samples:
-            return None
-        C, _, b = samples[0].W.shape
-        G, v, yy, rows = np.zeros((C, b, b)), np.zeros((C, C, b)), np.zeros((C, C)), np.zeros(C)
-        for s in samples:
-            for c in range(C):
-                live = np.flatnonzero(s.W[c].any(axis=0))  # a torque feels no link before its joint
-                plain = s.W[c][:, live]
-                W = plain * s.weight[:, c : c + 1]
-                G[c][np.ix_(live, live)] += W.T @ plain
-                v[c][:, live] += s.Y.T @ W
-                yy[c] += s.weight[:, c] @ s.Y**2
-                rows[c] += s.weight[:, c].sum()
-        return cls(G, v, yy, rows)
+    def of(cls, s: Sample) -> Normal:
+        C, _, b = s.W.shape
+        G, v = np.zeros((C, b, b)), np.zeros((C, C, b))
+        for c in range(C):
+            live = np.flatnonzero(s.W[c].any(axis=0))  # a torque feels no link before its joint
+            plain = s.W[c][:, live]
+            W = plain * s.weight[:, c : c + 1]
+            G[c][np.ix_(live, live)] = W.T @ plain
+            v[c][:, live] = s.Y.T @ W
+        return cls(G, v, s.weight.T @ s.Y**2, s.weight.sum(axis=0))
 
     def right(self, how: Assignment) -> tuple[np.ndarray, np.ndarray]:
         """(C,) |Y|^2 and (C, b) W' Y of the torques that the channels then have."""
@@ -211,7 +211,10 @@ class Normal:
 
     def errors(self, chi: np.ndarray, how: Assignment) -> np.ndarray:
         """(C,) relative; NaN where nothing is seen."""
-        size, v = self.right(how)
+        return self.left(chi, *self.right(how))
+
+    def left(self, chi: np.ndarray, size: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """The same of torques with |Y|^2 (C,) and W' Y (C, b)."""
         left = size - 2 * v @ chi + self.G @ chi @ chi
         seen = (self.rows > 10) & (size > 0)
         return np.where(seen, np.sqrt(np.maximum(left, 0.0) / np.where(seen, size, 1.0)), np.nan)
@@ -219,10 +222,11 @@ class Normal:
 
 @dataclass(frozen=True, slots=True)
 class Quick:
-    """The samples of a study and their sums."""
+    """The samples of a study and their sums: of each, and of all that are fitted or judge."""
 
     columns: Columns
     samples: tuple[Sample, ...]
+    each: tuple[Normal, ...]
     identify: Normal
     validate: Normal | None
 
@@ -237,7 +241,8 @@ class Quick:
         return solve(self.identify, self.validate, how)
 
     def of(self, samples: Sequence[Sample]) -> Quick:
-        return quick_of(self.columns, samples)
+        """Other samples; most hypotheses change one, and the sums of the others are known."""
+        return _summed(self.columns, samples, list(zip(self.samples, self.each)))
 
     def moved(self, order: Sequence[int] | None = None, factor: Any = 1.0, offset: Any = 0.0) -> Quick:
         """Along other positions: `Sample.moved`."""
@@ -245,9 +250,14 @@ class Quick:
 
 
 def quick_of(columns: Columns, samples: Sequence[Sample]) -> Quick:
-    identify = Normal.of([s for s in samples if s.role == "identify"])
-    assert identify is not None
-    return Quick(columns, tuple(samples), identify, Normal.of([s for s in samples if s.role == "validate"]))
+    return _summed(columns, samples, [])
+
+
+def _summed(columns: Columns, samples: Sequence[Sample], known: Sequence[tuple[Sample, Normal]]) -> Quick:
+    each = [next((sums for its, sums in known if s.is_summed_as(its)), None) or Normal.of(s) for s in samples]
+    of = {role: [n for s, n in zip(samples, each) if s.role == role] for role in ("identify", "validate")}
+    judged = added(of["validate"]) if of["validate"] else None
+    return Quick(columns, tuple(samples), tuple(each), added(of["identify"]), judged)
 
 
 def added(normals: Sequence[Normal]) -> Normal:
@@ -264,13 +274,14 @@ def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
     seen = (identify.rows > 10) & (size > 0)
     scale = np.where(seen, 1.0 / np.maximum(size, 1e-300), 0.0)
     for turn in range(3):
-        G = np.tensordot(scale, identify.G, 1)
-        own = np.diag(G)
+        G = (scale @ identify.G.reshape(len(scale), -1)).reshape(identify.G.shape[1:])
+        own = G.diagonal()
         live = own > 1e-20 * own.max()  # a joint at rest shows nothing of itself
         length = np.where(live, np.sqrt(np.maximum(own, 0.0)), np.inf)
-        normal = G / np.outer(length, length) + np.diag(np.where(live, RIDGE, 1.0))
+        normal = G / length / length[:, None]
+        normal.ravel()[:: len(own) + 1] += np.where(live, RIDGE, 1.0)
         chi = np.linalg.solve(normal, scale @ right / length) / length
-        error = identify.errors(chi, how)
+        error = identify.left(chi, size, right)
         if turn < 2:
             scale = np.where(seen, 1.0 / (np.maximum(size, 1e-300) * np.fmax(error, 0.02) ** 2), 0)
     return Fit(chi, error, validate.errors(chi, how) if validate else None, normal, length, scale)
@@ -342,10 +353,6 @@ def _observation(
     """W (C, N, b): the compiled model's columns and the study's own; of some channels without what bodies are
     felt at rest."""
     W = regressor(columns, payload, thin.q, thin.dq, thin.ddq, thin.sign_dq)
-    places = model_columns(columns, payload)
-    if len(places) < len(columns.parameters):
-        own, W = W, np.zeros((*W.shape[:2], len(columns.parameters)))
-        W[:, :, places] = own
     for extra in columns.extras:
         W[extra.channel, :, extra.column] += extra.values(thin)
     which = sorted(weightless)
@@ -356,37 +363,25 @@ def _observation(
 
 def at_rest(columns: Columns, payload: str | None, q: np.ndarray) -> np.ndarray:
     """(C, N, b): what is felt of bodies at positions q (N, n), which gravity alone makes."""
-    places, none = model_columns(columns, payload), np.zeros_like(q)
-    names = [ParameterName.of(columns.parameters[k]) for k in places]
-    bodies = [k for k, name in enumerate(names) if name is not None and name.of_body]
-    W = np.zeros((len(columns.channels), len(q), len(columns.parameters)))
-    W[:, :, places[bodies]] = regressor(columns, payload, q, none, none, none)[:, :, bodies]
-    return W
-
-
-def model_columns(columns: Columns, payload: str | None) -> np.ndarray:
-    """Parameters of the study that the compiled model gives columns for in a run with this payload."""
-    _, _, column = columns.entries(payload)
-    return np.unique(column[column >= 0])
+    none = np.zeros_like(q)
+    names = [ParameterName.of(name) for name in columns.parameters]
+    bodies = np.array([name is not None and name.of_body for name in names])
+    return np.asarray(regressor(columns, payload, q, none, none, none) * bodies)
 
 
 def regressor(
     columns: Columns, payload: str | None, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, sign: np.ndarray
 ) -> np.ndarray:
-    """(C, N, k) of those columns."""
+    """(C, N, b) of the columns that the compiled model gives in a run with this payload, 0 in the others."""
     used, channel, column = columns.entries(payload)
-    where = np.asarray(columns.model.nonzeros)[used]
-    dense = columns.model.regressor(
-        *(np.ascontiguousarray(x) for x in (q, dq, ddq)), sign=np.ascontiguousarray(sign)
-    )
-    places = model_columns(columns, payload)
-    W = np.zeros((len(columns.channels), len(q), len(places)))
     there = column >= 0
-    to = channel[there], np.searchsorted(places, column[there])
-    entries = dense[:, where[there, 0], where[there, 1]].T
-    if len({*zip(*(part.tolist() for part in to))}) == len(entries):
-        W[to[0], :, to[1]] = entries
-    else:
-        for c, p, values in zip(*to, entries):
-            W[c, :, p] += values
-    return W
+    used, channel, column = used[there], channel[there], column[there]
+    W = np.zeros((len(columns.channels), len(columns.parameters), len(q)))
+    once = len(np.unique(channel * len(columns.parameters) + column)) == len(column)
+    motion = (np.ascontiguousarray(x) for x in (q, dq, ddq))
+    for rows, values in columns.model.nonzero_blocks(*motion, sign=np.ascontiguousarray(sign)):
+        if once:
+            W[channel, column, rows] = values[used]
+        else:
+            np.add.at(W, (channel, column, rows), values[used])
+    return W.swapaxes(1, 2)

@@ -172,10 +172,8 @@ def _or_another(asked: Asked, apart: Apart, channels: Sequence[int]) -> list[str
 
 def _unrelated(sample: Sample, channels: Sequence[int]) -> bool:
     """Whether none of these torques is explained by its own recording's motion."""
-    normal = Normal.of([sample])
-    return normal is not None and bool(
-        (solve(normal, None, Assignment.plain(sample.Y.shape[1])).error[list(channels)] > EXPLAINED).all()
-    )
+    error = solve(Normal.of(sample), None, Assignment.plain(sample.Y.shape[1])).error
+    return bool((error[list(channels)] > EXPLAINED).all())
 
 
 def _instead(asked: Asked, apart: Apart, causes: Sequence[Cause]) -> list[str]:
@@ -208,7 +206,7 @@ def _apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
     if len(quick.samples) < 2:
         return
     samples = [_assigned(s, how) for s in quick.samples]
-    sums = [normal for normal in (Normal.of([s]) for s in samples) if normal is not None]
+    sums = [Normal.of(s) for s in samples]
     fitted = [k for k, s in enumerate(samples) if s.role == "identify"]
     plain, known = quick.plain(), {samples[k].payload for k in fitted}
 
@@ -258,7 +256,7 @@ def _unsure(sample: Sample, fitted: Sequence[Sample], how: Assignment) -> np.nda
     """(C,) standard deviation of the prediction of this recording, in its torque's size: the fit is made
     without each of some stretches of the fitted recordings in turn."""
     parts = [p for s in fitted for p in _stretches(s, max(2, PARTS // len(fitted)))]
-    sums = [normal for normal in (Normal.of([p]) for p in parts) if normal is not None]
+    sums = [Normal.of(p) for p in parts]
     chis = [solve(added([*sums[:k], *sums[k + 1 :]]), None, how).chi for k in range(len(sums))]
     thin = thinned(sample)
     made = np.stack([thin.predicted(chi) for chi in chis])

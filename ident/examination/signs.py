@@ -15,7 +15,7 @@ import numpy as np
 
 from ident.examination.check import listed, turned_sign
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import Assignment, Fit, Quick, functionals, model_columns, regressor
+from ident.examination.quick import Assignment, Fit, Quick, functionals, regressor
 from modelgen.geometry.names import ParameterName
 
 SURE = 5.0  # standard deviations
@@ -57,7 +57,6 @@ def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
     q = s.q[some]
     none = np.zeros_like(q)
     at_rest = regressor(columns, s.payload, q, none, none, none)
-    places = model_columns(columns, s.payload)
     moved: dict[int, np.ndarray] = {}
     asked: list[tuple[np.ndarray, int, np.ndarray]] = []  # where the answer goes to, and to which vector
     for c in range(C):
@@ -72,9 +71,8 @@ def evidence(quick: Quick, fit: Fit, how: Assignment) -> Evidence:
             ddq = none.copy()
             ddq[:, j] = 1.0
             moved[j] = (regressor(columns, s.payload, q, none, ddq, none) - at_rest).mean(axis=1)
-        h = np.zeros(b)
-        h[places] = moved[j][c]
-        asked += [(its, c, vector) for its, vector in ((friction, power), (inertia, h)) if np.any(vector)]
+        its_vectors = ((friction, power), (inertia, moved[j][c]))
+        asked += [(its, c, vector) for its, vector in its_vectors if np.any(vector)]
     if asked:
         values, stds = functionals(quick, fit, how, np.column_stack([vector for _, _, vector in asked]))
         for (its, c, _), z in zip(asked, values / np.maximum(stds, 1e-300)):

@@ -98,7 +98,7 @@ def odd_one(
     """The recording without which all others are fitted together with half of what is left without any other,
     in the geometric mean of the channels; None where there is none, or where two contradict each other and
     there is no third."""
-    known = [(s, normal) for s in samples if (normal := Normal.of([s])) is not None]
+    known = [(s, Normal.of(s)) for s in samples]
     if len(known) < 3:
         return None
     left = []

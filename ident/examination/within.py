@@ -68,8 +68,7 @@ def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:
     stretch = np.arange(len(sample.t)) * CLUSTERS // max(len(sample.t), 1)
     halves = [replace(sample, weight=sample.weight * (stretch % 2 == k)[:, None]) for k in (0, 1)]
     before = _fit(halves, how)
-    if before is None or before.validate is None:
-        return None
+    assert before.validate is not None
     best: tuple[float, Change] | None = None
     for c in np.flatnonzero(before.error > DOUBTED).tolist():
         if how.order[c] != c:
@@ -85,8 +84,7 @@ def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:
     if best is None or best[0] < CLEARLY:
         return None
     after = _fit([best[1].undone(half) for half in halves], how)
-    if after is None or after.validate is None:
-        return None
+    assert after.validate is not None
     held = gain_of(before.validate, after.validate) * (CLUSTERS // 2)
     c = best[1].c  # itself: what it shares with others may take up what these lack
     explained = max(after.error[c], after.validate[c]) <= EXPLAINED
@@ -110,17 +108,17 @@ def _inside(rows: np.ndarray, sample: Sample) -> list[int]:
     return [int(k) for k in rows if LEAST <= k <= len(sample.t) - LEAST]
 
 
-def _fit(halves: Sequence[Sample], how: Assignment) -> Fit | None:
-    fitted, judged = (Normal.of([half]) for half in halves)
-    return None if fitted is None else solve(fitted, judged, how)
+def _fit(halves: Sequence[Sample], how: Assignment) -> Fit:
+    fitted, judged = (Normal.of(half) for half in halves)
+    return solve(fitted, judged, how)
 
 
 def _best(
     half: Sample, before: Fit, how: Assignment, changes: Sequence[Change]
 ) -> tuple[float, Change] | None:
     """The change that gains most on the fitted stretches."""
-    sums = Normal.of([half])
-    if sums is None or not changes:
+    sums = Normal.of(half)
+    if not changes:
         return None
     c = changes[0].c
     weighted = half.W[c] * (half.weight[:, c] * half.Y[:, c])[:, None]

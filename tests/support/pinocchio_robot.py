@@ -41,17 +41,18 @@ class PinocchioRobot:
                 joint, place = self.model.addJoint(joint, kind, place, f"row{j}"), pin.SE3.Identity()
             self.frames[j] = (joint, place)
         self.data = self.model.createData()
+        self.moved = {j: _moved(place) for j, (_, place) in self.frames.items() if j}
 
     def regressor(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> dict[tuple[int, str], np.ndarray]:
         """Torques (n,) of each (row, parameter) being 1, at one state; Pinocchio's own body regressor."""
         whole = pin.computeJointTorqueRegressor(self.model, self.data, q, dq, ddq).reshape(self.robot.n, -1)
         columns = {}
         for j in range(1, len(self.robot.links) + 1):
-            joint, place = self.frames[j]
+            joint, _ = self.frames[j]
             if joint == 0:
                 columns.update({(j, kind): np.zeros(self.robot.n) for kind in ORDER})
                 continue
-            block = whole[:, 10 * (joint - 1) : 10 * joint] @ _moved(place)
+            block = whole[:, 10 * (joint - 1) : 10 * joint] @ self.moved[j]
             columns.update({(j, kind): block[:, k] for k, kind in enumerate(ORDER)})
         return columns
 
@@ -60,9 +61,9 @@ class PinocchioRobot:
         model = self.model.copy()
         inertias = {joint: np.zeros(10) for joint in range(1, model.njoints)}
         for j in range(1, len(self.robot.links) + 1):
-            joint, place = self.frames[j]
+            joint, _ = self.frames[j]
             if joint:
-                inertias[joint] += _moved(place) @ np.array(
+                inertias[joint] += self.moved[j] @ np.array(
                     [parameters.get((j, kind), 0.0) for kind in ORDER]
                 )
         for joint, phi in inertias.items():
