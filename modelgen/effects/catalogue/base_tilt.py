@@ -61,7 +61,8 @@ class BaseTilt(LoadEffect):
     changes_model = True
 
     def places(self, layout: Layout) -> Iterable[Place]:
-        if layout.sides & {"motor", "sensor"}:
+        falls = file_gravity(layout.robot).any()  # without gravity none is turned
+        if falls and layout.sides & {"motor", "sensor"}:
             yield layout.place(side="link", parts=newly_visible(layout.robot))
 
     def parameters_of(self, place: Place) -> tuple[str, ...]:

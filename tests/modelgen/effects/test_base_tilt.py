@@ -93,6 +93,13 @@ def test_it_tells_the_gravity_to_paste():
     assert [told[f"g{axis}"]["value"] for axis in "xyz"] == pytest.approx(tilted((9.81, 0, 0), 0.1, -0.2))
 
 
+def test_without_gravity_there_is_none_to_turn():
+    """A warning of a division by its size was printed."""
+    model = arm_model()
+    weightless = replace(model, robot=with_gravity(model.robot, np.zeros(3)))
+    assert not list(E.places(layout(weightless)))
+
+
 def test_a_difference_of_torques_does_not_show_it():
     assert not list(E.places(layout(arm_model(("drive",)))))
     model = arm_model()
