@@ -25,7 +25,7 @@ from ident.examination.coupled import held
 from ident.examination.hypothesis import EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
 from ident.examination.quick import FLOOR, Quick, Sample
 from ident.examination.recordings_apart import AS_OTHERS, ENOUGH, OFFSETS, OWN, thinned
-from ident.examination.rivals import rivals
+from ident.examination.rivals import alike, rivals
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
 from ident.examination.weightless import every, felt, without_gravity
@@ -77,30 +77,35 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     instead = _instead(whole, best, asked)
     if any(gain(its) > gain(best) for its in instead):
         return
-    everywhere = list(rivals(whole, asked.how, asked.currents))
-    if any(agreed(best.explained, its.explained, ODD / len(everywhere)) for its in everywhere):
+    pool = list(rivals(whole, asked.how, asked.currents))
+    if any(agreed(best.explained, its.explained, ODD / len(pool)) for its in pool):
+        return
+    same = alike((its for its in pool if not its.recording), before, best.explained)
+    everywhere = [Changed("", (), "", f"{its.words} in all recordings", "", its.explained) for its in same]
+    if any(gain(its) > gain(best) for its in everywhere):
         return
     once = {
         (its.recording, its.check, its.signals): its for its in sorted(found, key=gain) if its is not best
     }
-    alike = [its for its in once.values() if _explains(its, before) and steadily(before, its.explained, RARE)]
-    alike = [its for its in alike if _of_itself(whole, before, its)]
-    near = [its for its in (*alike, *instead) if not steadily(its.explained, best.explained, RARE)]
-    every = [best, *sorted(near, key=gain, reverse=True)]
-    where = [f" in {its.recording}" if its.recording != best.recording else "" for its in every]
+    told_too = [its for its in once.values() if _explains(its, before)]
+    told_too = [its for its in told_too if steadily(before, its.explained, RARE)]
+    told_too = [its for its in told_too if _of_itself(whole, before, its)]
+    near = [its for its in (*told_too, *instead) if not steadily(its.explained, best.explained, RARE)]
+    every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
+    where = [f" in {its.recording}" if its.recording not in ("", best.recording) else "" for its in every]
     said = ", or ".join(its.words + at for its, at in zip(every, where))
     fallen = falls(before.fit, best.explained.fit)
-    which = ", these recordings do not tell which" if near else ""
-    if len(near) > FEW:
+    which = ", these recordings do not tell which" if every[1:] else ""
+    if len(every) > 1 + FEW:
         yield _unknown(best, said, fallen)
         return
     yield Check(
         best.check,
         best.signals,
         f"in this recording {said}{which}: so taken, {fallen} over all recordings",
-        " or ".join(dict.fromkeys(its.remedy for its in every)),
+        " or ".join(dict.fromkeys(its.remedy for its in every if its.remedy)),
         recording=best.recording,
-        explains=best.check != "position_zero" and all(its.signals for its in near),  # which it asks, sizes
+        explains=best.check != "position_zero" and all(its.signals for its in every),  # which it asks, sizes
     )
 
 

@@ -64,10 +64,16 @@ def held(columns: Columns) -> list[Held]:
     return [Held(j, sign, f"q{joints[j]}", f"q{joints[j - 1]}") for j in places for sign in (1.0, -1.0)]
 
 
-def held_too(quick: Quick) -> Iterator[tuple[str, Quick]]:
-    """Each such position in words, and the recordings without what it holds too."""
+def held_too(quick: Quick) -> Iterator[tuple[str, str, Quick]]:
+    """Each such position in words, of all recordings ("") or of one, and the recordings without what it holds
+    too."""
+    labels = [s.label for s in quick.samples]
     for its in held(quick.columns):
-        yield its.words, quick.of([its.without(quick.columns, s) for s in quick.samples])
+        own = [its.without(quick.columns, s) for s in quick.samples]
+        yield its.words, "", quick.of(own)
+        for k, label in enumerate(labels if len(labels) > 1 else ()):
+            mixed = [own[k] if i == k else s for i, s in enumerate(quick.samples)]
+            yield its.words.replace(" ", f" of {label} ", 1), label, quick.of(mixed)
 
 
 def _coupled(asked: Asked, its: Held, drives: bool, smooth: SmoothTorques) -> Iterator[Hypothesis]:

@@ -11,6 +11,7 @@ a torque with the other sign is not a tilted base as well.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,11 +28,22 @@ from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.coupled import coupled_positions
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
-from ident.examination.hypothesis import CLEARLY, NOTHING, Asked, Hypothesis, bad, explains, signal_of
+from ident.examination.hypothesis import (
+    CLEARLY,
+    EXPLAINED,
+    NOTHING,
+    SAME,
+    Asked,
+    Hypothesis,
+    bad,
+    explains,
+    signal_of,
+)
 from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
+from ident.examination.rivals import alike, rivals
 from ident.examination.same_samples import same_samples
 from ident.examination.scales import scales, too_large, turned_scales
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
@@ -66,7 +78,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     samples = [
         s for role in ("identify", "validate") for s in take(prepared.streams, prepared.banks, columns, role)
     ]
-    samples = _unclipped(prepared, samples)
+    clipped = _clipped(prepared)
+    samples = _unclipped(prepared, samples, clipped)
     for sample in samples:  # motor signals of unknown gain are no torques yet
         sample.weight[:, list(columns.gain_columns)] = 0.0
     if not any(s.role == "identify" for s in samples):
@@ -77,19 +90,20 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     how, currents = quick.plain(), reads_currents(prepared)
     gains = _gains(prepared, currents)
     maps = dict(prepared.study.columns)
-    asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared))
+    anywhere = frozenset().union(*clipped.values())
+    asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere)
     at_an_end = False
     found: list[Check] = []
     best: Hypothesis | None = None
-    alike: list[Hypothesis] = []
+    near: list[Hypothesis] = []
     gained, halfway = 0.0, list(changed_within(asked))
     turned = halfway[-1][1].fit(how).gain_over(asked.fit) if halfway else -np.inf
     for _ in range(FAULTS):
         told = _believable(prepared, asked)
-        if best is not None and alike:  # asked again with the last one undone: no other name of it
+        if best is not None and near:  # asked again with the last one undone: no other name of it
             again = {(h.check.check, h.check.signals) for h in told}
-            alike = [h for h in alike if (h.check.check, h.check.signals) not in again]
-            found[-1] = best.beside(alike).check
+            near = [h for h in near if (h.check.check, h.check.signals) not in again]
+            found[-1] = best.beside(near).check
         best = max(told, key=lambda h: h.gain, default=None)
         odd = not found and (bool(told) or bad(asked.fit) or _unforeseen(asked.fit))
         if not found and (moved := list(another_signal(asked, told, positions=odd))):
@@ -97,7 +111,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best is None:
             break
         found.append(best.check)
-        alike = _alike(asked, best, told)
+        near = _alike(asked, best, told)
         gained += best.gain
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
@@ -127,13 +141,17 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     return (*_joined(found, asked.maps), *beside)
 
 
-def _unclipped(prepared: Prepared, samples: list[Sample]) -> list[Sample]:
+def _clipped(prepared: Prepared) -> dict[str, set[str]]:
+    """Of every recording the torques that are."""
+    return {
+        s.label: {n for c in s.checks if c.check == "saturation" for n in c.signals} for s in prepared.streams
+    }
+
+
+def _unclipped(prepared: Prepared, samples: list[Sample], clipped: Mapping[str, set[str]]) -> list[Sample]:
     """Without what is clipped: no model explains it, and other faults took its place (of an AIRBOT's clipped
     torque a factor, of a Barrett's another zero was told)."""
     currents, columns = reads_currents(prepared), prepared.columns
-    clipped = {
-        s.label: {n for c in s.checks if c.check == "saturation" for n in c.signals} for s in prepared.streams
-    }
     names = [signal_of(columns, c, currents) for c in range(len(columns.channels))]
     return [s.unclipped([c for c, name in enumerate(names) if name in clipped[s.label]]) for s in samples]
 
@@ -144,16 +162,27 @@ def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
 
 
 def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypothesis]:
-    """Hypotheses with a name that stretch by stretch are not rejected beside the best one."""
+    """Hypotheses, and everyday faults that were no hypothesis of their own, that stretch by stretch are not
+    rejected beside the best one. (Of a TX40 whose third position held the second one's in one recording, it
+    was told to do so in all.)"""
+    blamed = best.how != asked.how or best.quick is not None
+    if not blamed or not best.words or best.own or not np.isfinite(best.gain):
+        return []
+    whole = all_rows(asked.quick)
 
     def explained(h: Hypothesis) -> Explained:
         return Explained.by(all_rows(h.quick or asked.quick), h.how)
 
-    others = [h for h in told if h is not best and h.words]
-    if not others or (best.how == asked.how and best.quick is None):
-        return []
-    its = explained(best)
-    return [h for h in others if not steadily(explained(h), its, RARE)]
+    its, others = explained(best), [h for h in told if h is not best and h.words]
+    near = [h for h in others if not steadily(explained(h), its, RARE)]
+    pool = rivals(whole, asked.how, asked.currents)
+    also = alike((r for r in pool if not _same(r.explained, its)), Explained.by(whole, asked.how), its)
+    silent = replace(best.check, remedy="")
+    return near + [Hypothesis(0.0, asked.how, silent, words=r.words) for r in also]
+
+
+def _same(one: Explained, other: Explained) -> bool:
+    return bool(np.allclose(one.fit.error, other.fit.error, rtol=1e-6, atol=0.0, equal_nan=True))
 
 
 def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
@@ -223,6 +252,8 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
     elsewhere), one wrong sign or order may leave less than another without being the cause. A torque that no
     other contradicts is known by its friction, whatever else is missing."""
     before, taken = asked.fit, asked.after(h)
+    if h.how.order != asked.how.order and not _explained_there(asked, h, taken.fit):
+        return False
     fit, joints = taken.fit, asked.joints
     motion = any(name.startswith("q") for name in h.check.signals) and not h.own
     blamed = set(joints) if motion else {"".join(filter(str.isdigit, name)) for name in h.check.signals}
@@ -241,6 +272,19 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
             explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * np.isfinite(fit.error).sum()
         )
     return explained and predicted and _rms(fit) < RISEN * _rms(before)
+
+
+def _explained_there(asked: Asked, h: Hypothesis, after: Fit) -> bool:
+    """Whether torques that judge are predicted in their other places, or hardly worse than before. Of clipped
+    ones other rows are left of each, which say nothing of places. (Of an LWR4+ with all torques clipped
+    joints 5 and 7 were exchanged.)"""
+    moved = [c for c, (k, its) in enumerate(zip(h.how.order, asked.how.order)) if k != its]
+    if asked.clipped.intersection(asked.names(moved)):
+        return False
+    if asked.fit.validate is None or after.validate is None:
+        return True
+    before = asked.fit.validate[[asked.how.order.index(h.how.order[c]) for c in moved]]
+    return bool((after.validate[moved] <= np.fmax(EXPLAINED, SAME * before)).all())
 
 
 def _gains(prepared: Prepared, currents: bool) -> np.ndarray:

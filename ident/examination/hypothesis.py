@@ -17,6 +17,7 @@ EXPLAINED = 0.5  # error of a torque above which no fault of it is believed: som
 NOTHING = 0.85  # error of a channel that the model does not explain
 SWAPPED = 1.4  # gain by other positions
 SAME = 1.1  # times an error that is as it was
+WHICH = ", these recordings do not tell which"
 BAD, BAD_TOGETHER = 0.3, 0.125  # error of one channel, or of the median one
 
 
@@ -39,13 +40,14 @@ class Hypothesis:
         others = [its for its in others if its.words not in message]  # a position beside its torque, twice
         if not others:
             return self
-        end = min((k for k in (message.find(": "), message.find("; ")) if k > 0), default=len(message))
+        head = message.split(WHICH)[0]
+        end = min((k for k in (head.find(": "), head.find("; ")) if k > 0), default=len(head))
         also = "".join(f", or {its.words}" for its in others)
         lines = dict.fromkeys(its.check.remedy for its in others if its.check.remedy)
         lines.pop(self.check.remedy, None)
         check = replace(
             self.check,
-            message=f"{message[:end]}{also}, these recordings do not tell which{message[end:]}",
+            message=f"{message[:end]}{also}{WHICH}{message[end:].removeprefix(WHICH)}",
             remedy=self.check.remedy + (f"  # or {' or '.join(lines)}, where it is that" if lines else ""),
         )
         return replace(self, check=check)
@@ -54,8 +56,9 @@ class Hypothesis:
 @dataclass(frozen=True, slots=True)
 class Asked:
     """What is asked for faults: recordings, what is undone of their torques already, the fit of both; the
-    study's columns, whether it reads currents, N m per unit of what is recorded of a channel (C,), and the
-    joints whose velocities are logged: they agree with their positions, or the table would be refused."""
+    study's columns, whether it reads currents, N m per unit of what is recorded of a channel (C,), the joints
+    whose velocities are logged (they agree with their positions, or the table would be refused), and torques
+    that are clipped anywhere."""
 
     quick: Quick
     how: Assignment
@@ -64,6 +67,7 @@ class Asked:
     currents: bool
     gains: np.ndarray
     velocities: frozenset[str] = frozenset()
+    clipped: frozenset[str] = frozenset()
 
     def after(self, its: Hypothesis) -> Asked:
         """The same once this one is undone."""

@@ -11,7 +11,7 @@ steps on the motion itself.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,11 +19,13 @@ import numpy as np
 
 from ident.examination.coupled import held_too
 from ident.examination.hypothesis import signal_of
-from ident.examination.quick import Assignment, Fit, Quick, Sample
-from ident.examination.stretches import Explained
+from ident.examination.quick import FLOOR, Assignment, Fit, Quick, Sample
+from ident.examination.stretches import RARE, Explained, steadily
 from ident.examination.weightless import felt, without_gravity
 
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
+STARTS = (-0.5, 1.0)  # a position that is twice or half as large is far from where steps lead to
+HALF = 0.5  # of what is told, from which something else may be there in its place
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
 Motion = dict[str, Any]  # what `Quick.moved` takes
 Signal = Callable[[int, Sample], np.ndarray]  # (N,) of a recording, by its number
@@ -37,6 +39,25 @@ class Rival:
 
     words: str
     explained: Explained
+    recording: str = ""  # that alone it is about
+
+
+def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Rival]:
+    """Those that explain at least half of what is told does, of the same torques, and that stretch by stretch
+    are not rejected beside it; most first."""
+
+    def gains(its: Explained) -> np.ndarray:
+        return np.nan_to_num(np.log(np.maximum(before.fit.error, FLOOR) / np.maximum(its.fit.error, FLOOR)))
+
+    its_own = gains(told)
+
+    def near(its: np.ndarray) -> bool:
+        same = np.minimum(its, its_own).clip(0).sum()
+        return bool(its.sum() > HALF * its_own.sum() and same > HALF * its_own.clip(0).sum())
+
+    some = [(float(its.sum()), r) for r in pool if near(its := gains(r.explained))]
+    some = [each for each in some if not steadily(each[1].explained, told, RARE)]
+    return [r for _, r in sorted(some, key=lambda each: -each[0])]
 
 
 def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
@@ -45,8 +66,8 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     for c in np.flatnonzero(whole.identify.rows > 10).tolist():
         yield from _of_torque(whole, fit, how, c, currents)
     yield from _positions(whole, fit, how)
-    for words, moved in held_too(whole):
-        yield Rival(words, Explained.by(moved, how))
+    for words, recording, moved in held_too(whole):
+        yield Rival(words, Explained.by(moved, how), recording)
     for c in felt(whole):
         words = f"{signal_of(whole.columns, c, currents)} does not feel gravity"
         yield Rival(words, Explained.by(without_gravity(whole, [c]), how))
@@ -76,14 +97,16 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
             share, rival = found(lambda i, s, r=r: (i == r) * s.Y[:, own], True)  # type: ignore[misc]
             if rival:
                 also = " or a load is carried there" if share < 1 else ""
-                yield replace(rival, words=f"{name} of {sample.label} is {_times(share)}{also}")
+                words = f"{name} of {sample.label} is {_times(share)}{also}"
+                yield replace(rival, words=words, recording=sample.label)
         instants = np.linspace(sample.t[0], sample.t[-1], INSTANTS + 1)[1:-1]
         later: list[tuple[float, Rival]] = []
         for at in instants:
             share, rival = found(lambda i, s, r=r, at=at: (i == r) * (s.t > at) * s.Y[:, own], True)  # type: ignore[misc]
             if rival:
                 words = f"{name} of {sample.label} is {_times(share)} from about {at:.3g} s on"
-                later.append((rival.explained.fit.gain_over(fit), replace(rival, words=words)))
+                rival = replace(rival, words=words, recording=sample.label)
+                later.append((rival.explained.fit.gain_over(fit), rival))
         if later:
             yield max(later, key=lambda each: each[0])[1]
 
@@ -140,7 +163,7 @@ def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
             return {"offset": np.where(its, x, 0.0)}
 
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
-        x, explained = _solved(whole, fit, how, times)
+        x, explained = _solved(whole, fit, how, times, STARTS)
         factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
         yield Rival(f"q{label} is {factor:.3g} times too {word}", explained)
         x, explained = _solved(whole, fit, how, zero)
@@ -148,11 +171,12 @@ def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
 
 
 def _solved(
-    whole: Quick, fit: Fit, how: Assignment, motion: Callable[[float], Motion]
+    whole: Quick, fit: Fit, how: Assignment, motion: Callable[[float], Motion], starts: Sequence[float] = ()
 ) -> tuple[float, Explained]:
     """The number with which the torques are explained best along such motions, by the linear steps from the
-    motion as it is that explain more each."""
-    x, best = 0.0, Explained(whole, fit, how)
+    motion as it is, or from the best start, that explain more each."""
+    tried = [(x, Explained.by(whole.moved(**motion(x)), how)) for x in starts]
+    x, best = max([(0.0, Explained(whole, fit, how)), *tried], key=lambda its: its[1].fit.gain_over(fit))
     for _ in range(STEPS):
         its, near = best.quick, whole.moved(**motion(x + SMALL)).samples
         chi, inverse = best.fit.chi, best.fit.inverse

@@ -1,8 +1,10 @@
 """Everyday faults that look like a torque's factor, planted in measured recordings: none is told as one."""
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, parted, planted
+from planted import ON_RECORDINGS, measured, parted, planted, ur10e
+from scipy.signal import butter, lfilter, lfilter_zi
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
@@ -52,6 +54,10 @@ FRANKA = {
     "a drift": (
         lambda c: c | {"tau_l2": c["tau_l2"] + 2 * np.std(c["tau_l2"]) * c["t"] / np.ptp(c["t"])},
         "tau_l2 drifts by",
+    ),
+    "a position with another one's": (
+        lambda c: c | {"q4": c["q4"] + c["q3"], "dq4": c["dq4"] + c["dq3"]},
+        "q4 has q3 added:",
     ),
 }
 
@@ -135,11 +141,71 @@ def test_the_largest_lag_that_is_tried_is_not_told(tmp_path):
 def test_an_axis_is_not_told_by_one_torque_alone():
     """An LWR4+ as it is had a turned link 6, which only its last torque, hardly any, seemed to show."""
     study = measured("kuka_lwr4plus")
+    assert "joint_axis" not in {c.check for c in _said(_lwr4plus(study))}
+
+
+def _kr300(folder, **change):
+    """traj_a.parquet fitted and five seconds of traj_b.parquet, each changed."""
+    study = measured("kuka_kr300")
+    for entry in study.recordings:
+        one = entry.model_copy(update={"use": "identify"})
+        planted(folder, change.get(entry.label, lambda c: c), study.with_(recordings=(one,)))
+    return _five_seconds(study.with_(folder=str(folder)))
+
+
+def test_a_factor_of_one_recording_is_told_beside_one_of_a_part_of_it(tmp_path):
+    """Of a KR 300 "from about 1.62 s on" alone was told."""
+    (check,) = _said(_kr300(tmp_path, traj_a=lambda c: c | {"tau_m3": 0.7 * c["tau_m3"]}))
+    assert "tau_m3 of traj_a is 0.72 times as large or a load" in check.message
+
+
+def test_another_robot_s_run_is_no_torque_s_factor(tmp_path):
+    """Of a KR 300 the sixth torque was 0.0134 times too large in a UR10e's run, whose others are 40 to 150
+    times too small as well."""
+    entry = ur10e().recordings[0]
+    table = pq.read_table(ur10e().recording_path(entry))
+    of_ur = {name: table[name].to_numpy() for name in table.column_names}
+    motor = {f"tau_m{j}": 11.0 * of_ur[f"i{j}"] for j in range(1, 7)}
+    (check,) = _said(_kr300(tmp_path, traj_b=lambda c: {k: v for k, v in of_ur.items() if k in c} | motor))
+    assert check.check == "wrong_robot"
+
+
+def test_a_position_twice_too_large_is_told_beside_a_share_of_another_torque(tmp_path):
+    """A TX40's fifth drive is coupled with its sixth one."""
+    twice = lambda c: c | {"q5": 2 * c["q5"]}  # noqa: E731
+    (check,) = _said(parted(planted(tmp_path, twice, measured("staubli_tx40")), 2.8, 3.9))
+    assert "q5 is 2.09 times too large" in check.message
+
+
+def _lwr4plus(study):
+    """One trajectory and a part of another one fitted, a second of its rounds judged."""
     a, b = {r.file: r for r in study.recordings}.values()
     runs = [
         a.model_copy(update={"use": "identify", "name": "a", "from_s": 1.0, "to_s": 24.0}),
         b.model_copy(update={"use": "identify", "name": "b", "from_s": None, "to_s": 14.0}),
         b.model_copy(update={"use": "validate", "name": "c", "from_s": 14.0, "to_s": None}),
     ]
-    study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
-    assert "joint_axis" not in {c.check for c in _said(study)}
+    return study.with_(recordings=tuple(runs), filter=type(study.filter)())
+
+
+def test_positions_that_are_smoothed_are_no_torque_that_is_early(tmp_path):
+    """Of all positions of an LWR4+ 0.11 s late the fourth torque, the most exact one, was told as early."""
+
+    def smoothed(c):
+        b, a = butter(2, 2.0 * 2.0 * np.median(np.diff(c["t"])))
+        q = {f"q{j}": c[f"q{j}"] for j in range(1, 8)}
+        late = {name: lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0] for name, x in q.items()}
+        return {k: v for k, v in c.items() if not k.startswith("dq")} | late
+
+    (check,) = _said(_lwr4plus(planted(tmp_path, smoothed, measured("kuka_lwr4plus"))))
+    assert "tau_l1, tau_l2, tau_l3, tau_l4, tau_l5, tau_l6, tau_l7 are recorded about 0.1 s" in check.message
+
+
+def test_clipped_torques_are_in_no_other_order(tmp_path):
+    """Of an LWR4+ with all torques clipped joints 5 and 7 were told as exchanged."""
+
+    def clipped(c):
+        most = {f"tau_l{j}": 0.6 * np.abs(c[f"tau_l{j}"]).max() for j in range(1, 8)}
+        return c | {k: np.clip(c[k], -m, m) for k, m in most.items()}
+
+    assert _said(_lwr4plus(planted(tmp_path, clipped, measured("kuka_lwr4plus")))) == ()
