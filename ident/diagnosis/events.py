@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.between_runs import between_runs, comparable, one_number_between, says_between
-from ident.diagnosis.evidence import Evidence, Metric, acting, whole
+from ident.diagnosis.evidence import Evidence, Metric, acting, said, whole
 from ident.diagnosis.is_a_load import (
     SHORTEST_S,
     as_one_number,
@@ -82,7 +82,7 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
         return None
     halves = halves_of(state, own, columns)
     evidence = cross_evidence(halves, columns, acting(columns))
-    told = evidence.log_e > limit
+    told = evidence.log_e > limit and said(whole(own, state.rows.usable), columns, sizes) > limit
     if told and as_one_number(state, halves, term, columns, evidence, tau):
         return None
     runs, refined = comparable(state, term, columns), Refined(term, columns, sizes, gain)

@@ -4,25 +4,29 @@ Everything about a hypothesis (place, window, shape, size, noise) is chosen on t
 judged rows both models are whitened by the same noise and projected off the rigid model's own columns,
 whose parameters stay free there (residual contrasts: Perez-Ortiz et al., Ann. Statist. 52(4), 2024), and
 
-    log E = sum over channels  N_c / 2 ln(RSS_c of the null / RSS_c of the hypothesis as fitted)
+    log E = sum over channels  ln likelihood of the hypothesis as fitted - ln likelihood of the null
 
-is the logarithm of a split likelihood ratio (Wasserman, Ramdas, Balakrishnan, PNAS 117(29), 2020): whatever
-the search on the fitted rows was, P(log E > ln 1/alpha) <= alpha if the noise is what it is taken for. That
-it is, is not taken for granted: blocks of `BLOCK_S` each give their own gain, and enough of them must be
-positive: a sign test, which needs no noise model. A block counts by how surely it would be positive were the
-effect there as the fitted rows have it (the log of the odds, at most TRUST), which the judged torque has no
-part in: where an effect hardly acts the sign is a coin's. (By signed ranks, which let large gains count for
-more, two laws of one friction were told where one was wrong.)"""
+is the logarithm of a split likelihood ratio (Wasserman, Ramdas, Balakrishnan, PNAS 117(29), 2020):
+whatever the search on the fitted rows was, P(log E > ln 1/alpha) <= alpha if the noise is what it is taken
+for: the whitener's, and any slow noise, each model's own (slow_noise.py). Where parts of a run judge
+others of it, that noise is one: the likelihood of the judged rows is that given the fitted ones. That
+noise is such, is not taken for granted: blocks of `BLOCK_S` each give their own gain, and enough of them
+must be positive: a sign test, which needs no noise model. A block counts by how surely it would be
+positive were the effect there as the fitted rows have it (the log of the odds, at most TRUST), which the
+judged torque has no part in: where an effect hardly acts the sign is a coin's. (By signed ranks, which let
+large gains count for more, two laws of one friction were told where one was wrong.)"""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy.special
 
 from ident.diagnosis.rows import Rows
+from ident.diagnosis.slow_noise import SlowNoise
 from ident.diagnosis.whitened import Whitener
 
 Columns = Mapping[int, np.ndarray]  # channel -> (M, p), the same p everywhere
@@ -33,18 +37,44 @@ FINE = 5000  # steps of the weights of all blocks
 TOLERANCE = 1e-10  # of the scaled Gram matrix: a direction without data
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Side:
-    """The model on one set of rows: whitened columns times `basis` (B, r) are orthonormal there."""
+    """The model on one set of rows: whitened columns times `basis` (B, r) are orthonormal there; noise: of
+    each channel, none where it is white whatever the rows say."""
 
     mask: np.ndarray  # (M,)
     basis: np.ndarray
     residual: np.ndarray  # (C, M) whitened torque, projected; 0 elsewhere
     rss: np.ndarray  # (C,)
     free: np.ndarray  # (C,) rows less the parameters that they determine
+    noise: tuple[SlowNoise, ...] = ()
+
+    def likelihoods(self, residual: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Of each channel logarithms, but for a constant, of a residual (C, M) that the model has answered
+        to, in every noise (J, A)."""
+        if self.noise:
+            return tuple(its.likelihoods(e) for its, e in zip(self.noise, residual))
+        rss = np.maximum(np.einsum("cm,cm->c", residual, residual), 1e-300)
+        return tuple(np.array([[-0.5 * n * np.log(r / n)]]) for n, r in zip(self.free, rss))
+
+    def likelihood(self, residual: np.ndarray) -> np.ndarray:
+        """(C,) of them the largest."""
+        return np.array([its.max() for its in self.likelihoods(residual)])
+
+    @cached_property
+    def told(self) -> np.ndarray:
+        """(C,) of the model alone."""
+        return self.likelihood(self.residual)
 
 
-@dataclass(frozen=True, slots=True)
+def given_part(both: Side, part: Side, residual: np.ndarray, its: np.ndarray) -> np.ndarray:
+    """(C,) logarithm of the likelihood of the residual (C, M) of all rows given those of a part, `its`
+    residual: in the noise that all rows have."""
+    pairs = zip(both.likelihoods(residual), part.likelihoods(its))
+    return np.array([a.max() - b.flat[a.argmax()] for a, b in pairs])
+
+
+@dataclass(frozen=True)
 class Metric:
     """Rows and columns of a model in one noise: X[c] = (places (k,), values (M, k)) whitened, y (C, M)."""
 
@@ -56,11 +86,28 @@ class Metric:
     fitted: Side
     judged: Side
 
+    @cached_property
+    def both(self) -> Side:
+        """The model on the fitted and the judged rows together."""
+        slow = bool(self.fitted.noise)
+        return side_of(self.rows, self.X, self.y, self.B, self.fitted.mask | self.judged.mask, slow)
+
+    @cached_property
+    def told_given(self) -> np.ndarray:
+        """(C,) of the judged rows given the fitted ones, of the model alone."""
+        return given_part(self.both, self.fitted, self.both.residual, self.fitted.residual)
+
+    @cached_property
+    def parted(self) -> bool:
+        """Whether some recording is fitted in parts and judges in others: noise that outlasts them is one."""
+        r = self.rows.recording
+        return bool(self.judged.noise) and bool(np.isin(r[self.judged.mask], r[self.fitted.mask]).any())
+
     def only(self, chosen: np.ndarray) -> Metric:
         """Some of its rows (k,), whole pieces: products with columns that are zero on the others, and nothing
         else, are the same."""
         sides = [
-            replace(side, mask=side.mask[chosen], residual=side.residual[:, chosen])
+            replace(side, mask=side.mask[chosen], residual=side.residual[:, chosen], noise=())
             for side in (self.fitted, self.judged)
         ]
         return Metric(
@@ -166,16 +213,21 @@ def stacked(rows: Rows, found: Sequence[Columns]) -> tuple[tuple[tuple[np.ndarra
 
 
 def metric(
-    rows: Rows, design: Sequence[tuple[np.ndarray, np.ndarray]], B: int, whiteners: Sequence[Whitener]
+    rows: Rows,
+    design: Sequence[tuple[np.ndarray, np.ndarray]],
+    B: int,
+    whiteners: Sequence[Whitener],
+    slow: bool = True,
 ) -> Metric:
-    """Whiten a model's columns and project its torque on both kinds of rows."""
+    """Whiten a model's columns and project its torque on both kinds of rows; slow: whether noise may outlast
+    the whiteners."""
     X = tuple((places, w @ values) for (places, values), w in zip(design, whiteners))
     y = np.stack([w @ rows.Y[c] for c, w in enumerate(whiteners)])
-    sides = [side_of(rows, X, y, B, mask) for mask in (rows.fitted, rows.judged)]
+    sides = [side_of(rows, X, y, B, mask, slow) for mask in (rows.fitted, rows.judged)]
     return Metric(rows, tuple(whiteners), X, y, B, sides[0], sides[1])
 
 
-def side_of(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray) -> Side:
+def side_of(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray, slow: bool = True) -> Side:
     """The whitened model X, y on the rows of a mask (M,)."""
     gram, right = np.zeros((B, B)), np.zeros(B)
     for c, (places, values) in enumerate(X):
@@ -185,19 +237,14 @@ def side_of(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray) -> Si
     basis = orthonormal(gram)
     beta = basis @ (basis.T @ right)
     residual = np.zeros_like(y)
-    rss, free = np.zeros(len(X)), np.zeros(len(X))
+    rss, free, noise = np.zeros(len(X)), np.zeros(len(X)), []
     for c, (places, values) in enumerate(X):
         on = mask & rows.use[c]
         residual[c, on] = y[c, on] - values[on] @ beta[places]
         rss[c] = residual[c] @ residual[c]
-        leverage = np.sum((values[on] @ basis[places]) ** 2)
-        free[c] = max(on.sum() - leverage, 1.0)
-    return Side(mask, basis, residual, rss, free)
-
-
-def all_rows(m: Metric) -> Side:
-    """The model on the fitted and the judged rows together."""
-    return side_of(m.rows, m.X, m.y, m.B, m.fitted.mask | m.judged.mask)
+        free[c] = max(on.sum() - np.sum((values[on] @ basis[places]) ** 2), 1.0)
+        noise.append(SlowNoise(rows, on, values, basis[places], float(free[c])))
+    return Side(mask, basis, residual, rss, free, tuple(noise) if slow else ())
 
 
 def orthonormal(gram: np.ndarray) -> np.ndarray:
@@ -216,7 +263,7 @@ def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
 
 def whole(m: Metric, usable: np.ndarray) -> Metric:
     """Everything usable fitted."""
-    side = side_of(m.rows, m.X, m.y, m.B, usable)
+    side = side_of(m.rows, m.X, m.y, m.B, usable, bool(m.fitted.noise))
     return replace(m, fitted=side, judged=side)
 
 
@@ -253,13 +300,15 @@ def weigh(
     share = float(np.min(np.diag(left)))
     if sizes is None:
         sizes = np.linalg.lstsq(left + 1e-12 * np.eye(len(left)), right / scale, rcond=1e-9)[0] / scale
-    fitted_rss = _rss(m, m.fitted, white, sizes, cross)
-    judged_cross, _, _ = project(m, m.judged, white)
-    residual = changed(m, m.judged, white, sizes, judged_cross)
+    fitted = changed(m, m.fitted, white, sizes, cross)
+    residual = changed(m, m.judged, white, sizes, project(m, m.judged, white)[0])
     rss = np.einsum("cm,cm->c", residual, residual)
-    per_channel = m.judged.free / 2 * np.log(np.maximum(m.judged.rss, 1e-300) / np.maximum(rss, 1e-300))
-    ratio = np.maximum(m.fitted.rss, 1e-300) / np.maximum(fitted_rss, 1e-300)  # one, of a channel at rest
-    gain = float(np.sum(m.fitted.free / 2 * np.log(ratio)))
+    if m.parted:
+        both = changed(m, m.both, white, sizes, project(m, m.both, white)[0])
+        per_channel = given_part(m.both, m.fitted, both, fitted) - m.told_given
+    else:
+        per_channel = m.judged.likelihood(residual) - m.judged.told
+    gain = float(np.sum(m.fitted.likelihood(fitted) - m.fitted.told))
     spread = np.maximum(rss / m.judged.free, 1e-300)[:, None]
     each = np.sum((m.judged.residual**2 - residual**2) / (2 * spread), axis=0)
     change = np.sum((m.judged.residual - residual) ** 2 / (2 * spread), axis=0)
@@ -277,6 +326,13 @@ def weigh(
     )
 
 
+def said(m: Metric, columns: Columns, sizes: np.ndarray) -> float:
+    """Nats of columns of these sizes on the fitted rows."""
+    white = m.whiten(columns)
+    left = changed(m, m.fitted, white, sizes, project(m, m.fitted, white)[0])
+    return float(np.sum(m.fitted.likelihood(left) - m.fitted.told))
+
+
 def unseen(m: Metric, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
     """Whether these columns at these sizes, were they true, would not reach the limit on the judged rows."""
     cross, own, _ = project(m, m.judged, m.whiten(columns))
@@ -288,11 +344,15 @@ def over(null: Metric, m: Metric, told: Evidence) -> Evidence:
     of the same rows. Told given the fitted rows, so is what the one model is ahead of the other."""
 
     def nats(a: Side, b: Side) -> np.ndarray:
-        return 0.5 * a.free * np.log(np.maximum(a.rss, 1e-300) / np.maximum(b.rss, 1e-300))
+        if told.given and not m.parted:  # as in given.py
+            return 0.5 * a.free * np.log(np.maximum(a.rss, 1e-300) / np.maximum(b.rss, 1e-300))
+        return b.told * a.free / b.free - a.told
 
-    fitted = nats(null.fitted, m.fitted)
-    one, other = (all_rows(null), all_rows(m)) if told.given else (null.judged, m.judged)
-    ahead = nats(one, other) - fitted * told.given
+    fitted, ahead = nats(null.fitted, m.fitted), nats(null.judged, m.judged)
+    one, other = null.judged, m.judged
+    if told.given or m.parted:
+        one, other = null.both, m.both
+        ahead = m.told_given - null.told_given if m.parted else nats(one, other) - fitted
     spread = np.maximum(told.rss / m.judged.free, 1e-300)[:, None]
     each = np.sum((one.residual**2 - other.residual**2) / (2 * spread), axis=0)
     change = np.sum((one.residual - other.residual) ** 2 / (2 * spread), axis=0)
@@ -316,11 +376,6 @@ def changed(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.
             change -= white[c] @ sizes
         out[c] += np.where(side.mask & m.rows.use[c], change, 0.0)
     return out
-
-
-def _rss(m: Metric, side: Side, white: Columns, sizes: np.ndarray, cross: np.ndarray) -> np.ndarray:
-    residual = changed(m, side, white, sizes, cross)
-    return np.einsum("cm,cm->c", residual, residual)
 
 
 def block_numbers(rows: Rows, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -13,7 +13,6 @@ import scipy.special
 from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
 from ident.diagnosis.last_fit import is_told, same
-from ident.diagnosis.leading import OWN_COURSE
 from ident.diagnosis.oscillating import blocks, oscillation_says
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
@@ -279,8 +278,8 @@ def beyond_noise(
     last: FitResult, state: State, findings: Sequence[Finding], told: Sequence[Unexplained], tau: float
 ) -> tuple[Unexplained, ...]:
     """Channels of which nothing was said, and whose residual is no noise all the same: its error on the rows
-    that judge is far beyond what noise and the parameters' uncertainty make there, or it goes its own way in
-    time, foretold by its own past (a vibration, a slosh, a drift): by so much, or because it oscillates."""
+    that judge is far beyond what noise and the parameters' uncertainty make there, or it oscillates of its
+    own, foretold by its past (a vibration, a slosh). What only wanders is what slow noise does."""
     known = {joint for f in findings for joint in f.joints} | {joint for u in told for joint in u.joints}
     everywhere = any(not f.joints for f in findings)
     rows, out = state.rows, []
@@ -298,9 +297,7 @@ def beyond_noise(
         if found > FAR_OFF**2 * by_chance * expected:
             share = 100.0 * float(1.0 - expected / found)
             out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
-        elif noise > OWN_COURSE**2 * new or (
-            noise * FORETOLD > new and _oscillates(last, state, c, fitted, judged) > tau
-        ):
+        elif noise * FORETOLD > new and _oscillates(last, state, c, fitted, judged) > tau:
             nats = 0.5 * float(fitted.sum()) * float(np.log(noise / new))
             share = 100.0 * float(1.0 - new / noise)
             shown = picture(state, None, c, ("t",))

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, block_sums, changed, project
+from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, block_sums, changed, given_part, project
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,8 @@ class Given:
 
 def given_fitted(m: Metric, both: Side, columns: Columns, sizes: np.ndarray) -> Given:
     """The judged rows beside the fitted ones, of columns with the sizes (p,) that these have; both:
-    `evidence.all_rows`."""
+    `Metric.both`. Of recordings of their own noise counts as the whitener has it: what slow noise there would
+    say, parameters of their own say, too (`differ`)."""
     white = m.whiten(columns)
     before, after = [], []
     for side in (both, m.fitted, m.judged):
@@ -45,10 +46,13 @@ def given_fitted(m: Metric, both: Side, columns: Columns, sizes: np.ndarray) -> 
     (plain, *_), (left, *_) = before, after
     rss = [np.maximum(np.einsum("cm,cm->c", r, r), 1e-300) for r in (*before, *after)]
     of_all = both.free / 2 * np.log(rss[0] / rss[3])
+    ahead = of_all - m.fitted.free / 2 * np.log(rss[1] / rss[4])
+    if m.parted:
+        ahead = given_part(both, m.fitted, left, after[1]) - m.told_given
     spread = np.maximum(rss[3] / both.free, 1e-300)[:, None]
     mask = m.judged.mask
     return Given(
-        of_all - m.fitted.free / 2 * np.log(rss[1] / rss[4]),
+        ahead,
         block_sums(m.rows, np.sum((plain**2 - left**2) / (2 * spread), axis=0), mask),
         block_sums(m.rows, np.sum((plain - left) ** 2 / (2 * spread), axis=0), mask),
         sum(_own_parameters(m, both.free, rss[3:], c) for c in columns),

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, all_rows
+from ident.diagnosis.evidence import Columns, Evidence
 from ident.diagnosis.given import given_fitted
 from ident.diagnosis.halves import foretells, holds_by_halves, is_left_of_a_law
 from ident.diagnosis.refine import Refined
@@ -30,7 +30,7 @@ def by_common(
     """Of the hypotheses that the judged rows show given the fitted ones the simplest of the best, and what
     else does; None where nothing does."""
     m, held = weighed.metric, []
-    both = all_rows(m)
+    both = m.both
     for r, e in weighed.all:
         if not e.gain > tau or r.at_bound or is_left_of_a_law(state, r):
             continue
@@ -54,5 +54,5 @@ def shown_by_fitted(state: State, columns: Columns, sizes: np.ndarray, tau: floa
 
 def holds_in_common(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
     """Whether the judged rows ask for what was found given the fitted ones; state: without it."""
-    given = given_fitted(state.metric, all_rows(state.metric), columns, sizes)
+    given = given_fitted(state.metric, state.metric.both, columns, sizes)
     return bool(given.differ < tau and given.per_channel.sum() > tau)

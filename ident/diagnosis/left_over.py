@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.evidence import Evidence, Metric, weigh
+from ident.diagnosis.halves import halves
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.nameless_beside import Functions, beside_nameless, leaned_on
 from ident.diagnosis.outcome import Step, Unnamed
@@ -51,7 +52,7 @@ def leftovers(
         near = None if doubt is None else doubt.nearest
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
             alone = _fitted_alone(c, flex, m, near)
-            if near is not None or (alone.share > LEAST and _is_there(flex, state, tau)):
+            if near is not None or (alone.share > LEAST and _by_halves(flex, state, c, tau)):
                 out.append(alone)
             continue
         share = explained_share(state, c, flex.column)
@@ -106,6 +107,19 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
     """Whether the fitted rows ask for a function, the choice among all that were asked paid for: the best of
     so many says something of any noise."""
     return flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
+
+
+def _by_halves(flex: Flexible, state: State, c: int, tau: float) -> bool:
+    """Whether each half of the fitted rows is foretold by a function of these signals as the other half has
+    it: that the fitted rows are, by one that they chose, is said of a spike and of slow noise, too."""
+    if not _is_there(flex, state, tau):
+        return False
+    for rows in halves(state.rows):
+        side = replace(state, rows=rows)
+        learned = ask(side, side.metric, c, tau, frozenset(flex.variables))
+        if learned is None or learned.evidence.log_e < tau:
+            return False
+    return True
 
 
 def _laws(state: State, steps: list[Step], rest: Unnamed, tau: float) -> tuple[State, list[Step]]:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, all_rows, orthonormal, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, Side, orthonormal, weigh
 from ident.diagnosis.given import given_fitted
 from ident.diagnosis.halves import on_halves
 from ident.diagnosis.state import Found, State
@@ -43,17 +43,19 @@ class Changes:
 
 def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
     """Of the judged rows, or of what shows it where they alone do not: the halves of the fitted ones, the
-    less of the two, or the judged ones given these; None where nothing shows it. others: the state without
-    it."""
+    less of the two, or the judged ones given these; None where nothing shows it. Halves of one run come last:
+    what they have of it is told with parameters that they share. others: the state without it."""
     m = others.metric
     told = weigh(m, f.columns)
     if told.log_e > tau:
         return _of(m, f, told)
     parts = list(on_halves(others, f.columns))
-    if all(e.log_e > tau for _, e in parts):
-        return min((_of(side, f, e) for side, e in parts), key=lambda its: its.log_e)
-    given = given_fitted(m, all_rows(m), f.columns, f.sizes).of(told)
-    return _of(m, f, given) if given.log_e > tau else None
+    shown = all(e.log_e > tau for _, e in parts)
+    if not shown or any(side.parted for side, _ in parts):
+        given = given_fitted(m, m.both, f.columns, f.sizes).of(told)
+        if given.log_e > tau:
+            return _of(m, f, given)
+    return min((_of(side, f, e) for side, e in parts), key=lambda its: its.log_e) if shown else None
 
 
 def spoken(m: Metric, f: Found, tau: float) -> Evidence:
@@ -72,7 +74,7 @@ def spoken(m: Metric, f: Found, tau: float) -> Evidence:
 def spoken_given(m: Metric, f: Found, own: Evidence, tau: float) -> Evidence | None:
     """What the judged rows say of it given the fitted ones, where that is enough, beside what the model's
     parameters change by, too; own: alone."""
-    given = given_fitted(m, all_rows(m), f.columns, own.sizes).of(own)
+    given = given_fitted(m, m.both, f.columns, own.sizes).of(own)
     return given if given.log_e > tau and _of(m, f, given).log_e > tau else None
 
 

@@ -92,7 +92,7 @@ class State:
             sigma = max(left, 1e-12)
             L = scipy.sparse.csr_array((use / sigma, (every, every)), shape=(len(use), len(use)))
             plain.append(Whitener(L, sigma, np.zeros(0)))
-        return metric(self.rows, design, B, plain)
+        return metric(self.rows, design, B, plain, slow=False)
 
     @cached_property
     def residual(self) -> np.ndarray:

@@ -8,13 +8,14 @@ u_k in each block k of judged rows, G_k = Z_k'Z_k, and b = a + d,
 
 where dry friction's turn-over takes up nothing; what it does take up is in absorbed.py.
 
-The effect is seen where the sum, and the gain on the fitted rows, are more than tau, enough blocks agree (the
-loop's own rule), and the last fit finds its sizes to be other than zero (a Wald test). Where too few agree,
-the loop asks these rows once more given the fitted ones, the model's parameters being the same in both
-(in_common.py): H_k of what is left beside those parameters is more than G_k, and its noise goes with u_k by
-sqrt(G_k / H_k), as the sums over all blocks do. Draws of d and u tell how often either shows it; the size at
-which it is POWER is told. A shape that is searched costs half a chi-square each. Shapes are those of the
-search next to a usual robot's."""
+The effect is seen where the sum, and the gain on the fitted rows, are more than tau, enough blocks agree
+(the loop's own rule), and the last fit finds its sizes to be other than zero (a Wald test). Where too few
+agree, the loop asks these rows once more given the fitted ones, the model's parameters being the same in
+both (in_common.py): H_k of what is left beside those parameters is more than G_k, and its noise goes with
+u_k by sqrt(G_k / H_k), as the sums over all blocks do. Beside noise that may be slow the sums are less
+(slow_noise.py), by as much as they are for the effect without d in the residual as it is. Draws of d and u
+tell how often either shows it; the size at which it is POWER is told. A shape that is searched costs half a
+chi-square each. Shapes are those of the search next to a usual robot's."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ import scipy.stats
 
 from ident.diagnosis.absorbed import Dryness, Left, dryness, products
 from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import Metric, Side, all_rows, enough, project, weights
+from ident.diagnosis.evidence import Columns, Metric, Side, changed, enough, project, weights
 from ident.diagnosis.outcome import BUDGET
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
@@ -67,7 +68,7 @@ def smallest_visible(
         kept.setdefault(key[:width], []).append((dict(key[width]), key))
     there = {term.key for term in state.terms}
     dry = cache(partial(dryness, state))
-    both = cache(lambda joint: all_rows(its.metric if (its := dry(joint)) else state.metric))
+    both = cache(lambda joint: (its.metric if (its := dry(joint)) else state.metric).both)
     out = []
     for effect, place in library.places:
         term = Term(effect, place)
@@ -148,7 +149,7 @@ def seen_from(
     if not v @ A @ v > LEAST * (v @ own @ v):
         return None
     alone = products(m, white, dry)
-    given = products(m, white, dry, both or all_rows(m if dry is None else dry.metric))
+    given = products(m, white, dry, both or (m if dry is None else dry.metric).both)
     blocks = given.left(v, 0.0).A_blocks[:-1]  # what they see given the fitted rows is more
     whole = float(np.einsum("i,kij,j->", v, blocks, v))
     if not whole > 0:
@@ -163,6 +164,7 @@ def seen_from(
     last = draws @ _root(A).T
 
     def power(size: float) -> float:
+        slow = [_beside_slow(m, side, white, size * v) for side in (m.fitted, m.judged)]
         left, more = alone.left(v, size), given.left(v, size)
         root = _root(left.A)
         b = (root @ root.T @ left.own) + draws @ root.T
@@ -175,7 +177,7 @@ def seen_from(
         each = told - squares / 2 + np.sqrt(squares) * u - searched[:, None] * _share(v, left)
         wrong = np.maximum((left.square_blocks - 2 * told + squares).sum(axis=1), 0.0)
         log_e = free / 2 * np.log1p(np.maximum(2 * each.sum(axis=1) / (free + wrong), -0.99))
-        shown = (log_e > tau) & _agree(each, squares, alpha)
+        shown = (slow[1] * log_e > tau) & _agree(each, squares, alpha)
 
         ours = _squares(b, more.A_blocks)
         ours[:, -1] = np.maximum(ours[:, -1] - _squares(b, left.A[None])[:, 0], 0.0)  # is not new
@@ -187,8 +189,8 @@ def seen_from(
         short = (ours / 2 - each)[:, :-1] / np.sqrt(np.maximum(ours[:, :-1], 1e-300))
         contradicted = (short > scipy.stats.norm.isf(alpha / short.shape[1])).any(axis=1)
         agree = _agree(each[:, :-1], ours[:, :-1], alpha) & ~contradicted
-        shown |= (each.sum(axis=1) > tau) & agree
-        return float(np.mean(shown & (gain > tau) & fitted))
+        shown |= ((slow[1] if m.parted else 1.0) * each.sum(axis=1) > tau) & agree
+        return float(np.mean(shown & (slow[0] * gain > tau) & fitted))
 
     first = np.sqrt(2 * (tau + 2 * np.sqrt(tau)) / min(whole, float(v @ A @ v)))
     low, high = WIDE[0] * first, WIDE[1] * first
@@ -198,6 +200,17 @@ def seen_from(
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if power(middle) >= POWER else (middle, high)
     return float(np.sqrt(low * high))
+
+
+def _beside_slow(m: Metric, side: Side, white: Columns, sizes: np.ndarray) -> float:
+    """Share of what whitened columns of these sizes would say in a side's residual that is left beside slow
+    noise."""
+    more = changed(m, side, white, -sizes, project(m, side, white)[0])
+    slow = plain = 0.0
+    for c in white if side.noise else ():
+        slow += side.told[c] - float(side.noise[c].likelihoods(more[c]).max())
+        plain += 0.5 * side.free[c] * np.log((more[c] @ more[c]) / max(float(side.rss[c]), 1e-300))
+    return float(np.clip(slow / plain, 0.0, 1.0)) if plain > 0 else 1.0
 
 
 def _squares(b: np.ndarray, blocks: np.ndarray) -> np.ndarray:

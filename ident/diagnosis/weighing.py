@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.candidates import Ranked
-from ident.diagnosis.evidence import Columns, Evidence, Metric, all_rows, unseen, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, unseen, weigh
 from ident.diagnosis.given import given_fitted
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
@@ -194,7 +194,7 @@ def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> 
     own = weigh(kept, r.columns)
     if not e.given:
         return own.log_e > tau
-    return bool(given_fitted(kept, all_rows(kept), r.columns, own.sizes).per_channel.sum() > tau)
+    return bool(given_fitted(kept, kept.both, r.columns, own.sizes).per_channel.sum() > tau)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:

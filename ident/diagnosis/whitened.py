@@ -2,7 +2,7 @@
 
 Residuals of decimated torque are correlated: by the filter, by slow drives, by friction that no model has.
 Per channel an autoregression of the residual is taken by Burg's method over the stretches between masked
-rows (order by BIC, memory at most `MEMORY_S`: without such a bound a drift could not be told from noise). An
+rows (order by BIC, memory at most `MEMORY_S`: what lasts longer is in slow_noise.py). An
 autocovariance of pairs has errors of its own at every lag where rows are masked, and asks for all orders.
 Each used row minus its prediction from the nearest used rows before it in its piece (Vecchia's approximation,
 exact for an autoregression without gaps; A. V. Vecchia, J. R. Statist. Soc. B 50, 1988), over the standard

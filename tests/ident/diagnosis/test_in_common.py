@@ -8,7 +8,7 @@ import pytest
 import scipy.stats
 
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.evidence import all_rows, over, weigh
+from ident.diagnosis.evidence import over, weigh
 from ident.diagnosis.given import given_fitted
 from ident.recordings.study import load_study
 
@@ -33,7 +33,7 @@ def test_false_findings_keep_to_their_rate(tiny):
         m = tiny["metric"](tiny["rows"](X, rng.normal(size=M)))
         best = max((weigh(m, {0: Z[:, [k]]}).gain, k) for k in range(6))[1]
         columns = {0: Z[:, [best]]}
-        told.append(given_fitted(m, all_rows(m), columns, weigh(m, columns).sizes).per_channel.sum())
+        told.append(given_fitted(m, m.both, columns, weigh(m, columns).sizes).per_channel.sum())
     for alpha in (0.05, 0.01):
         assert np.sum(np.array(told) > np.log(1 / alpha)) <= scipy.stats.binom.isf(1e-3, len(told), alpha)
     assert np.mean(np.exp(told)) < 1.5
@@ -43,7 +43,7 @@ def test_what_the_judged_rows_alone_do_not_show(tiny):
     X, y, z = hidden(np.random.default_rng(1), 1.0)
     m = tiny["metric"](tiny["rows"](X, y))
     alone = weigh(m, {0: z})
-    given = given_fitted(m, all_rows(m), {0: z}, alone.sizes)
+    given = given_fitted(m, m.both, {0: z}, alone.sizes)
     assert abs(alone.log_e) < 1 and given.per_channel.sum() > 8 and given.differ < 0
 
 
@@ -57,7 +57,7 @@ def test_it_is_the_ratio_of_all_rows_over_that_of_the_fitted_ones(tiny):
         return (len(rows) - 5) / 2 * np.log(left[0] / left[1])
 
     expected = nats(np.arange(M)) - nats(np.arange(M // 2))
-    assert given_fitted(m, all_rows(m), {0: z}, sizes).per_channel.sum() == pytest.approx(expected, rel=1e-6)
+    assert given_fitted(m, m.both, {0: z}, sizes).per_channel.sum() == pytest.approx(expected, rel=1e-6)
 
 
 def test_beside_a_model_that_did_its_best_without_it(tiny):
@@ -68,7 +68,7 @@ def test_beside_a_model_that_did_its_best_without_it(tiny):
     before = X + 0.1 * rng.normal(size=X.shape)
     null, m = (tiny["metric"](tiny["rows"](columns, y)) for columns in (before, X))
     own = weigh(m, {0: z})
-    told = over(null, m, given_fitted(m, all_rows(m), {0: z}, own.sizes).of(own))
+    told = over(null, m, given_fitted(m, m.both, {0: z}, own.sizes).of(own))
 
     def nats(rows):
         models = ((before, y), (X, y - z @ own.sizes))
@@ -82,7 +82,7 @@ def test_runs_of_other_parameters_are_said_to_differ(tiny):
     """A parameter that is another one in the judged rows looks like a candidate there, and is none."""
     X, y, z = hidden(np.random.default_rng(3), 0.15, own=1.0)
     m = tiny["metric"](tiny["rows"](X, y))
-    assert given_fitted(m, all_rows(m), {0: z}, weigh(m, {0: z}).sizes).differ > 8
+    assert given_fitted(m, m.both, {0: z}, weigh(m, {0: z}).sizes).differ > 8
 
 
 @pytest.mark.skipif(
