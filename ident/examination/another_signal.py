@@ -169,8 +169,9 @@ def _explains(its: Changed, before: Explained) -> bool:
 
 
 def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
-    """What a recording's own may be where one of its signals looks another: a body on the link on which it
-    explains most (nearly what another zero does), other friction of joints whose torques look scaled."""
+    """What a recording's own may be where one of its signals looks another: zeros of its torques, a body on
+    the link on which it explains most (nearly what another zero does), other friction of joints whose torques
+    look scaled."""
     if its.check not in ("position_zero", "torque_scale"):
         return []
     columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
@@ -183,7 +184,8 @@ def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
         explained = Explained.by(whole.of(samples), asked.how)
         return Changed(s.label, (), "", words, do, explained)
 
-    out = []
+    zeros = np.eye(len(columns.channels))[:, None, :].repeat(len(s.t), axis=1)
+    out = [beside(zeros, "its torques start from other zeros", "take zeros alike in all recordings")]
     if columns.need.model != "D":
         bodies = standard(table, s.q, s.dq, s.ddq, free=False)[0][columns.joint_of]
         each = [bodies[:, :, 10 * link : 10 * link + 10] for link in range(len(table.rows))]
@@ -262,7 +264,7 @@ def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterato
     yield changed("angle_unit", "is in degrees", line(scale=DEGREES), factor=DEGREES)
     for factor in POSITION_FACTORS:
         yield changed("angle_unit", f"is {times_too(1 / factor)}", line(scale=factor), factor=factor)
-    for offset in [x for size in OFFSETS for x in (size, -size)]:
+    for offset in [x for size in OFFSETS for x in (size, -size)[: 1 + (size < np.pi)]]:
         words = f"starts from another zero, about {-offset:.2g} rad off"
         remedy = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"  # no line: known to some degrees only
         yield changed("position_zero", words, remedy, offset=offset)

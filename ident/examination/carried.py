@@ -49,8 +49,9 @@ def carried_faults(asked: Asked) -> list[Carried]:
     whole, how = all_rows(asked.quick), asked.how
     plain = Explained.by(whole, how)
     others = list(rivals(whole, how, asked.currents))
-    rate = ODD / (len(others) + len(how.order))
-    likely = [its for its in others if steadily(plain, its.explained, rate)]
+    asks = [its for its in others if not its.beside]
+    rate = ODD / (len(asks) + len(how.order))
+    likely = [its for its in asks if steadily(plain, its.explained, rate)]
     told = [its for its in _scales(asked, whole) if steadily(plain, its[1], rate)]
     told += _others(asked, likely, CARRIED)
     if not told:

@@ -19,6 +19,7 @@ import numpy as np
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import Asked, Hypothesis
 from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, alone, gain_of, solve
+from ident.examination.rivals import HALF
 from ident.examination.stretches import RARE, Explained, all_rows, confirmed, steadily
 
 SPOILED = 0.03  # error of a channel from which it is asked
@@ -28,8 +29,9 @@ OVER = 4.6  # times a lag: after it a hundredth is left of a turn that takes as 
 
 
 def delays(asked: Asked) -> Iterator[Hypothesis]:
-    """One torque, or all of them, at another time than their positions; where one is, all are held against
-    it. (Of an LWR4+ whose positions were all 0.11 s late its fourth torque was told as 0.15 s early.)"""
+    """One torque, or all of them, at another time than their positions; where one is, more of them are held
+    against it. (Of an LWR4+ whose positions were all 0.11 s late its fourth torque was told as 0.15 s
+    early.)"""
     fit = asked.fit
     seen = np.flatnonzero(np.isfinite(fit.error)).tolist()
     groups = [[c] for c in seen if fit.error[c] > SPOILED]
@@ -51,18 +53,21 @@ def delays(asked: Asked) -> Iterator[Hypothesis]:
         one, two = (_away_from_turns(way, abs(lag)).fit(asked.how).error[which] for way in ways)
         if not np.nanmax(one, initial=0.0) > SPOILED or gain_of(one, two) / len(which) < HELD:
             continue
-        yield its if len(which) == len(seen) else _or_all(asked, its, moved, seen)
+        yield its if len(which) == len(seen) else _or_more(asked, its, moved, seen)
 
 
-def _or_all(asked: Asked, its: Hypothesis, moved: Quick, seen: Sequence[int]) -> Hypothesis:
-    """One torque at another time, or all where these recordings do not reject that beside it."""
-    every, all_moved, _, _ = _best(asked, seen)
-    one, other = (Explained.by(all_rows(way), asked.how) for way in (moved, all_moved))
-    if every.gain < 0 or steadily(other, one, RARE):
-        return its
-    if steadily(one, other, RARE):
-        return every
-    return every.beside([its]) if every.gain > its.gain else its.beside([every])
+def _or_more(asked: Asked, its: Hypothesis, moved: Quick, seen: Sequence[int]) -> Hypothesis:
+    """One torque at another time, or all, or those up to a joint or behind it, as one drive's bus has them:
+    all that explain at least half of what the best does and are not rejected beside it."""
+    groups = [seen, *(part for k in range(2, len(seen) - 1) for part in (seen[:k], seen[k:]))]
+    tried = [(its, moved), *(_best(asked, group)[:2] for group in groups)]
+    best = max((each for each, _ in tried), key=lambda each: each.gain)
+    explained = [Explained.by(all_rows(way), asked.how) for _, way in tried]
+    told = next(one for one, (each, _) in zip(explained, tried) if each is best)
+    near = [each for one, (each, _) in zip(explained, tried) if not steadily(one, told, RARE)]
+    near = [each for each in near if each is best or each.gain > HALF * best.gain]
+    near.sort(key=lambda each: -each.gain)
+    return near[0].beside(near[1:])
 
 
 def _best(asked: Asked, which: Sequence[int]) -> tuple[Hypothesis, Quick, float, Fit]:
@@ -77,8 +82,9 @@ def _best(asked: Asked, which: Sequence[int]) -> tuple[Hypothesis, Quick, float,
             Y[:, how.order[c]] = s.late[best][:, how.order[c]]
         samples.append(replace(s, Y=Y))
     names = asked.names(which)
-    before, after = (100 * float(np.sqrt(np.mean(x.error[which] ** 2))) for x in (fit, other))
-    words = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(lag):g} s "
+    before, after = (100 * float(np.exp(np.mean(np.log(x.error[which])))) for x in (fit, other))
+    said = "all torques" if len(which) == len(fit.error) > 1 else listed(names)
+    words = f"{said} {'is' if len(which) == 1 else 'are'} recorded about {abs(lag):g} s "
     words += f"{'after' if lag > 0 else 'before'} the positions"
     check = Check(
         "channel_delay",

@@ -56,6 +56,7 @@ from ident.examination.weightless import unfelt, weightless
 from ident.examination.within import changed_within
 from ident.recordings.study import Study
 
+BROKEN = ("dead_channel", "unsigned_torque")  # of a torque, of which nothing else is then told
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which several faults at once are asked for
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
@@ -92,6 +93,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     maps = dict(prepared.study.columns)
     anywhere = frozenset().union(*clipped.values())
     asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere)
+    broken = {n for s in prepared.streams for c in s.checks if c.check in BROKEN for n in c.signals}
     at_an_end = False
     found: list[Check] = []
     best: Hypothesis | None = None
@@ -99,14 +101,15 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     gained, halfway = 0.0, list(changed_within(asked))
     turned = halfway[-1][1].fit(how).gain_over(asked.fit) if halfway else -np.inf
     for _ in range(FAULTS):
-        told = _believable(prepared, asked)
+        told = [h for h in _believable(prepared, asked) if not broken.intersection(h.check.signals)]
         if best is not None and near:  # asked again with the last one undone: no other name of it
             again = {(h.check.check, h.check.signals) for h in told}
             near = [h for h in near if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(near).check
         best = max(told, key=lambda h: h.gain, default=None)
         odd = not found and (bool(told) or bad(asked.fit) or _unforeseen(asked.fit))
-        if not found and (moved := list(another_signal(asked, told, positions=odd))):
+        moved = [] if found else list(another_signal(asked, told, positions=odd))
+        if moved and not broken.intersection(moved[0].signals):
             return tuple(moved)
         if best is None:
             break
@@ -131,7 +134,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     found += motor_signs(asked)
     beside = alone or list(unexplained(asked))
     held = asked.fit.validate
-    if not found and not beside and held is not None and gain_of(held, asked.fit.error) > CARRIED:
+    asks = not found and not beside and not broken
+    if asks and held is not None and gain_of(held, asked.fit.error) > CARRIED:
         scaled = carried_faults(asked)
         beside += [ambiguous(held, scaled)] if scaled else []
     if not found and not beside:

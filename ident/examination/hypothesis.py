@@ -37,7 +37,8 @@ class Hypothesis:
         """With others that these recordings do not tell from it. The line of this one stays the first, so
         that what is asked next can be asked without it; those of the others are YAML's comment."""
         message = self.check.message
-        others = [its for its in others if its.words not in message]  # a position beside its torque, twice
+        said = f", or {message}"  # a position beside its torque, twice
+        others = [its for its in others if f", or {its.words}" not in said]
         if not others:
             return self
         head = message.split(WHICH)[0]

@@ -390,7 +390,7 @@ def _positions(quick: Quick, apart: Apart) -> Iterator[Cause]:
         line = f"{OWN} with {{{name}: {{sign: -1}}}}"
         yield Cause(made, "position_sign", (name,), f"{name} has the other sign", line)
         turning = str(columns.need.joints[j]) not in columns.model.prismatic
-        for offset in [x for size in OFFSETS for x in (size, -size) if turning]:
+        for offset in [x for size in OFFSETS for x in (size, -size)[: 1 + (size < np.pi)] if turning]:
             words = f"{name} starts from another zero, about {-offset:.2g} rad off"
             line = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"
             made = s.moved(columns, offset=np.where(its, offset, 0.0))

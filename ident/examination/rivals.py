@@ -1,7 +1,8 @@
 """What may be there in place of a fault that a check names: everyday faults that one number describes.
 
-    a torque takes up a share of another one, drifts, is larger in one recording or from an instant on
-    a torque lacks gravity
+    a torque takes up a share of another one, drifts, is larger in one recording or from an instant on, or has
+    another zero from then on
+    a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, or holds that of the joint before it
 
 Each is fitted to the same rows, the model's parameters with it, so that it can be held against the named one
@@ -26,6 +27,7 @@ from ident.examination.weightless import felt, without_gravity
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
 STARTS = (-0.5, 1.0)  # a position that is twice or half as large is far from where steps lead to
 HALF = 0.5  # of what is told, from which something else may be there in its place
+FACTORS, FINER = np.geomspace(1e-3, 1e3, 25), 3  # of torques of another unit; finer so often
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
 Motion = dict[str, Any]  # what `Quick.moved` takes
 Signal = Callable[[int, Sample], np.ndarray]  # (N,) of a recording, by its number
@@ -40,6 +42,7 @@ class Rival:
     words: str
     explained: Explained
     recording: str = ""  # that alone it is about
+    beside: bool = False  # asked elsewhere: here only what may be there in place of another one
 
 
 def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Rival]:
@@ -65,9 +68,10 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     fit = whole.fit(how)
     for c in np.flatnonzero(whole.identify.rows > 10).tolist():
         yield from _of_torque(whole, fit, how, c, currents)
+    yield from _units(whole, fit, how, currents)
     yield from _positions(whole, fit, how)
     for words, recording, moved in held_too(whole):
-        yield Rival(words, Explained.by(moved, how), recording)
+        yield Rival(words, Explained.by(moved, how), recording, bool(recording))
     for c in felt(whole):
         words = f"{signal_of(whole.columns, c, currents)} does not feel gravity"
         yield Rival(words, Explained.by(without_gravity(whole, [c]), how))
@@ -100,15 +104,45 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
                 words = f"{name} of {sample.label} is {_times(share)}{also}"
                 yield replace(rival, words=words, recording=sample.label)
         instants = np.linspace(sample.t[0], sample.t[-1], INSTANTS + 1)[1:-1]
-        later: list[tuple[float, Rival]] = []
-        for at in instants:
-            share, rival = found(lambda i, s, r=r, at=at: (i == r) * (s.t > at) * s.Y[:, own], True)  # type: ignore[misc]
-            if rival:
-                words = f"{name} of {sample.label} is {_times(share)} from about {at:.3g} s on"
-                rival = replace(rival, words=words, recording=sample.label)
-                later.append((rival.explained.fit.gain_over(fit), rival))
-        if later:
-            yield max(later, key=lambda each: each[0])[1]
+        for constant in (False, True):
+            later: list[tuple[float, Rival]] = []
+            for at in instants:
+                share, rival = found(_after(r, at, None if constant else own), not constant)
+                if rival:
+                    so = f"off by {share:.2g}" if constant else _times(share)
+                    words = f"{name} of {sample.label} is {so} from about {at:.3g} s on"
+                    rival = replace(rival, words=words, recording=sample.label)
+                    later.append((rival.explained.fit.gain_over(fit), rival))
+            if later:
+                yield max(later, key=lambda each: each[0])[1]
+
+
+def _after(r: int, at: float, place: int | None) -> Signal:
+    """What stands in a place of recording r after an instant [s]; None: one."""
+
+    def signal(i: int, s: Sample) -> np.ndarray:
+        return (i == r) * (s.t > at) * (1.0 if place is None else s.Y[:, place])
+
+    return signal
+
+
+def _units(whole: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[Rival]:
+    """Torques of the first joints, two at least, a number times those of two at least behind them. (Of a
+    UR10e with half of its torques in kgf m the fourth was told as ten times too large.)"""
+    seen = np.flatnonzero(whole.identify.rows > 10).tolist()
+    for k in range(2, len(seen) - 1):
+        factors = FACTORS
+        for _ in range(FINER):
+            best = int(np.argmax([whole.fit(how.times(seen[:k], f)).gain_over(fit) for f in factors]))
+            low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
+            factors = np.geomspace(low, high, 7)
+        factor = float(factors[3])
+        names = ", ".join(signal_of(whole.columns, c, currents) for c in seen[:k])
+        size, word = (factor, "small") if factor > 1 else (1 / factor, "large")
+        yield Rival(
+            f"{names} are {size:.3g} times too {word} beside the others",
+            Explained.by(whole, how.times(seen[:k], factor)),
+        )
 
 
 def _times(share: float) -> str:

@@ -198,7 +198,7 @@ def test_positions_that_are_smoothed_are_no_torque_that_is_early(tmp_path):
         return {k: v for k, v in c.items() if not k.startswith("dq")} | late
 
     (check,) = _said(_lwr4plus(planted(tmp_path, smoothed, measured("kuka_lwr4plus"))))
-    assert "tau_l1, tau_l2, tau_l3, tau_l4, tau_l5, tau_l6, tau_l7 are recorded about 0.1 s" in check.message
+    assert "all torques are recorded about 0.1 s before" in check.message
 
 
 def test_clipped_torques_are_in_no_other_order(tmp_path):
@@ -209,3 +209,35 @@ def test_clipped_torques_are_in_no_other_order(tmp_path):
         return c | {k: np.clip(c[k], -m, m) for k, m in most.items()}
 
     assert _said(_lwr4plus(planted(tmp_path, clipped, measured("kuka_lwr4plus")))) == ()
+
+
+def test_half_of_the_torques_late(tmp_path):
+    """Of a KR 300 all of them were, or the fifth."""
+    late = lambda c: c | {f"tau_m{j}": np.roll(c[f"tau_m{j}"], 25) for j in (4, 5, 6)}  # noqa: E731
+    (check,) = _said(_five_seconds(planted(tmp_path, late, measured("kuka_kr300"))))
+    assert check.check == "channel_delay" and "tau_m4, tau_m5, tau_m6 are recorded about" in check.message
+
+
+def test_half_of_the_torques_in_another_unit_are_no_factor_of_one_behind_them(tmp_path):
+    """Of a UR10e with its first three torques in kgf m the fourth was ten times too large."""
+    unit = lambda c: c | {f"i{j}": 0.102 * c[f"i{j}"] for j in (1, 2, 3)}  # noqa: E731
+    assert "torque_scale" not in {check.check for check in _said(planted(tmp_path, unit))}
+
+
+def test_a_torque_that_leaps_is_told_as_that(tmp_path):
+    """Of a KR 300 'tau_m2 takes up 0.66 of tau_m3' was told."""
+    leaps = lambda c: c | {"tau_m2": c["tau_m2"] + _half(c["t"]) * np.std(c["tau_m2"])}  # noqa: E731
+    (check,) = _said(_kr300(tmp_path, traj_a=leaps))
+    assert "why: tau_m2 of traj_a is off by 1.4e+03 from about 4.98 s on" in check.message
+
+
+def test_zeros_of_the_torques_of_one_recording_are_no_position_s(tmp_path):
+    """Of a KR 300 with tared torques in one recording q2 started 3.1 rad off."""
+    tared = lambda c: c | {f"tau_m{j}": c[f"tau_m{j}"] - c[f"tau_m{j}"][0] for j in range(1, 7)}  # noqa: E731
+    assert "position_zero" not in {check.check for check in _said(_kr300(tmp_path, traj_a=tared))}
+
+
+def test_a_magnitude_is_not_told_as_turned(tmp_path):
+    """Of a KR 300 with the magnitude of a torque in one recording it had the other sign in the other."""
+    size = lambda c: c | {"tau_m2": np.abs(c["tau_m2"])}  # noqa: E731
+    assert "torque_sign" not in {check.check for check in _said(_kr300(tmp_path, traj_a=size))}
