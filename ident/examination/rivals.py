@@ -142,6 +142,7 @@ def _units(whole: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[
         yield Rival(
             f"{names} are {size:.3g} times too {word} beside the others",
             Explained.by(whole, how.times(seen[:k], factor)),
+            beside=True,
         )
 
 

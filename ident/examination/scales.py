@@ -61,7 +61,8 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
         return
     factors = [_best_factor(whole, how, k) for k in seen if k != c]
     beside = [other for other in factors if _alike(plain, its.explained, other.explained)]
-    words = [other.words for other in others if _alike(plain, its.explained, other.explained)]
+    near = (o for o in others if not o.beside or not agreed(o.explained, its.explained, ODD))
+    words = [other.words for other in near if _alike(plain, its.explained, other.explained)]
     yield Hypothesis(gain, how.times([c], its.factor), _off(asked, after, (its, *beside), words))
 
 
@@ -163,8 +164,10 @@ def allowed(whole: Quick, how: Assignment, c: int, factor: float, span: float = 
     tried = [Explained.by(whole, how.times([c], f)) for f in factors]
     before = whole.fit(how)
     best = max(range(len(tried)), key=lambda k: tried[k].fit.gain_over(before))
-    kept = [f for f, its in zip(factors, tried) if not agreed(its, tried[best], ODD)]
-    return Scale(c, float(factors[best]), min(kept), max(kept), tried[best])
+    rejected = [agreed(its, tried[best], ODD / 2) for its in tried]  # on either side
+    kept = np.flatnonzero(~np.array(rejected))
+    low, high = (factors[k] for k in np.clip([kept[0] - 1, kept[-1] + 1], 0, len(factors) - 1))
+    return Scale(c, float(factors[best]), float(low), float(high), tried[best])
 
 
 def _times_too(factor: float, low: float, high: float) -> str:

@@ -241,3 +241,10 @@ def test_a_magnitude_is_not_told_as_turned(tmp_path):
     """Of a KR 300 with the magnitude of a torque in one recording it had the other sign in the other."""
     size = lambda c: c | {"tau_m2": np.abs(c["tau_m2"])}  # noqa: E731
     assert "torque_sign" not in {check.check for check in _said(_kr300(tmp_path, traj_a=size))}
+
+
+def test_a_torque_in_per_cent_is_told_alone_with_the_factors_that_the_others_allow(tmp_path):
+    """The first two torques of a UR10e in another unit than the others are rejected beside it."""
+    (check,) = _said(planted(tmp_path, lambda c: c | {"i2": 0.37 * c["i2"]}))
+    low, high = (float(x) for x in check.message.split("(")[1].split(")")[0].split(" to "))
+    assert check.remedy.startswith("columns: {i2: {scale: 2.7") and low < 1 / 0.37 < high
