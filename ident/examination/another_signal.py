@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 
 from ident.examination.another_torque import Reading, Sums, readings
-from ident.examination.bodies import standard
+from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
 from ident.examination.check import Check, listed
 from ident.examination.coupled import held
 from ident.examination.hypothesis import EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
 from ident.examination.quick import FLOOR, Quick, Sample
-from ident.examination.recordings_apart import AS_OTHERS, ENOUGH, OFFSETS, OWN, thinned
+from ident.examination.recordings_apart import OFFSETS, OWN, thinned
 from ident.examination.rivals import alike, rivals
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too

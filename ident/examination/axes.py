@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.bodies import Parts, errors, gain, parts_of
+from ident.examination.bodies import Parts, contradicted, errors, gain, parts_of
 from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
-from ident.examination.hypothesis import Hypothesis, explains
+from ident.examination.hypothesis import BAD, Hypothesis, explains
 from ident.examination.quick import Assignment, Sample
 
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
@@ -44,7 +44,7 @@ def joint_axes(
     table = replace(table, gravity=tuple(float(g) for g in gravity))
     as_told = parts(table)
     plain, held = errors(as_told, None, gravity)[0], judged(table, as_told)
-    found: list[tuple[float, int, str, np.ndarray]] = []
+    found: list[tuple[float, str, np.ndarray, bool]] = []
     labels = iter(str(j) for j in columns.need.joints)
     for j, row in enumerate(table.rows):
         label = next(labels) if row.sigma != 2 else ""
@@ -61,13 +61,13 @@ def joint_axes(
             if predicts and gain(held, after) > 0.5 * CLEARLY:
                 words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
                 text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
-                found.append((gain(plain, now), j, f"{text}", now))
+                found.append((gain(plain, now), text, now, bool(contradicted(identify, gravity, now).any())))
     if not found:
         return
     best = max(found, key=lambda item: item[0])
-    if best[0] < prior or not explains(plain, best[3]):
+    if best[0] < prior or not explains(plain, best[2], BAD) or best[3]:  # something else is missing
         return
-    equal = [text for value, _, text, _ in found if value > 0.97 * best[0] and text != best[2]]
+    equal = [text for value, text, _, _ in found if value > 0.97 * best[0] and text != best[1]]
     also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""
     yield Hypothesis(
         best[0],
@@ -75,9 +75,9 @@ def joint_axes(
         Check(
             "joint_axis",
             (),
-            f"the robot file seems wrong: {best[2]}{also}; so turned, the errors of the torques fall "
+            f"the robot file seems wrong: {best[1]}{also}; so turned, the errors of the torques fall "
             f"from {span(plain)} "
-            f"to {span(best[3])}",
+            f"to {span(best[2])}",
             "correct the row in the robot file",
         ),
     )

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.examination.bodies import RIDGE, Parts, errors, gain
+from ident.examination.bodies import RIDGE, Parts, contradicted, errors, gain
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried, span
-from ident.examination.check import Check
-from ident.examination.hypothesis import Hypothesis, explains
+from ident.examination.check import Check, listed
+from ident.examination.hypothesis import BAD, Hypothesis, explains
 from ident.examination.quick import Assignment
 from ident.examination.stretches import ODD, beyond_chance
 
@@ -40,10 +40,13 @@ def base_orientation(
     how: Assignment,
     rivals: Callable[[], Sequence[Carried]] | None = None,
     stretches: Callable[[], tuple[Parts, Sequence[Parts]]] | None = None,
+    names: Sequence[str] = (),
+    aside: np.ndarray | None = None,
 ) -> Iterator[Hypothesis | Tilt]:
     """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
     rivals: the other faults with which the model would predict validate; None where a fault is known already.
-    stretches: all that fits and judges, as one and in pieces.
+    stretches: all that fits and judges, as one and in pieces. names (C,) of the signals; aside: channels that
+    are not taken, as with the gravity that all tell they contradict the others.
     What the fitted recordings do not show, validate tells only if none of them predicts it about as well. A
     small tilt has no check (of an AIRBOT tilted by 6 degrees it was told
     that it hangs the other way round)."""
@@ -92,8 +95,17 @@ def base_orientation(
         where = " of the recordings that validate"
     else:
         where = ""
-    if not explains(*(errors(identify, None, g)[0] for g in (assumed, best))):  # something else is missing
+    before, error = (errors(identify, None, g)[0] for g in (assumed, best))
+    beside = contradicted(identify, best, error)
+    if beside.any() and aside is None:  # what turns gravity may be a fault of their own
+        less = None if validate is None else validate.without(beside)
+        its = identify.without(beside)
+        of_rest = base_orientation(its, less, assumed, how, names=names, aside=np.flatnonzero(beside))
+        yield from (h for h in of_rest if isinstance(h, Hypothesis))
+    if beside.any() or not explains(before, error, BAD):  # something else is missing
         return
+    if aside is not None:
+        where += f" beside {listed([names[c] for c in aside])}, of which something else is wrong,"
     line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
     angle, norm = _angle(assumed, best), float(np.linalg.norm(best))
     turned = f"turned by {angle:.0f} degrees against the robot file's" if norm else "absent"

@@ -330,12 +330,13 @@ def _geometry(prepared: Prepared, asked: Asked, prior: float, axes: bool) -> Ite
         return one, [its for its in parts if its is not None]
 
     alone = prior == 0 and how == asked.quick.plain()
-    tilted = list(base_orientation(identify, validate, gravity, how, rivals if alone else None, stretches))
+    others, names = rivals if alone else None, asked.names(range(len(columns.channels)))
+    tilted = list(base_orientation(identify, validate, gravity, how, others, stretches, names))
     yield from tilted
     if axes:
-        # a row of the table may stand for the base
+        # a row of the table may stand for the base, or for a joint that is recorded the other way
         clearly = [its.gain + CLEARLY * isinstance(its, Hypothesis) for its in tilted]
-        prior = max([prior, *clearly])
+        prior = max([prior + CLEARLY if prior else 0.0, *clearly])
         yield from joint_axes(table, columns, samples, gravity, how, prior)
 
 

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ident.examination.bodies import standard
+from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import EXPLAINED, Asked
 from ident.examination.places import exchanged
@@ -33,7 +33,6 @@ TOGETHER = 1.8  # that of all channels, in the mean
 ROWS = 300  # of a recording that is looked into
 PARTS = 12  # of the fitted recordings that are left out in turn
 HALVED = 0.6  # mean gain of the odd channels
-AS_OTHERS, ENOUGH = 1.7, 0.15  # a cause leaves the usual error times this, or this
 LEAST_LAG, LARGE = 0.05, 2.5
 OFFSETS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2, np.pi)  # rad
 RARE = 1e-3  # rate at which chance may confirm one of some fifty causes

@@ -8,13 +8,15 @@ are named.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from ident.examination.check import Check, turned_sign
+from ident.examination.check import Check, listed, turned_sign
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.signs import Evidence, evidence
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
+from modelgen.geometry.kinematics import Geometry
 
 WORSE = 0.05  # loss at which a sign is not asked further
 
@@ -35,12 +37,13 @@ def one_turned(asked: Asked) -> Iterator[Hypothesis]:
         if not alone and (not asked.better(other, CLEARLY) or after.against(c)):
             continue
         name, joint = asked.name(c), quick.columns.channels[c][5:]
-        why = (
-            f"friction or inertia of joint {joint} comes out negative"
-            if seen.against(c)
-            else f"turned, the error of joint {joint}'s torque falls from "
-            f"{100 * fit.error[c]:.0f} to {100 * other.error[c]:.0f} %"
-        )
+        if seen.against(c):
+            why = f"friction or inertia of joint {joint} comes out negative"
+        elif other.error[c] < fit.error[c]:
+            of, to = (f"{100 * x.error[c]:.0f}" for x in (fit, other))
+            why = f"turned, the error of joint {joint}'s torque falls from {of} to {to} %"
+        else:
+            why = f"turned, {falls(fit, other)}"
         said = f"{name} has the other sign"
         check = turned_sign((name,), f"{said}: {why}", asked.maps)
         its = Hypothesis(gain + (1.0 if alone else 0.0), flipped, check, words=said, own=alone)
@@ -59,11 +62,30 @@ def _which(asked: Asked, c: int, torque: Hypothesis) -> Hypothesis:
 
 
 def turned_positions(asked: Asked) -> Iterator[Hypothesis]:
-    """One position with the other sign, by what all torques say of it."""
+    """One position with the other sign, by what all torques say of it; with its own torque, too, where the
+    joint turns the other way than in the robot file."""
     for j in range(len(asked.joints)):
         its = turned_position(asked, j)
-        if asked.better(asked.after(its).fit, SWAPPED):
-            yield its
+        for turned in (its, _turned_joint(asked, its, j)):
+            if asked.better(asked.after(turned).fit, SWAPPED):
+                yield turned
+
+
+def _turned_joint(asked: Asked, position: Hypothesis, j: int) -> Hypothesis:
+    """A joint's position and torque with the other sign. (About a vertical axis before it this is half a turn
+    in the next row of the table: of four measured arms that was told, or nothing.)"""
+    own = np.flatnonzero(asked.quick.columns.joint_of == j).tolist()
+    names = (*position.check.signals, *asked.names(own))
+    its = replace(position, how=asked.how.times(own, -1.0))
+    other = asked.after(its).fit
+    rows = Geometry.of(asked.quick.columns.model.geometry).rows
+    link = [k for k, row in enumerate(rows, 1) if row.sigma != 2][j]
+    said = f"{listed(names)} have the other sign"
+    axis = f"the axis of joint {asked.joints[j]} (link {link}) points the other way in the robot file"
+    message = f"{said}, or {axis}: turned, "
+    line = asked.line({name: {"sign": -1} for name in names})
+    check = replace(position.check, signals=names, message=message + falls(asked.fit, other), remedy=line)
+    return replace(its, gain=other.gain_over(asked.fit), check=check, words=said)
 
 
 def turned_position(asked: Asked, j: int, own: bool = False) -> Hypothesis:

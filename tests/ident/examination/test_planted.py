@@ -544,6 +544,16 @@ def test_a_base_that_is_not_as_the_file_says(gravity):
     assert mended is not None and np.allclose(mended.gravity, (0, 0, -9.81), atol=0.7)
 
 
+@pytest.mark.parametrize(("robot", "torque"), [("ur10e", "i2"), ("franka_panda", "tau_l2")])
+def test_a_base_on_a_wall_beside_a_turned_torque(tmp_path, robot, torque):
+    """Nothing was told of the UR10e; of the Franka a gravity that is 14 degrees off, with a prediction that
+    was five times worse than none."""
+    study = planted(tmp_path, lambda c: c | {torque: -c[torque]}, measured(robot))
+    (said,) = examine_fit(prepare_study(study.with_(gravity=(9.81, 0, 0))))
+    assert said.check == "base_orientation" and said.remedy == "gravity: [0, 0, -9.81]"
+    assert f"beside {torque}" in said.message and "something else is wrong" in said.message
+
+
 @pytest.mark.parametrize(
     ("row", "turn", "words"), [(1, "pi/2", "alpha is off by -pi/2"), (3, "pi", "link 4")]
 )
