@@ -544,6 +544,12 @@ def test_a_base_that_is_not_as_the_file_says(gravity):
     assert mended is not None and np.allclose(mended.gravity, (0, 0, -9.81), atol=0.7)
 
 
+def test_a_level_base_is_no_torque_without_gravity():
+    """The first torque of a Franka feels none on a level base: beside a file that tilts it by ten degrees."""
+    (said,) = examine_fit(prepare_study(measured("franka_panda").with_(gravity=(1.7035, 0, -9.661))))
+    assert said.check == "base_orientation" and said.remedy == "gravity: [0, 0, -9.81]"
+
+
 @pytest.mark.parametrize(("robot", "torque"), [("ur10e", "i2"), ("franka_panda", "tau_l2")])
 def test_a_base_on_a_wall_beside_a_turned_torque(tmp_path, robot, torque):
     """Nothing was told of the UR10e; of the Franka a gravity that is 14 degrees off, with a prediction that
