@@ -38,7 +38,7 @@ class Hypothesis:
         that what is asked next can be asked without it; those of the others are YAML's comment."""
         message = self.check.message
         said = f", or {message}"  # a position beside its torque, twice
-        others = [its for its in others if f", or {its.words}" not in said]
+        others = list({its.words: its for its in others if f", or {its.words}" not in said}.values())
         if not others:
             return self
         head = message.split(WHICH)[0]
