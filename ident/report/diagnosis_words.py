@@ -287,9 +287,9 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
         return f"{text}on some run the model predicts it worse than none would; nothing known explains it."
     if item["depends_on"] == ["t"] and item.get("carries_over") is False:
         return (
-            f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there follows a "
-            "course of its own in time: its past foretells it, and no signal of the robot was found that "
-            "does (a vibration, a slosh, a drift)."
+            f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there "
+            "oscillates of its own: its past foretells it, and no signal of the robot was found that does (a "
+            "vibration, a slosh)."
         )
     alike = list(item.get("or_on") or ())
     shape = (
