@@ -71,10 +71,9 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     best = _best(whole, before, sorted(found, key=gain, reverse=True))
     if best is None or not _explains(best, before):
         return
-    geometry = [h for h in told if h.quick is None and h.how == asked.how]  # no fit to hold against it
-    if any(h.gain > gain(best) for h in geometry):
+    if any(h.gain > gain(best) for h in told if asked.of_robot(h)):
         return
-    others = [Explained.by(_few(h.quick or asked.quick), h.how) for h in told if h not in geometry]
+    others = [Explained.by(_few(h.quick or asked.quick), h.how) for h in told if not asked.of_robot(h)]
     if not all(steadily(its, best.explained, RARE) for its in (before, *others)):
         return
     instead = _instead(whole, best, asked)

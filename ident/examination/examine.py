@@ -119,7 +119,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
             refuse(stream.file, [*examine_tables(prepared), *found])
-        at_an_end = best.how == asked.how and best.quick is None
+        at_an_end = asked.of_robot(best)
         if at_an_end:  # nothing here that later questions could stand on
             break
         asked = asked.after(best)

@@ -70,6 +70,11 @@ class Asked:
     velocities: frozenset[str] = frozenset()
     clipped: frozenset[str] = frozenset()
 
+    def of_robot(self, its: Hypothesis) -> bool:
+        """Whether it is of the robot (its base, an axis) and leaves torques and motion as they are: no fit of
+        these recordings stands behind it."""
+        return its.quick is None and its.how == self.how
+
     def after(self, its: Hypothesis) -> Asked:
         """The same once this one is undone."""
         quick = its.quick or self.quick

@@ -37,9 +37,8 @@ LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 @dataclass(frozen=True, slots=True)
 class Sample:
     """Samples of one recording, thinned: the motion's, filtered, Y (N, C) N m, weight (N, C), W (C, N, b)
-    column after column;
-    late (L, N, C): the torques that are recorded LAGS after their instants; weightless: channels whose
-    torques are taken without gravity."""
+    column after column; late (L, N, C): the torques that are recorded LAGS after their instants; weightless:
+    channels whose torques are taken without gravity."""
 
     label: str
     role: str
