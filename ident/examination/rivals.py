@@ -2,6 +2,7 @@
 
     a torque takes up a share of another one, drifts, is larger in one recording or from an instant on, or has
     another zero from then on
+    a joint's friction changes with its load
     a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, or holds that of the joint before it
 
@@ -93,6 +94,10 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
             if rival:
                 words = f"{name} takes up {share:.2g} of {signal_of(whole.columns, k, currents)}"
                 yield replace(rival, words=words)
+    label, joint = whole.columns.need.joints[channels[c].joint], channels[c].joint
+    _, rival = found(lambda r, s: np.abs(s.Y[:, own]) * np.sign(s.dq[:, joint]), True)
+    if rival:
+        yield replace(rival, words=f"the friction of joint {label} changes with its load")
     slope, rival = found(lambda r, s: s.t)
     if rival:
         yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} a minute")

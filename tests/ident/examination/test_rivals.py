@@ -78,6 +78,14 @@ def test_a_factor_in_what_judges_is_told_there_with_a_load(tmp_path):
     assert "tau_l2 is 1.3" in check.message and "times too large, or a load is carried" in check.message
 
 
+def test_friction_that_grows_with_the_load_is_told_as_that(tmp_path):
+    """Nothing was said of a Franka's second joint; of a simulated one's third that its torque was 1.16 times
+    too small in one recording."""
+    rubs = lambda c: c | {"tau_l2": c["tau_l2"] + 0.3 * np.abs(c["tau_l2"]) * np.sign(c["dq2"])}  # noqa: E731
+    (check,) = _said(planted(tmp_path, rubs, measured("franka_panda")))
+    assert check.check == "poor_excitation" and "friction of joint 2 changes with its load" in check.message
+
+
 def _five_seconds(study):
     """Of what validates, with the default filter."""
     short = [r if r.use == "identify" else r.model_copy(update={"to_s": 5.0}) for r in study.recordings]
