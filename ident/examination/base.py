@@ -10,19 +10,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.examination.bodies import RIDGE, Parts, contradicted, errors, gain
+from ident.examination.bodies import Parts, contradicted, errors, gain
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried, span
 from ident.examination.check import Check, listed
+from ident.examination.gravity import Direction
 from ident.examination.hypothesis import BAD, Hypothesis, explains
 from ident.examination.quick import Assignment
+from ident.examination.sphere import sought
 from ident.examination.stretches import ODD, beyond_chance
 
 AXES = 6  # of a base
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
-DIRECTIONS = 120
 UNSEEN = 0.5  # gain of the gravity that is assumed over another, below which neither is known
 LEAST_ANGLE = 8.0  # degrees; smaller tilts are the diagnosis's effect base_tilt
 ROUND_ANGLE = 4.0  # within it an axis of the base is meant
+HALFWAY = 45.0  # from one axis of the base to another: what is known no better has no line
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +44,13 @@ def base_orientation(
     stretches: Callable[[], tuple[Parts, Sequence[Parts]]] | None = None,
     names: Sequence[str] = (),
     aside: np.ndarray | None = None,
+    measured: Callable[[np.ndarray, Sequence[int]], Direction] | None = None,
 ) -> Iterator[Hypothesis | Tilt]:
     """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
     rivals: the other faults with which the model would predict validate; None where a fault is known already.
     stretches: all that fits and judges, as one and in pieces. names (C,) of the signals; aside: channels that
-    are not taken, as with the gravity that all tell they contradict the others.
+    are not taken, as with the gravity that all tell they contradict the others. measured: where gravity is by
+    all rows, begun at a (3,), without some channels, and how well they tell it.
     What the fitted recordings do not show, validate tells only if none of them predicts it about as well. A
     small tilt has no check (of an AIRBOT tilted by 6 degrees it was told
     that it hangs the other way round)."""
@@ -56,9 +60,7 @@ def base_orientation(
     def score(g: np.ndarray) -> float:
         return gain(plain, errors(identify, None, g, 2)[0])
 
-    left = _coarse(identify, plain)
-    starts = sorted((size * d for d in _sphere(DIRECTIONS)), key=left)[:3]
-    best = min((_descended(left, g, size) for g in starts), key=left)
+    best = sought(identify, plain, size)[0]
     value = score(best)
     axes = [size * np.sign(a) * np.eye(3)[k] for k in range(3) for a in (-1, 1)]
     close = [a for a in axes if np.degrees(np.arccos(np.clip(a @ best / size**2, -1, 1))) < ROUND_ANGLE]
@@ -95,20 +97,37 @@ def base_orientation(
         where = " of the recordings that validate"
     else:
         where = ""
+    by_axes, known, norm, within = bool(where), "", float(np.linalg.norm(best)), 0.0
+    if norm and measured is not None and _angle(assumed, best) > LEAST_ANGLE:
+        seen = measured(best, [] if aside is None else aside.tolist())
+        if not by_axes or seen.within < HALFWAY:
+            best, within = _named(seen)
+            straight = np.count_nonzero(best) == 1
+            known = ", along an axis of the base as far as these recordings tell" if straight else ""
+            known += f" (within {np.ceil(within):.0f} degree{'s' if within > 1 else ''})"
+            now, after = errors(identify, validate, best)
+            if by_axes and held is not None and after is not None:
+                plain, now = held, after
     before, error = (errors(identify, None, g)[0] for g in (assumed, best))
     beside = contradicted(identify, best, error)
     if beside.any() and aside is None:  # what turns gravity may be a fault of their own
         less = None if validate is None else validate.without(beside)
-        its = identify.without(beside)
-        of_rest = base_orientation(its, less, assumed, how, names=names, aside=np.flatnonzero(beside))
+        its, kept_out = identify.without(beside), np.flatnonzero(beside)
+        of_rest = base_orientation(its, less, assumed, how, None, None, names, kept_out, measured)
         yield from (h for h in of_rest if isinstance(h, Hypothesis))
     if beside.any() or not explains(before, error, BAD):  # something else is missing
+        return
+    gains = gain(plain, now) >= CLEARLY and gain(held, after) >= 0.5 * CLEARLY
+    if known and (within >= HALFWAY or _angle(assumed, best) <= within or not gains):
+        return
+    if known and _angle(assumed, best) < LEAST_ANGLE:
+        yield Tilt(value, best)
         return
     if aside is not None:
         where += f" beside {listed([names[c] for c in aside])}, of which something else is wrong,"
     line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
-    angle, norm = _angle(assumed, best), float(np.linalg.norm(best))
-    turned = f"turned by {angle:.0f} degrees against the robot file's" if norm else "absent"
+    angle = _angle(assumed, best)
+    turned = f"turned by {angle:.0f} degrees against the robot file's{known}" if norm else "absent"
     if norm and angle < LEAST_ANGLE:
         turned = f"{norm:.3g} m/s^2, not {size:.4g} as the robot file says"
         why = "its unit is another"
@@ -125,6 +144,14 @@ def base_orientation(
             line,
         ),
     )
+
+
+def _named(seen: Direction) -> tuple[np.ndarray, float]:
+    """What is told of gravity (3,), an axis of the base that is within what is known of it, and to how many
+    degrees."""
+    size = float(np.linalg.norm(seen.gravity))
+    near = min(size * np.vstack([np.eye(3), -np.eye(3)]), key=lambda axis: _angle(seen.gravity, axis))
+    return near if _angle(seen.gravity, near) <= seen.within else seen.gravity, seen.within
 
 
 def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iterator[Check]:
@@ -177,69 +204,3 @@ def _asked(whole: Parts, pieces: Sequence[Parts], assumed: np.ndarray, g: np.nda
     turned over: with no other gravity were the two recordings explained better together.)"""
     gains = [gain(*(errors(whole, piece, way)[1] for way in (assumed, g))) for piece in pieces]
     return beyond_chance(np.array(gains), ODD / AXES)
-
-
-def _coarse(parts: Parts, error: np.ndarray) -> Callable[[np.ndarray], float]:
-    """Sum of squares over all channels, each by what the plain fit leaves of it, as a function of gravity.
-    The columns that no gravity moves (inertias, friction) are taken off the others once."""
-    scale = np.where(parts.yy > 0, 1 / np.maximum(parts.yy * np.fmax(error, 0.05), 1e-300), 0.0)
-    K = parts.G[0].shape[0]
-    G, v = np.zeros((K, K, parts.p, parts.p)), np.zeros((K, parts.p))
-    for c, live in enumerate(parts.columns):
-        G[:, :, live[:, None], live] += scale[c] * parts.G[c]
-        v[:, live] += scale[c] * parts.v[c]
-    moved = G[1:, 1:].any(axis=(0, 1, 2))
-    size, own = _lengths(G[0, 0].diagonal()[~moved])
-    still = G[0, 0][~moved][:, ~moved] / np.outer(size, size) + np.diag(own)
-    across = G[:, 0, moved][:, :, ~moved] / size  # (K, m, p - m)
-    beside = np.vstack([*across, v[0, ~moved] / size])  # (K m + 1, p - m)
-    m, off = int(moved.sum()), beside @ np.linalg.solve(still, beside.T)
-    left_G = G[:, :, moved][..., moved] - off[:-1, :-1].reshape(K, m, K, m).swapaxes(1, 2)
-    left_v, total = v[:, moved] - off[:-1, -1].reshape(K, m), float(scale @ parts.yy - off[-1, -1])
-    i, j = np.triu_indices(K)
-    both = np.where(i == j, 0.5, 1.0)[:, None, None]
-    squares = (both * (G[i, j] + G[j, i])).diagonal(axis1=1, axis2=2)[:, moved]
-    flat = (both * (left_G[i, j] + left_G[j, i])).reshape(len(i), -1)
-
-    def left(g: np.ndarray) -> float:
-        factor = np.concatenate([[1.0], g])
-        pairs = factor[i] * factor[j]
-        length, own = _lengths(pairs @ squares)
-        normal = (pairs @ flat).reshape(m, m) / length / length[:, None]
-        normal.ravel()[:: m + 1] += own
-        right = factor @ left_v / length
-        return total - float(right @ np.linalg.solve(normal, right))
-
-    return left
-
-
-def _lengths(squares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of columns, and what stands on the diagonal of their scaled product: a ridge, 1 where nothing is."""
-    length = np.sqrt(np.maximum(squares, 1e-300))
-    return length, RIDGE + (length <= 1e-140)
-
-
-def _descended(left: Callable[[np.ndarray], float], g: np.ndarray, size: float) -> np.ndarray:
-    """The lowest point of the sphere near g, by a pattern search."""
-    value, step = left(g), 0.12 * size
-    while step > 0.004 * size:
-        u = np.cross(g, np.eye(3)[int(np.argmin(np.abs(g)))])
-        u = u / np.linalg.norm(u)
-        w = np.cross(g, u) / size
-        tries = [g + step * d for d in (u, -u, w, -w, u + w, u - w, -u + w, -u - w)]
-        tries = [size * x / np.linalg.norm(x) for x in tries]
-        values = [left(x) for x in tries]
-        k = int(np.argmin(values))
-        if values[k] < value:
-            g, value = tries[k], values[k]
-        else:
-            step /= 2
-    return g
-
-
-def _sphere(count: int) -> np.ndarray:
-    """(count + 6, 3) directions: a Fibonacci lattice and the six axes."""
-    k = np.arange(count) + 0.5
-    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
-    r = np.sqrt(1 - z * z)
-    return np.vstack([np.column_stack([r * np.cos(turn), r * np.sin(turn), z]), np.eye(3), -np.eye(3)])

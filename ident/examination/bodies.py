@@ -57,7 +57,7 @@ def parts_of(
 
     free: gravity taken apart; else the table's own, and one block instead of four.
     """
-    own = _own_columns(columns)
+    own = own_columns(columns)
     total = sum(len(s.q) for s in samples)
     if not total:
         return None
@@ -84,7 +84,7 @@ def parts_of(
     return Parts(p, tuple(seen), tuple(G), tuple(v), yy)
 
 
-def _own_columns(columns: Columns) -> np.ndarray:
+def own_columns(columns: Columns) -> np.ndarray:
     """Parameters that are no body's: friction, rotors, offsets, drives; a payload's are left to bodies."""
     kinds = [ParameterName.of(name) for name in columns.parameters]
     return np.array([k for k, kind in enumerate(kinds) if kind is None or kind.kind not in INERTIAL], int)
@@ -111,6 +111,20 @@ def standard(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, free: b
             for i, value in enumerate(made[column]):
                 out[part, i, :, k] = value
     return out
+
+
+def torques(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, bodies: np.ndarray) -> np.ndarray:
+    """(n, N): what bodies (10 L,), in the order of `standard`, ask for with the table's gravity."""
+    from modelgen.dynamics.newton_euler import torque
+    from modelgen.geometry.kinematics import State
+
+    shift = _constant_angles(table)
+    state = State(
+        tuple(np.cos(q + shift).T), tuple(np.sin(q + shift).T), tuple(q.T), tuple(dq.T), tuple(ddq.T)
+    )
+    names = [(j, kind) for j in range(1, len(table.rows) + 1) for kind in INERTIAL]
+    made = torque(table, state, dict(zip(names, bodies.tolist())))
+    return np.array([np.broadcast_to(np.asarray(value, float), len(q)) for value in made])
 
 
 def _constant_angles(table: Any) -> np.ndarray:

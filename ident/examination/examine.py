@@ -10,7 +10,7 @@ a torque with the other sign is not a tilted base as well.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -28,6 +28,7 @@ from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.coupled import coupled_positions
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
+from ident.examination.gravity import Direction, direction
 from ident.examination.hypothesis import (
     CLEARLY,
     EXPLAINED,
@@ -329,9 +330,14 @@ def _geometry(prepared: Prepared, asked: Asked, prior: float, axes: bool) -> Ite
         assert one is not None
         return one, [its for its in parts if its is not None]
 
+    def measured(near: np.ndarray, aside: Sequence[int]) -> Direction:
+        whole = all_rows(asked.quick.of([s.without(aside) for s in samples]))
+        return direction(table, whole, how, near)
+
     alone = prior == 0 and how == asked.quick.plain()
     others, names = rivals if alone else None, asked.names(range(len(columns.channels)))
-    tilted = list(base_orientation(identify, validate, gravity, how, others, stretches, names))
+    asks = (others, stretches, names, None, measured)
+    tilted = list(base_orientation(identify, validate, gravity, how, *asks))
     yield from tilted
     if axes:
         # a row of the table may stand for the base, or for a joint that is recorded the other way

@@ -59,6 +59,14 @@ class Sample:
             weight[:, c] *= (self.Y[:, c] > low + near) & (self.Y[:, c] < high - near)
         return replace(self, weight=weight)
 
+    def without(self, channels: Sequence[int]) -> Sample:
+        """Without these torques: as if nothing of them were seen."""
+        if not channels:
+            return self
+        weight = self.weight.copy()
+        weight[:, list(channels)] = 0.0
+        return replace(self, weight=weight)
+
     @property
     def t(self) -> np.ndarray:
         return self.thin.t
