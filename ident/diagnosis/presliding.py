@@ -17,21 +17,21 @@ import numpy as np
 from ident.diagnosis.evidence import weigh
 from ident.diagnosis.signs import sign_column, sign_columns
 from ident.diagnosis.state import State, settled, solved
-from ident.diagnosis.turn_over import Dry, grids, with_column
+from ident.diagnosis.turn_over import Dry, grids, unseen_travel, with_column
 from ident.signals.dry_friction import TurnOver
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout
 from modelgen.effects.states import integrate_dahl
 
 SEEN = 0.1  # of the error
-SAMPLES = 2.0  # in which a joint covers what its recording cannot show of a travel
 LATE_S = tuple(sign * late for late in (0.003, 0.006, 0.01, 0.015, 0.02, 0.03, 0.04) for sign in (1, -1))
 
 
 def told_as_effects(state: State) -> State:
     """The state with the travel of those joints left to the search that the error asks for."""
     travels = {j: turn.travel for j, turn in state.turns.items()}
-    soft = [d.joint for d in state.problem.dry if travels.get(d.joint, 0.0) > _unseen_travel(state, d.joint)]
+    hidden = {d.joint: unseen_travel(state.segments, d.joint) for d in state.problem.dry}
+    soft = [joint for joint, least in hidden.items() if travels.get(joint, 0.0) > least]
     if not soft:
         return state
     bare = _by_rate_alone(state, soft)
@@ -69,17 +69,6 @@ def _has_a_name(bare: State, state: State, dry: Dry) -> bool:
         for its in (turn, *longer)
     )
     return max(theirs, default=-np.inf) >= own
-
-
-def _unseen_travel(state: State, joint: int) -> float:
-    """What a joint covers within SAMPLES of its usual turn [rad | m]."""
-    steps, rate = [], state.segments[0].rate_hz
-    for s in state.segments:
-        speed = s.speed[:, joint]
-        turns = np.flatnonzero(speed[1:] * speed[:-1] < 0)
-        steps.append(np.abs(speed[turns + 1] - speed[turns]))
-    each = np.concatenate(steps)
-    return float(0.5 * np.median(each) * SAMPLES**2 / rate) if len(each) else 0.0
 
 
 def _by_rate_alone(state: State, joints: Collection[int]) -> State:

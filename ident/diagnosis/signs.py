@@ -31,6 +31,8 @@ def signs_of(segments: Sequence[FineSegment], joint: int, kept: int = 2) -> Sign
     def made(turn: TurnOver) -> list[np.ndarray]:
         if turn.travel <= 0:
             return direct(turn.rate)
+        if turn.rate <= 0:
+            return state(turn.travel)
         return [slid(z, x) for z, x in zip(state(turn.travel), direct(turn.rate))]
 
     return made

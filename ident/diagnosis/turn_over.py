@@ -3,8 +3,10 @@
     sign(dq) ~ z |tanh(dq / rate)|,   dz/dq = (1 - z sign dq) / travel   (Dahl)
 
 The widths belong to Coulomb friction itself, in every hypothesis alike: friction that turns over more
-slowly than the model's is no Stribeck curve. Profiled on the fitted rows: a grid in the logarithm of each
-width, then parabolas through the best three, joint after joint, until no other width says more than chance.
+slowly than the model's is no Stribeck curve. A travel that the samples show needs no rate:
+the least one that is tried is a friction that falls for a moment wherever the joint stops to turn. Profiled
+on the fitted rows: a grid in the logarithm of each width, then parabolas through the best three, joint after
+joint, until no other width says more than chance.
 """
 
 from __future__ import annotations
@@ -32,6 +34,7 @@ STEPS = 1.5  # ratio of the grid
 CHANCE = 1.0  # of a whitened sum of squares: what any width gains by chance, in the mean
 NEAR = 4.0  # of the same: how far below the summit a parabola is that of the curve
 PARABOLAS = 6
+SAMPLES = 2.0  # in which a joint covers what its recording cannot show of a travel
 RIDGE = 1e-10  # of the scaled Gram matrix: directions without data
 ORDERS = (("rate", "travel"), ("travel", "rate"))  # which width first; either can stand in for the other
 
@@ -69,6 +72,17 @@ def reverses(segments: Sequence[FineSegment], joint: int) -> bool:
     dq = np.concatenate([s.dq[:, joint] for s in segments])
     top = np.abs(dq).max(initial=0.0)
     return bool(np.mean(dq > 0.1 * top) > 0.02 and np.mean(dq < -0.1 * top) > 0.02)
+
+
+def unseen_travel(segments: Sequence[FineSegment], joint: int) -> float:
+    """What a joint covers within SAMPLES of its usual turn [rad | m]."""
+    steps, rate = [], segments[0].rate_hz
+    for s in segments:
+        speed = s.speed[:, joint]
+        turns = np.flatnonzero(speed[1:] * speed[:-1] < 0)
+        steps.append(np.abs(speed[turns + 1] - speed[turns]))
+    each = np.concatenate(steps)
+    return float(0.5 * np.median(each) * SAMPLES**2 / rate) if len(each) else 0.0
 
 
 def _ladder(low: float, high: float) -> np.ndarray:
@@ -137,7 +151,8 @@ def settle(
                 starts.append((replace(before, travel=0.0), orders[0], False))
             if before is None or (d.joint in afresh and first):
                 starts += [(TurnOver(float(ladders["rate"][0])), order, True) for order in orders]
-            ends = [_climbed(turn, order, whole, ladders, explained) for turn, order, whole in starts]
+            seen = unseen_travel(motion, d.joint)
+            ends = [_climbed(turn, order, whole, ladders, seen, explained) for turn, order, whole in starts]
             ends += [replace(t, travel=0.0) for t in ends]
             paid = explained(ends) - asked * np.array([t.travel > 0 for t in ends])
             turn = ends[int(paid.argmax())]
@@ -277,20 +292,26 @@ def _climbed(
     order: Sequence[str],
     whole: bool,
     ladders: Mapping[str, np.ndarray],
+    seen: float,
     explained: Explained,
 ) -> TurnOver:
     """One width after the other at its best, the first once more at the end; from where they are, or from
-    all their range. No travel at all is always tried."""
+    all their range. No travel at all is always tried, and no rate beside one that is `seen`."""
     for name in (*order, order[0]):
         grid, now = ladders[name], getattr(turn, name)
         if not whole and now > 0:
             near = now * STEPS ** np.arange(-2.0, 2.5)
             grid = near[(near >= 0.999 * grid[0]) & (near <= 1.001 * grid[-1])]
         kept = [turn, replace(turn, travel=0.0)]
-        trials = [replace(turn, **{name: float(w)}) for w in grid]
-        values = explained([*kept, *trials])[len(kept) :]
-        peak = replace(turn, **{name: _summit(grid, values, partial(_at, turn, name, explained))})
-        likely = [*kept, trials[int(values.argmax())], peak]
+        kept += [replace(turn, rate=0.0)] if turn.travel > seen else []
+        if name == "travel" and turn.rate <= 0:
+            grid = grid[grid > seen]
+        likely = kept
+        if len(grid):
+            trials = [replace(turn, **{name: float(w)}) for w in grid]
+            values = explained([*kept, *trials])[len(kept) :]
+            peak = replace(turn, **{name: _summit(grid, values, partial(_at, turn, name, explained))})
+            likely = [*kept, trials[int(values.argmax())], peak]
         turn = likely[int(explained(likely).argmax())]
     return turn
 

@@ -3,7 +3,7 @@
 They stand in one struct that the caller keeps, one for each robot; nothing is static. Both go on by one
 sample a call, from the step of q: effects by their own update, dry friction by Dahl's law
 
-    z' = s + (z - s) exp(-|step| / travel),   s = sign(step),   sign(dq) ~ z |tanh(dq / rate)|
+    z' = s + (z - s) exp(-|step| / travel),   s = sign(step),   sign(dq) ~ z |tanh(dq / rate)|, z at no rate
 
 as ident/signals/dry_friction.py has it; z begins slid in, with the sign of the first rate.
 """
@@ -116,4 +116,5 @@ class States:
             direct = f"tanh{self._suffix}(dq[{k}] / {self.number(rate)})"
         if k not in self.slides:
             return direct
-        return f"state->slip[{self.slides.index(k)}] * fabs{self._suffix}({direct})"
+        slip = f"state->slip[{self.slides.index(k)}]"
+        return f"{slip} * fabs{self._suffix}({direct})" if rate > 0 else slip

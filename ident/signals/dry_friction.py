@@ -2,7 +2,8 @@
 
     sign(dq) ~ z |tanh(dq / rate)|,   dz/dq = (1 - z sign dq) / travel   (Dahl, TOR-0158(3107-18)-1, 1968)
 
-Both widths 0: the plain sign. A recorded torque is the mean over the cycle of its drive: the rate is taken as
+Both widths 0: the plain sign; the rate alone 0: z itself, which does not fall where the joint stops for a
+moment to turn. A recorded torque is the mean over the cycle of its drive: the rate is taken as
 linear about a sample and the sign as its mean over `CYCLE_S`, or over the step to the next sample where that
 is shorter, so that a reversal between two samples moves the sign by its own share. (Of samples 50 ms apart
 the mean over a step is another curve than what was sampled: a robot without a fault had structure in the
@@ -29,10 +30,10 @@ class TurnOver:
     def sign(self, q: np.ndarray, dq: np.ndarray, hz: float, state: float | None = None) -> np.ndarray:
         """(N,) smoothed sign along one stretch or block of hz samples a second; state: z before its first
         one, None: slid in."""
-        direct = mean_sign(dq, self.rate, hz)
         if self.travel <= 0 or not len(q):
-            return direct
-        return slid(self.state(q, dq, state), direct)
+            return mean_sign(dq, self.rate, hz)
+        z = self.state(q, dq, state)
+        return z if self.rate <= 0 else slid(z, mean_sign(dq, self.rate, hz))
 
     def state(self, q: np.ndarray, dq: np.ndarray, state: float | None = None) -> np.ndarray:
         """(N,) z of the presliding."""

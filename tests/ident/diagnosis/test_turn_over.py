@@ -98,6 +98,30 @@ def test_slow_motions_leave_friction_its_ordinary_width(turned):
     assert fast <= 0.3 * max(np.abs(s.speed[:, 1]).max() for s in turned.segments) + 0.1
 
 
+TRAVELS = (6e-5, 8e-5, 5e-5)  # rad within which the joints' friction gives way, and no rate
+
+
+def given_way(q, dq):
+    """(N, 3) between reversals z = s + (z0 - s) exp(-|q - q0| / travel), step by step."""
+    z = np.sign(dq)
+    for k in range(1, len(q)):
+        s = np.sign(q[k] - q[k - 1])
+        z[k] = s + (z[k - 1] - s) * np.exp(-np.abs(q[k] - q[k - 1]) / TRAVELS)
+    return z
+
+
+def test_friction_that_gives_way_does_not_fall_where_a_joint_stops_to_turn(tmp_path):
+    """At up to 10 mrad/s it did, within the least rate that was tried: friction that depends on the rate and
+    on the last turn was told of arms without a fault."""
+    state = opened_dry_arm(tmp_path, given_way, 250.0, 1, 0.01)
+    for j in range(3):
+        assert state.turns[j].rate == 0.0
+        assert state.turns[j].travel == pytest.approx(TRAVELS[j], rel=0.05)
+    for c in range(3):
+        for side in (state.metric.fitted, state.metric.judged):
+            assert np.abs(side.residual[c]).max() < 5
+
+
 def test_a_sample_is_the_mean_over_a_drive_s_cycle():
     """At 1 kHz the rate's own step, at 20 Hz hardly more than the instant; a sign that turns between two
     samples moves by its share."""
