@@ -142,9 +142,7 @@ class Evidence:
 
     def supported(self, alpha: float) -> bool:
         """Enough blocks agree."""
-        told = self.blocks != 0
-        weight = weights(self.expected[told])
-        return bool(weight @ (self.blocks[told] > 0) >= enough(weight, alpha))
+        return agree(self.blocks, self.expected, alpha)
 
     def contradicted(self, alpha: float) -> bool:
         """Some block gains less than chance allows, were the effect there as the fitted rows have it:
@@ -164,6 +162,13 @@ class Evidence:
             return True  # a window's blocks are its own
         apart = self.blocks - other.blocks
         return replace(self, blocks=apart, expected=np.full(len(apart), np.inf)).supported(alpha)
+
+
+def agree(gains: np.ndarray, expected: np.ndarray, alpha: float) -> bool:
+    """Whether more blocks gain (blocks,) than coins would at the rate alpha; expected: as of Evidence."""
+    told = gains != 0
+    weight = weights(expected[told])
+    return bool(weight @ (gains[told] > 0) >= enough(weight, alpha))
 
 
 def drop_percent(nats: float, free: float) -> float:

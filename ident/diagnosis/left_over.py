@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Evidence, Metric, weigh
-from ident.diagnosis.halves import halves
+from ident.diagnosis.block_by_block import block_gains
+from ident.diagnosis.evidence import Evidence, Metric, agree, weigh
 from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.nameless_beside import Functions, beside_nameless, leaned_on
 from ident.diagnosis.outcome import Step, Unnamed
@@ -52,7 +52,11 @@ def leftovers(
         near = None if doubt is None else doubt.nearest
         if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
             alone = _fitted_alone(c, flex, m, near)
-            if near is not None or (alone.share > LEAST and _by_halves(flex, state, c, tau)):
+            if near is not None or (
+                alone.share > LEAST
+                and _is_there(flex, state, tau)
+                and _is_foretold(flex, state, m, c, tau, alpha)
+            ):
                 out.append(alone)
             continue
         share = explained_share(state, c, flex.column)
@@ -109,17 +113,13 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
     return flex.prior_evidence > tau + np.log(GROUPS * state.rows.channels)
 
 
-def _by_halves(flex: Flexible, state: State, c: int, tau: float) -> bool:
-    """Whether each half of the fitted rows is foretold by a function of these signals as the other half has
-    it: that the fitted rows are, by one that they chose, is said of a spike and of slow noise, too."""
-    if not _is_there(flex, state, tau):
-        return False
-    for rows in halves(state.rows):
-        side = replace(state, rows=rows)
-        learned = ask(side, side.metric, c, tau, frozenset(flex.variables))
-        if learned is None or learned.evidence.log_e < tau:
-            return False
-    return True
+def _is_foretold(flex: Flexible, state: State, m: Metric, c: int, tau: float, alpha: float) -> bool:
+    """Whether the blocks of the fitted rows are foretold by a function as all the others have it, and none
+    contradicts it: that it says much of the rows that chose it is told of a spike, too. (Were the function
+    there, a block would be foretold worse by x nats in a share exp(-x) of all cases at most.)"""
+    gains = block_gains(state, m, c, flex)
+    contradicted = gains.min(initial=0.0) < -np.log(max(len(gains), 1) / alpha)
+    return gains.sum() > tau and not contradicted and agree(gains, np.full(len(gains), np.inf), alpha)
 
 
 def _laws(state: State, steps: list[Step], rest: Unnamed, tau: float) -> tuple[State, list[Step]]:

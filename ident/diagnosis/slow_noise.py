@@ -49,6 +49,17 @@ class SlowNoise:
         left = np.maximum(rss - np.einsum("jk,jka->ja", h, widths), 1e-12 * rss)
         return np.asarray(-0.5 * self.free * np.log(left / self.free) - 0.5 * price)
 
+    def most_likely(self, residual: np.ndarray) -> tuple[np.ndarray, float]:
+        """The functions (rows on, K), of unit size where white noise is, of the slow noise that suits a
+        residual (M,) best; and the white noise's variance."""
+        likelihoods = self.likelihoods(residual)
+        j, a = np.unravel_index(int(likelihoods.argmax()), likelihoods.shape)
+        functions, turns, widths, _ = self._shapes
+        e = residual[self.on]
+        h = (turns[j] @ (functions.T @ e)) ** 2
+        left = max(float(e @ e) - float(h @ widths[j][:, a]), 1e-12 * float(e @ e), TINY)
+        return functions @ turns[j].T * np.sqrt(SIZES[a]), left / self.free
+
     @cached_property
     def _shapes(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Functions (rows on, K); of J relaxations the turns (J, K, K) of their products, by how much a

@@ -68,10 +68,9 @@ def grids(segments: Sequence[FineSegment], joint: int, shorter: float = 0.0) -> 
 
 
 def reverses(segments: Sequence[FineSegment], joint: int) -> bool:
-    """Whether a joint moves both ways; with one direction alone its dry friction is a constant."""
-    dq = np.concatenate([s.dq[:, joint] for s in segments])
-    top = np.abs(dq).max(initial=0.0)
-    return bool(np.mean(dq > 0.1 * top) > 0.02 and np.mean(dq < -0.1 * top) > 0.02)
+    """Whether a joint goes both ways for certain; with one direction alone its dry friction is a constant."""
+    speed = np.concatenate([np.where(s.certain[:, joint] >= 1, s.speed[:, joint], 0.0) for s in segments])
+    return bool((speed > 0).any() and (speed < 0).any())
 
 
 def unseen_travel(segments: Sequence[FineSegment], joint: int) -> float:

@@ -75,6 +75,14 @@ def test_grids_stay_inside_the_motion(turned):
         assert np.all(np.diff(ladders["rate"]) > 0)
 
 
+def test_a_joint_that_goes_back_slowly_reverses(turned):
+    """At a fiftieth of its top rate, where that is certain."""
+    slow = [replace(s, speed=np.where(s.speed < 0, s.speed / 50, s.speed)) for s in turned.segments]
+    assert reverses(slow, 1)
+    unsure = [replace(s, certain=np.where(s.speed < 0, 0.9 * s.certain, s.certain)) for s in slow]
+    assert not reverses(unsure, 1)
+
+
 def test_the_summit_of_a_curve():
     """Of a parabola, of a curve that falls off more steeply on one side, at the end of a range."""
     grid = np.geomspace(0.01, 1, 9)
