@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.bodies import Parts, contradicted, errors, gain, parts_of
+from ident.examination.bodies import Parts, beyond_own, by_own, errors, gain, parts_of
 from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
 from ident.examination.hypothesis import BAD, Hypothesis, explains
@@ -44,7 +44,7 @@ def joint_axes(
     table = replace(table, gravity=tuple(float(g) for g in gravity))
     as_told = parts(table)
     plain, held = errors(as_told, None, gravity)[0], judged(table, as_told)
-    found: list[tuple[float, str, np.ndarray, bool]] = []
+    found: list[tuple[float, str, np.ndarray, np.ndarray]] = []
     labels = iter(str(j) for j in columns.need.joints)
     for j, row in enumerate(table.rows):
         label = next(labels) if row.sigma != 2 else ""
@@ -61,12 +61,12 @@ def joint_axes(
             if predicts and gain(held, after) > 0.5 * CLEARLY:
                 words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
                 text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
-                found.append((gain(plain, now), text, now, bool(contradicted(identify, gravity, now).any())))
+                found.append((gain(plain, now), text, now, by_own(identify, gravity)))
     if not found:
         return
     best = max(found, key=lambda item: item[0])
-    if best[0] < prior or not explains(plain, best[2], BAD) or best[3]:  # something else is missing
-        return
+    if best[0] < prior or not explains(plain, best[2], BAD) or beyond_own(best[2], best[3]).any():
+        return  # something else is missing
     equal = [text for value, text, _, _ in found if value > 0.97 * best[0] and text != best[1]]
     also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""
     yield Hypothesis(
@@ -80,6 +80,7 @@ def joint_axes(
             f"to {span(best[2])}",
             "correct the row in the robot file",
         ),
+        each=gain(by_own(as_told, gravity), best[3]),
     )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.examination.bodies import Parts, contradicted, errors, gain
+from ident.examination.bodies import Parts, beyond_own, by_own, errors, gain
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried, span
 from ident.examination.check import Check, listed
 from ident.examination.gravity import Direction
@@ -109,7 +109,8 @@ def base_orientation(
             if by_axes and held is not None and after is not None:
                 plain, now = held, after
     before, error = (errors(identify, None, g)[0] for g in (assumed, best))
-    beside = contradicted(identify, best, error)
+    each = by_own(identify, best)
+    beside = beyond_own(error, each)
     if beside.any() and aside is None:  # what turns gravity may be a fault of their own
         less = None if validate is None else validate.without(beside)
         its, kept_out = identify.without(beside), np.flatnonzero(beside)
@@ -143,6 +144,7 @@ def base_orientation(
             f"fall from {span(plain)} to {span(now)}",
             line,
         ),
+        each=gain(by_own(identify, assumed), each),
     )
 
 

@@ -154,14 +154,18 @@ def errors(
     return error, None if validate is None else _relative(validate, *validate.at(g), chi)
 
 
-def contradicted(parts: Parts, g: np.ndarray, error: np.ndarray) -> np.ndarray:
-    """(C,) bool: whether with gravity g (3,) one set of bodies leaves more of a torque, error (C,), than
-    bodies of its own do: what makes one robot of the torques makes it of all. (Of a Franka on a wall with a
-    torque turned a base was told that is 14 degrees off.)"""
+def beyond_own(error: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(C,) bool: whether one set of bodies leaves more of a torque, error (C,), than bodies of its own, own
+    (C,), do: what makes one robot of the torques makes it of all. (Of a Franka on a wall with a torque turned
+    a base was told that is 14 degrees off.)"""
+    return np.asarray(error > np.fmax(AS_OTHERS * own, ENOUGH))
+
+
+def by_own(parts: Parts, g: np.ndarray) -> np.ndarray:
+    """(C,) errors of the torques with gravity g (3,), each with bodies of its own."""
     its = zip(parts.columns, parts.G, parts.v, parts.yy)
     each = [Parts(parts.p, (columns,), (G,), (v,), np.array([yy])) for columns, G, v, yy in its]
-    alone = np.array([errors(one, None, g)[0][0] for one in each])
-    return np.asarray(error > np.fmax(AS_OTHERS * alone, ENOUGH))
+    return np.array([errors(one, None, g)[0][0] for one in each])
 
 
 def _relative(parts: Parts, G: Sequence[np.ndarray], v: Sequence[np.ndarray], chi: np.ndarray) -> np.ndarray:

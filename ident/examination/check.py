@@ -95,7 +95,7 @@ def refuse(file: str, checks: Iterable[Check]) -> None:
 
 def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> str:
     """The study's `columns:` line with some keys of some signals changed; scales and signs multiply those
-    there are. `of`: the signal whose column is read for this one."""
+    there are, offsets are added. `of`: the signal whose column is read for this one."""
     parts = []
     for signal, change in changes.items():
         source = change.get("of", signal)
@@ -110,6 +110,8 @@ def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]
             value = values.pop(key, 1) * change[key]
             if key == "scale" or value != 1:
                 values[key] = value
+        if "offset" in change:
+            values["offset"] = float(values.get("offset", 0.0) + change["offset"])
         text = ", ".join(f"{k}: {v:.6g}" if isinstance(v, float) else f"{k}: {v}" for k, v in values.items())
         parts.append(f"{signal}: {values['column'] if list(values) == ['column'] else f'{{{text}}}'}")
     return f"columns: {{{', '.join(parts)}}}"

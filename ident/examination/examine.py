@@ -22,7 +22,7 @@ from ident.errors import IdentError
 from ident.examination.another_signal import another_signal
 from ident.examination.axes import joint_axes
 from ident.examination.base import Tilt, base_orientation, unseen
-from ident.examination.bodies import Parts, errors, parts_of
+from ident.examination.bodies import Parts, beyond_own, errors, parts_of
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried_faults
 from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.coupled import coupled_positions
@@ -41,6 +41,7 @@ from ident.examination.hypothesis import (
     signal_of,
 )
 from ident.examination.limits import beyond_limits, reads_currents
+from ident.examination.motions import by_themselves, moved_positions, signed
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart
@@ -216,14 +217,36 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
     once = {(h.check.check, h.check.signals): h for h in found}
     found = [h for h in once.values() if _believed(asked, h)]
+    hidden = _hidden(asked, found) if error.max() > DOUBTFUL else []
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        for its in _geometry(prepared, asked, best, axes=at_all or _unforeseen(asked.fit)):
+        geometry = list(_geometry(prepared, asked, best, axes=at_all or _unforeseen(asked.fit)))
+        each = max((its.each for its in geometry if isinstance(its, Hypothesis)), default=-np.inf)
+        if hidden and hidden[0].gain > each + CLEARLY:
+            return hidden
+        for its in geometry:
             if isinstance(its, Tilt):
                 found = [h for h in found if h.gain > its.gain or _beside(prepared, asked, h, its)]
             else:
                 found.append(its)
     return found
+
+
+def _hidden(asked: Asked, found: Sequence[Hypothesis]) -> list[Hypothesis]:
+    """Positions recorded otherwise by what every torque by itself says, where no hypothesis is found that
+    explains them by themselves about as well, and together, too."""
+    each = by_themselves(asked)
+    if not bad(asked.fit) and not beyond_own(asked.fit.error, each.fit.error).any():
+        return []
+    told = list(moved_positions(asked, each))
+    if not told:
+        return []
+    others = [(by_themselves(asked.after(h)), h) for h in found]
+    as_well = [(its, h) for its, h in others if its.fit.gain_over(each.fit) > told[0].gain - CLEARLY]
+    together = signed(by_themselves(asked.after(told[0])))
+    assert together is not None
+    kept = [not steadily(Explained.by(its.quick, h.how), together, RARE) for its, h in as_well]
+    return [] if any(kept) else told
 
 
 def _unforeseen(fit: Fit) -> bool:

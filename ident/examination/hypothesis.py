@@ -24,7 +24,8 @@ BAD, BAD_TOGETHER = 0.3, 0.125  # error of one channel, or of the median one
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
     """What would be different, how much better it fits, and the check that says so. words: the same beside
-    another that explains as much; own: the blamed joint's own friction says so, whatever else is missing."""
+    another that explains as much; own: the blamed joint's own friction says so, or every torque by itself,
+    whatever else is missing; each: of a base or a table, the gain of torques with bodies of their own."""
 
     gain: float
     how: Assignment
@@ -32,6 +33,7 @@ class Hypothesis:
     quick: Quick | None = None  # with other motions
     words: str = ""
     own: bool = False
+    each: float = 0.0
 
     def beside(self, others: Sequence[Hypothesis]) -> Hypothesis:
         """With others that these recordings do not tell from it. The line of this one stays the first, so
@@ -106,10 +108,11 @@ class Asked:
         """The study's `columns:` line with these changes; what is done to a position is done to its velocity,
         which would contradict it."""
         twins = {
-            f"d{name}": dict(change) | ({"of": f"d{change['of']}"} if "of" in change else {})
+            f"d{name}": {k: f"d{x}" if k == "of" else x for k, x in change.items() if k != "offset"}
             for name, change in changes.items()
             if name.startswith("q") and {name[1:], change.get("of", name)[1:]} <= self.velocities
         }
+        twins = {name: change for name, change in twins.items() if change}
         return column_line(self.maps, {**changes, **twins})
 
     def left_out(self, channels: Sequence[int]) -> str:

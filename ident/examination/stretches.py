@@ -5,13 +5,14 @@ Residuals are correlated over a stretch, hardly beyond it, so that stretches cou
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ident.distributions import t_beyond
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, Sample
 
+RIDGE = 1e-10
 ODD = 0.05  # rate at which chance confirms what something else has told before
 RARE = 1e-3  # rate at which chance leaves one name where there are two
 
@@ -48,6 +49,36 @@ class Explained:
         k, f, its = self.how.order[c], self.how.factor[c], (self.recorded or self.quick).identify
         size = f * f * its.yy[c, k] / max(its.rows[c], 1.0)
         return s.weight[:, c] * (f * s.Y[:, k] - s.W[c] @ self.fit.chi) ** 2 / max(size, 1e-300)
+
+
+@dataclass(frozen=True, slots=True)
+class ByItself(Explained):
+    """The same with parameters of its own for every torque, (C, b): neither its sign nor its factor matters,
+    and no other torque."""
+
+    own: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @classmethod
+    def by(cls, quick: Quick, how: Assignment) -> ByItself:
+        size, v = quick.identify.right(how)
+        chi = by_each(quick.identify.G, v)
+        left = np.sqrt(np.maximum(size - (v * chi).sum(axis=1), 0.0) / np.maximum(size, 1e-300))
+        seen = (quick.identify.rows > 10) & (size > 0)
+        fit = replace(quick.fit(how), error=np.where(seen, left, np.nan))
+        return cls(quick, fit, how, None, chi)
+
+    def squares(self, s: Sample, c: int) -> np.ndarray:
+        its = replace(self.fit, chi=self.own[c])
+        return Explained(self.quick, its, self.how).squares(s, c)
+
+
+def by_each(G: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """(C, b) least squares of normal matrices G (C, b, b) and right-hand sides v (C, b)."""
+    k = np.arange(v.shape[1])
+    length = np.sqrt(np.maximum(G[:, k, k], 1e-300))
+    normal = G / length[:, :, None] / length[:, None, :]
+    normal[:, k, k] += np.where(length > 1e-140, RIDGE, 1.0)
+    return np.asarray(np.linalg.solve(normal, (v / length)[:, :, None])[:, :, 0] / length)
 
 
 def stretch_gains(one: Explained, other: Explained) -> np.ndarray:

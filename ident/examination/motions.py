@@ -1,0 +1,144 @@
+"""Positions by what every torque says of them by itself.
+
+A torque that is turned, in another unit or of another drive keeps the bodies that all torques share from
+explaining anything, and hides what is wrong with a position. Fitted with bodies of its own every torque is
+explained whatever its sign and its factor are, and by the right motion alone. (Of a UR10e with a torque and
+another joint's position turned a row of the robot file was told, of an LWR4+ another torque's sign.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, product
+from typing import Any
+
+import numpy as np
+
+from ident.examination.bodies import beyond_own
+from ident.examination.check import Check, listed
+from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis
+from ident.examination.quick import FLOOR
+from ident.examination.signs import MOST_SIGNS
+from ident.examination.stretches import RARE, ByItself, Explained, all_rows, steadily
+
+ROWS = 400  # of all recordings
+FACTORS = (0.5, 2.0)
+GRID, FINE = np.pi / 6 * np.arange(-5, 7), 0.02  # rad, other zeros that are asked, and to how much
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What is done to positions, in words, and every torque explained by itself."""
+
+    check: str
+    words: str
+    signals: tuple[str, ...]
+    change: dict[str, Any]  # of every signal, as a study has it
+    moved: dict[str, Any]  # what `Quick.moved` takes
+    explained: ByItself
+
+    def gain_over(self, other: ByItself) -> float:
+        return self.explained.fit.gain_over(other.fit)
+
+
+def by_themselves(asked: Asked) -> ByItself:
+    """Every torque by itself, of rows enough to judge by."""
+    whole = all_rows(asked.quick)
+    stride = max(1, sum(len(s.t) for s in whole.samples) // ROWS)
+    return ByItself.by(whole.of([s.rows(slice(None, None, stride)) for s in whole.samples]), asked.how)
+
+
+def moved_positions(asked: Asked, plain: ByItself) -> Iterator[Hypothesis]:
+    """Positions that are recorded otherwise where every torque by itself is explained so much better, fewest
+    first, with those that stretch by stretch are not rejected beside the best."""
+    tried = [*_signs(asked, plain), *_factors(asked, plain), *_zeros(asked, plain)]
+    best = max(tried, key=lambda its: its.gain_over(plain), default=None)
+    if best is None or best.gain_over(plain) < SWAPPED:
+        return
+    alike = [its for its in tried if its is best or not steadily(its.explained, best.explained, RARE)]
+    alike = [its for its in alike if _agree(its.explained)]
+    fewest = min((len(its.signals) for its in alike), default=0)
+    told = [its for its in alike if len(its.signals) == fewest]
+    told.sort(key=lambda its: -its.gain_over(plain))
+    if told and steadily(plain, told[0].explained, RARE):
+        first, *others = [_told(asked, its, plain) for its in told]
+        yield first.beside(others)
+
+
+def signed(each: ByItself) -> Explained | None:
+    """One set of bodies for all torques, some turned as explains most; None where they are too many."""
+    quick, how = each.quick, each.how
+    seen = np.flatnonzero(np.isfinite(each.fit.error)).tolist()
+    if not 0 < len(seen) <= MOST_SIGNS:
+        return None
+    signs = product((False, True), repeat=len(seen) - 1)
+    ways = [how.times([c for c, its in zip(seen[1:], turned) if its], -1.0) for turned in signs]
+    return max((Explained.by(quick, way) for way in ways), key=lambda its: its.fit.gain_over(each.fit))
+
+
+def _agree(each: ByItself) -> bool:
+    """Whether one set of bodies explains what each torque by itself does, with some of them turned."""
+    told = signed(each)
+    return told is not None and not beyond_own(told.fit.error, each.fit.error).any()
+
+
+def _signs(asked: Asked, plain: ByItself) -> Iterator[Motion]:
+    """One position with the other sign, or two."""
+    places = np.arange(len(asked.joints))
+    for which in (*combinations(places.tolist(), 1), *combinations(places.tolist(), 2)):
+        names = tuple(f"q{asked.joints[j]}" for j in which)
+        has, axis = ("has", "its axis") if len(which) == 1 else ("have", "their axes")
+        words = f"{listed(names)} {has} the other sign (or {axis} in the robot file)"
+        moved = {"factor": np.where(np.isin(places, which), -1.0, 1.0)}
+        yield Motion("position_sign", words, names, {"sign": -1}, moved, _by(asked, plain, moved))
+
+
+def _factors(asked: Asked, plain: ByItself) -> Iterator[Motion]:
+    for j, label in enumerate(asked.joints):
+        for factor in FACTORS:
+            size, word = (1 / factor, "large") if factor < 1 else (factor, "small")
+            moved = {"factor": np.where(np.arange(len(asked.joints)) == j, factor, 1.0)}
+            words = f"q{label} is {size:.3g} times too {word}"
+            yield Motion(
+                "angle_unit", words, (f"q{label}",), {"scale": factor}, moved, _by(asked, plain, moved)
+            )
+
+
+def _zeros(asked: Asked, plain: ByItself) -> Iterator[Motion]:
+    """Each turning joint from the zero with which torques by themselves are explained best."""
+    for j, label in enumerate(asked.joints):
+        if label in asked.quick.columns.model.prismatic:
+            continue
+        its = np.arange(len(asked.joints)) == j
+
+        def at(x: float, its: np.ndarray = its) -> tuple[float, ByItself]:
+            return x, _by(asked, plain, {"offset": np.where(its, x, 0.0)})
+
+        known = dict(map(at, GRID))
+        x = max(known, key=lambda tried: known[tried].fit.gain_over(plain.fit))
+        step = float(GRID[1] - GRID[0])
+        while step > FINE and known[x].fit.gain_over(plain.fit) > CLEARLY:
+            step /= 2
+            known |= dict(map(at, (x - step, x + step)))
+            x = max(known, key=lambda tried: known[tried].fit.gain_over(plain.fit))
+        best = known[x]
+        words = f"q{label} starts from another zero, about {-x:.2g} rad off"
+        change, moved = {"offset": float(f"{x:.2g}")}, {"offset": np.where(its, x, 0.0)}
+        yield Motion("position_zero", words, (f"q{label}",), change, moved, best)
+
+
+def _by(asked: Asked, plain: ByItself, moved: dict[str, Any]) -> ByItself:
+    return ByItself.by(plain.quick.moved(**moved), asked.how)
+
+
+def _told(asked: Asked, its: Motion, plain: ByItself) -> Hypothesis:
+    a, b = (
+        100 * float(np.exp(np.nanmean(np.log(np.fmax(x.fit.error, FLOOR))))) for x in (plain, its.explained)
+    )
+    message = f"{its.words}: so taken, the error of torques, each by itself, falls from {a:.0f} to {b:.0f} %"
+    line = asked.line(dict.fromkeys(its.signals, its.change))
+    check = Check(its.check, its.signals, f"{message} (geometric mean)", line)
+    return Hypothesis(
+        its.gain_over(plain), asked.how, check, asked.quick.moved(**its.moved), its.words, own=True
+    )

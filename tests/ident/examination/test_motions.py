@@ -1,0 +1,81 @@
+"""What is wrong with positions where torques are wrong, too: every torque by itself says it."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from planted import ON_RECORDINGS, measured, planted
+from small_arm import ARM
+
+import ident
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+from ident.examination.hypothesis import Asked
+from ident.examination.motions import by_themselves, moved_positions
+from ident.examination.quick import quick_of, take
+from ident.examination.stretches import ByItself, all_rows
+from ident.twin import PlannedRun, simulate
+
+
+def _turned(c, *names):
+    each = {x for name in names for x in (name, f"d{name}") if x in c}
+    return c | {name: -c[name] for name in each}
+
+
+def test_a_torque_by_itself_is_explained_whatever_its_sign_and_factor_are(tmp_path):
+    (tmp_path / "small.yaml").write_text(ARM)
+    runs = simulate(tmp_path / "small.yaml", runs=(PlannedRun("run1", "identify", 15.0),), seed=2).recordings
+    errors = []
+    for factor in (1.0, -30.0):
+        c = dict(runs[0].columns)
+        run = ident.Recording(pa.table(c | {"tau_m2": factor * c["tau_m2"]}), "identify", name="run1")
+        made = prepare_study(ident.Study(robot=str(tmp_path / "small.yaml"), recordings=[run]))
+        whole = all_rows(quick_of(made.columns, take(made.streams, made.banks, made.columns, "identify")))
+        its, together = ByItself.by(whole, whole.plain()), whole.fit(whole.plain())
+        assert (its.fit.error <= together.error * 1.001).all()
+        errors.append(its.fit.error)
+        squares = [sum(its.squares(s, c).sum() for s in whole.samples) for c in range(3)]
+        assert np.allclose(np.sqrt(np.array(squares) / whole.identify.rows), its.fit.error, rtol=1e-6)
+    assert np.allclose(*errors, rtol=1e-6)
+
+
+def _told(study):
+    """Of the recordings' first seconds, where every torque by itself is asked alone."""
+    made = prepare_study(study.with_(filter=type(study.filter)()))
+    columns, maps = made.columns, dict(study.columns)
+    samples = [s for role in ("identify", "validate") for s in take(made.streams, made.banks, columns, role)]
+    quick = quick_of(columns, samples)
+    how = quick.plain()
+    asked = Asked(quick, how, quick.fit(how), maps, False, np.ones(len(how.order)))
+    return [h.check for h in moved_positions(asked, by_themselves(asked))]
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_torque_turned_beside_another_joint_s_position(tmp_path):
+    """A row of the robot file was told, which left 42 % of a torque."""
+    study = planted(tmp_path, lambda c: _turned(c, "i2", "q3"))
+    checks = examine_fit(prepare_study(study.with_(filter=type(study.filter)())))
+    assert {(c.check, c.signals) for c in checks} == {("torque_sign", ("i2",)), ("position_sign", ("q3",))}
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(
+    ("robot", "change", "check", "signals"),
+    [
+        ("ur10e", ("q2", "q3"), "position_sign", ("q2", "q3")),  # the fourth alone is nearly their image
+        ("airbot_play", ("q3", "tau_m2"), "position_sign", ("q3",)),
+        ("franka_panda", ("tau_l3",), "position_zero", ("q2",)),
+        ("kuka_lwr4plus", ("tau_l2",), "", ()),
+        ("rokae_xmate3pro", ("tau_l5",), "", ()),
+    ],
+)
+def test_positions_beside_turned_torques(tmp_path, robot, change, check, signals):
+    zero = 0.5 if check == "position_zero" else 0.0
+    study = planted(
+        tmp_path, lambda c: _turned(c, *change) | {"q2": _turned(c, *change)["q2"] + zero}, measured(robot)
+    )
+    told = _told(study)
+    assert [(c.check, c.signals) for c in told] == ([(check, signals)] if check else [])
+    assert all("not tell" not in c.message for c in told)
+    assert not zero or "about 0.5" in told[0].message
