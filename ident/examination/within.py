@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ident.examination.bodies import beyond_own
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, EXPLAINED, Asked
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample, gain_of, solve
-from ident.examination.stretches import RARE, Explained, steadily
+from ident.examination.stretches import RARE, ByItself, Explained, steadily
 
 DOUBTED = 0.15  # error of a torque that is looked into
 PARTS, FINE = 16, 6  # instants of a recording that are tried, and about the best of them
@@ -45,22 +46,37 @@ def changed_within(asked: Asked) -> Iterator[tuple[Check, Quick]]:
     quick, how = asked.quick, asked.how
     tried = max(len(how.order) * len(quick.samples), 1)
     for which in range(len(quick.samples)):
+        told, undone = [], quick
         for _ in how.order:
-            sample = quick.samples[which]
+            sample = undone.samples[which]
             change = _change(sample, how, float(np.log(tried / RATE)))
-            if change is None or _all_along(quick, sample, change, how):
+            if change is None or _all_along(undone, sample, change, how):
                 break
-            name, t = asked.name(change.c), sample.t[change.at]
-            quick = quick.of([change.undone(s) if k == which else s for k, s in enumerate(quick.samples)])
-            check = Check(
-                "torque_sign",
-                (name,),
-                f"{name} changes its sign at about {t:.3g} s",
-                f"give the recording twice, `to: {t:.3g}` and `from: {t:.3g}`, one of them with `columns:` "
-                f"of its own, {name}: {{sign: -1}}; or leave one of the two out",
-                recording=sample.label,
-            )
-            yield check, quick
+            its = [change.undone(s) if k == which else s for k, s in enumerate(undone.samples)]
+            undone = undone.of(its)
+            told.append((_told(asked, sample, change), undone))
+        if told and _of_one_arm(undone, undone.samples[which], how):
+            yield from told
+            quick = undone
+
+
+def _told(asked: Asked, sample: Sample, change: Change) -> Check:
+    name, t = asked.name(change.c), sample.t[change.at]
+    return Check(
+        "torque_sign",
+        (name,),
+        f"{name} changes its sign at about {t:.3g} s",
+        f"give the recording twice, `to: {t:.3g}` and `from: {t:.3g}`, one of them with `columns:` "
+        f"of its own, {name}: {{sign: -1}}; or leave one of the two out",
+        recording=sample.label,
+    )
+
+
+def _of_one_arm(quick: Quick, sample: Sample, how: Assignment) -> bool:
+    """Whether one set of bodies explains the recording's torques as bodies of each do. (Of a rokae with a
+    position in degrees two torques were told to change their signs, of a Franka on a wall one.)"""
+    its = quick.of([replace(sample, role="identify")])
+    return not beyond_own(its.fit(how).error, ByItself.by(its, how).fit.error).any()
 
 
 def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:

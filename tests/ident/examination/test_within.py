@@ -1,0 +1,37 @@
+"""A torque that changes its sign on the way is told where one arm is then left."""
+
+import numpy as np
+from planted import ON_RECORDINGS, measured, planted
+
+from ident.equations.prepared import prepare_study
+from ident.examination.hypothesis import Asked
+from ident.examination.quick import quick_of, take
+from ident.examination.within import changed_within
+
+pytestmark = ON_RECORDINGS
+
+
+def _told(study):
+    made = prepare_study(study.with_(filter=type(study.filter)()))
+    samples = take(made.streams, made.banks, made.columns, "identify")
+    quick = quick_of(made.columns, samples)
+    how = quick.plain()
+    asked = Asked(quick, how, quick.fit(how), dict(study.columns), False, np.ones(len(how.order)))
+    return [(check.check, check.signals) for check, _ in changed_within(asked)]
+
+
+def test_torques_of_an_arm_on_a_wall_do_not_change_their_sign(tmp_path):
+    """Of a rokae whose second joint has another zero two were told to, in the place of its base."""
+    study = planted(tmp_path, lambda c: c | {"q2": c["q2"] + 0.3}, measured("rokae_xmate3pro"))
+    assert _told(study.with_(gravity=(0, 9.81, 0))) == []
+
+
+def test_one_that_does_is_told_beside_one_that_grows_on_the_way(tmp_path):
+    def changed(c):
+        later = np.arange(len(c["t"])) > 0.35 * len(c["t"])  # within what is fitted
+        return c | {
+            "tau_l3": np.where(later, -c["tau_l3"], c["tau_l3"]),
+            "tau_l2": np.where(later, 1.2 * c["tau_l2"], c["tau_l2"]),
+        }
+
+    assert _told(planted(tmp_path, changed, measured("rokae_xmate3pro"))) == [("torque_sign", ("tau_l3",))]
