@@ -278,7 +278,8 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
     of them where it blames positions, which stand in every torque, and clearly better than before where it
     is one position alone: where something large is missing in the model (a cable over two joints, gravity
     elsewhere), one wrong sign or order may leave less than another without being the cause. A torque that no
-    other contradicts is known by its friction, whatever else is missing."""
+    other contradicts is known by its friction, whatever else is missing; others have to be explained as by
+    themselves. (Of a Franka's third torque without its sign the other sign was told.)"""
     before, taken = asked.fit, asked.after(h)
     if h.how.order != asked.how.order and not _explained_there(asked, h, taken.fit):
         return False
@@ -292,6 +293,8 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
     ]
     if h.quick is None and len(fit.error) == 1 and evidence(taken.quick, fit, h.how).friction[0] > SURE:
         return bool(fit.error[0] < NOTHING)
+    if h.quick is None and not h.own and beyond_own(fit.error[its], taken.alone[its]).any():
+        return False
     explained = explains(before.error[its], fit.error[its])
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
