@@ -51,7 +51,7 @@ from ident.examination.scales import scales, too_large, turned_scales
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
 from ident.examination.stretches import RARE, Explained, all_rows, pieces, steadily
 from ident.examination.turned import one_turned, turned_positions
-from ident.examination.unexplained import unexplained
+from ident.examination.unexplained import contradicting, unexplained
 from ident.examination.units import degrees, geared, scaled_positions
 from ident.examination.velocity import logged_velocities
 from ident.examination.weightless import unfelt, weightless
@@ -140,6 +140,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if asks and held is not None and gain_of(held, asked.fit.error) > CARRIED:
         scaled = carried_faults(asked)
         beside += [ambiguous(held, scaled)] if scaled else []
+    if not beside and not broken:
+        beside += contradicting(asked)
     if not found and not beside:
         beside += unfelt(asked)
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:

@@ -25,10 +25,9 @@ from ident.examination.quick import LAGS, Assignment, Normal, Quick, Sample, add
 from ident.examination.rivals import rivals
 from ident.examination.stretches import ODD as ODD_ONE
 from ident.examination.stretches import Explained, agreed, beyond_chance
-from ident.examination.unexplained import odd_one
+from ident.examination.unexplained import ODD, TIMES, odd_one
 from modelgen.geometry.kinematics import Geometry
 
-ODD, TIMES = 0.12, 3.0  # error of a channel of a recording: at least, and against the same channel elsewhere
 TOGETHER = 1.8  # that of all channels, in the mean
 ROWS = 300  # of a recording that is looked into
 PARTS = 12  # of the fitted recordings that are left out in turn

@@ -16,7 +16,7 @@ import numpy as np
 
 from ident.examination.check import listed
 from ident.examination.hypothesis import Asked, Hypothesis
-from ident.examination.quick import Sample
+from ident.examination.quick import Quick, Sample
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 KNOTS = 8  # bends that a spring's, a counterbalance's or a cable's torque has
@@ -30,7 +30,8 @@ class SmoothTorques:
 
     @cached_property
     def explained(self) -> Explained:
-        return _smooth(self.asked, self.joints)
+        whole = all_rows(self.asked.quick)
+        return Explained.by(with_smooth_torques(whole, self.joints), self.asked.how)
 
     def less_than(self, its: Hypothesis) -> Iterator[Hypothesis]:
         """A hypothesis about the positions of the joints; with the torque that these recordings do not tell
@@ -45,12 +46,11 @@ class SmoothTorques:
             yield its.beside([replace(its, check=replace(its.check, remedy=""), words=words)])
 
 
-def _smooth(asked: Asked, joints: Sequence[int]) -> Explained:
-    """All rows where the torques of these joints have, each, any function of their positions beside."""
-    whole = all_rows(asked.quick)
-    every = np.concatenate([s.q for s in whole.samples])[:, list(joints)]
+def with_smooth_torques(quick: Quick, joints: Sequence[int]) -> Quick:
+    """The same where the torques of these joints have, each, any function of their positions beside."""
+    every = np.concatenate([s.q for s in quick.samples])[:, list(joints)]
     knots = [np.linspace(low, high, KNOTS) for low, high in zip(every.min(axis=0), every.max(axis=0))]
-    own = [np.array(whole.columns.joint_of, int)[:, None, None] == j for j in joints]
+    own = [np.array(quick.columns.joint_of, int)[:, None, None] == j for j in joints]
 
     def beside(s: Sample) -> Sample:
         each = [
@@ -59,4 +59,4 @@ def _smooth(asked: Asked, joints: Sequence[int]) -> Explained:
         hats = reduce(lambda a, b: (a[:, :, None] * b[:, None, :]).reshape(len(a), -1), each)
         return s.beside(np.concatenate([its * hats for its in own], axis=2))
 
-    return Explained.by(whole.of([beside(s) for s in whole.samples]), asked.how)
+    return quick.of([beside(s) for s in quick.samples])

@@ -12,6 +12,7 @@ from ident.examination.quick import FLOOR, Assignment, Normal, Sample, added, so
 
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
+ODD, TIMES = 0.12, 3.0  # error of a channel that is odd: at least, and against what it is elsewhere
 PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', from which it is said
 
 
@@ -69,6 +70,25 @@ def unexplained(asked: Asked) -> Iterator[Check]:
         held = fit.validate[np.isfinite(fit.validate)]
         if np.median(held) > max(1.0, 3 * float(np.median(error))):
             yield _contradiction(asked, everything, float(np.median(error)), float(np.median(held)))
+
+
+def contradicting(asked: Asked) -> Iterator[Check]:
+    """Torques that are explained each by itself and not together, by none of the faults that are asked."""
+    own, error = asked.alone, asked.fit.error
+    odd = [c for c in asked.seen if error[c] > max(ODD, TIMES * own[c])]
+    if not odd:
+        return
+    names = asked.names(odd)
+    have, its = ("have", "they are") if len(odd) > 1 else ("has", "it is")
+    before, after = (listed(f"{100 * x:.0f} %" for x in each[odd]) for each in (own, error))
+    yield _unrelated(
+        names,
+        f"{listed(names)} {have} something that the other torques contradict: by itself {its} explained to "
+        f"{before}, with one robot for all to {after}. A signal (its sign, unit, place, zero or time), the "
+        "robot file or something that acts on it (a load, a contact) is not as it is told, and nothing tells "
+        "which",
+        "check the columns of all joints and the robot file",
+    )
 
 
 def _contradiction(asked: Asked, names: tuple[str, ...], error: float, held: float) -> Check:
