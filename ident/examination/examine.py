@@ -51,7 +51,7 @@ from ident.examination.scales import scales, too_large, turned_scales
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
 from ident.examination.stretches import RARE, Explained, all_rows, pieces, steadily
 from ident.examination.turned import one_turned, turned_positions
-from ident.examination.unexplained import contradicting, unexplained
+from ident.examination.unexplained import contradicting, odd_beside, unexplained
 from ident.examination.units import degrees, geared, scaled_positions
 from ident.examination.velocity import logged_velocities
 from ident.examination.weightless import unfelt, weightless
@@ -238,9 +238,10 @@ def _hidden(asked: Asked, found: Sequence[Hypothesis]) -> list[Hypothesis]:
     """Positions recorded otherwise by what every torque by itself says, where no hypothesis is found that
     explains them by themselves about as well, and together, too."""
     each = by_themselves(asked)
-    if not bad(asked.fit) and not beyond_own(asked.fit.error, each.fit.error).any():
+    contradict = beyond_own(asked.fit.error, each.fit.error).any()
+    if not contradict and not bad(asked.fit):
         return []
-    told = list(moved_positions(asked, each))
+    told = list(moved_positions(asked, each, zeros=bool(contradict)))
     if not told:
         return []
     others = [(by_themselves(asked.after(h)), h) for h in found]
@@ -295,7 +296,7 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
     ]
     if h.quick is None and len(fit.error) == 1 and evidence(taken.quick, fit, h.how).friction[0] > SURE:
         return bool(fit.error[0] < NOTHING)
-    if h.quick is None and not h.own and beyond_own(fit.error[its], taken.alone[its]).any():
+    if h.quick is None and not h.own and odd_beside(fit.error, taken.alone)[its].any():
         return False
     explained = explains(before.error[its], fit.error[its])
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]

@@ -50,10 +50,11 @@ def by_themselves(asked: Asked) -> ByItself:
     return ByItself.by(whole.of([s.rows(slice(None, None, stride)) for s in whole.samples]), asked.how)
 
 
-def moved_positions(asked: Asked, plain: ByItself) -> Iterator[Hypothesis]:
+def moved_positions(asked: Asked, plain: ByItself, zeros: bool = True) -> Iterator[Hypothesis]:
     """Positions that are recorded otherwise where every torque by itself is explained so much better, fewest
-    first, with those that stretch by stretch are not rejected beside the best."""
-    tried = [*_signs(asked, plain), *_factors(asked, plain), *_zeros(asked, plain)]
+    first, with those that stretch by stretch are not rejected beside the best. zeros: whether another zero,
+    which a torque's own bodies make up for, is asked, too."""
+    tried = [*_signs(asked, plain), *_factors(asked, plain), *(_zeros(asked, plain) if zeros else ())]
     best = max(tried, key=lambda its: its.gain_over(plain), default=None)
     if best is None or best.gain_over(plain) < SWAPPED:
         return

@@ -72,10 +72,15 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             yield _contradiction(asked, everything, float(np.median(error)), float(np.median(held)))
 
 
+def odd_beside(error: np.ndarray, own: np.ndarray) -> np.ndarray:
+    """(C,) bool: torques of which one robot for all leaves far more, error (C,), than one for each, own."""
+    return np.asarray(error > np.fmax(ODD, TIMES * own))
+
+
 def contradicting(asked: Asked) -> Iterator[Check]:
     """Torques that are explained each by itself and not together, by none of the faults that are asked."""
     own, error = asked.alone, asked.fit.error
-    odd = [c for c in asked.seen if error[c] > max(ODD, TIMES * own[c])]
+    odd = [c for c in asked.seen if odd_beside(error, own)[c]]
     if not odd:
         return
     names = asked.names(odd)
