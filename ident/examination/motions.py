@@ -148,6 +148,8 @@ def _told(asked: Asked, its: Motion, plain: ByItself) -> Hypothesis:
     )
     message = f"{its.words}: so taken, the error of torques, each by itself, falls from {a:.0f} to {b:.0f} %"
     line = asked.line(dict.fromkeys(its.signals, its.change))
+    if "offset" in its.change:  # nearly
+        line = f"write {line}, or the zero that is known"
     check = Check(its.check, its.signals, f"{message} (geometric mean)", line)
     return Hypothesis(
         its.gain_over(plain), asked.how, check, asked.quick.moved(**its.moved), its.words, own=True

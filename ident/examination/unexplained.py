@@ -90,8 +90,8 @@ def contradicting(asked: Asked) -> Iterator[Check]:
         names,
         f"{listed(names)} {have} something that the other torques contradict: by itself {its} explained to "
         f"{before}, with one robot for all to {after}. A signal (its sign, unit, place, zero or time), the "
-        "robot file or something that acts on it (a load, a contact) is not as it is told, and nothing tells "
-        "which",
+        "robot file or something that acts on it (a load, a contact) is not as it is told, and no check "
+        "tells which",
         "check the columns of all joints and the robot file",
     )
 
