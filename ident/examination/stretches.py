@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ident.distributions import t_beyond
-from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, Sample
+from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample
 
 RIDGE = 1e-10
 ODD = 0.05  # rate at which chance confirms what something else has told before
@@ -66,6 +66,10 @@ class ByItself(Explained):
         seen = (quick.identify.rows > 10) & (size > 0)
         fit = replace(quick.fit(how), error=np.where(seen, left, np.nan))
         return cls(quick, fit, how, None, chi)
+
+    def errors(self, sums: Normal) -> np.ndarray:
+        """(C,) relative errors of other recordings."""
+        return np.array([sums.errors(chi, self.how)[c] for c, chi in enumerate(self.own)])
 
     def squares(self, s: Sample, c: int) -> np.ndarray:
         its = replace(self.fit, chi=self.own[c])
