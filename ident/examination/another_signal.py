@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
+from ident.examination.changed import Changed, positions_in_all, torques_in_all
 from ident.examination.check import Check, listed
 from ident.examination.coupled import held
 from ident.examination.hypothesis import EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
@@ -36,23 +36,10 @@ FEW = 2  # causes that may stand beside one
 LOAD = "a load is carried that the study does not declare", "declare it with payload:"
 
 
-@dataclass(frozen=True, slots=True)
-class Changed:
-    """What is different in one recording, in words, what to do and what is then explained; no `signals` and
-    no `check` where it is none of its signals."""
-
-    recording: str
-    signals: tuple[str, ...]
-    check: str
-    words: str
-    remedy: str
-    explained: Explained
-    least: float = SWAPPED
-    drives: tuple[int, ...] = ()
-
-
 def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = True) -> Iterator[Check]:
-    """The signal of one recording that explains steadily more than each of the hypotheses told of all.
+    """The signal of one recording that explains steadily more than each of the hypotheses told of all; or of
+    all, where the fitted ones are too poor to tell it and those that judge do. (Of seven seconds of a rokae
+    with its third position turned that was told of the recording that judges.)
 
     Positions cost a motion each; without them it is looked whether a torque is another one, and they are
     asked where it looks so, or where no fit of all recordings explains a torque. (Each of a UR10e's, of which
@@ -61,9 +48,9 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     if len(whole.samples) < 2:
         return
     before = Explained.by(whole, asked.how)
-    found = [*_torques(asked, whole, before), *_weightless(asked, whole)]
+    found = [*_torques(asked, whole, before), *_weightless(asked, whole), *torques_in_all(asked, whole)]
     if positions or bad(before.fit) or any(_explains(its, before) for its in found):
-        found += _positions(asked, whole)
+        found += [*_positions(asked, whole), *positions_in_all(asked, whole)]
 
     def gain(its: Changed) -> float:
         return its.explained.fit.gain_over(before.fit)
@@ -83,7 +70,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     if any(agreed(best.explained, its.explained, ODD / len(pool)) for its in pool):
         return
     same = alike((its for its in pool if not its.recording), before, best.explained)
-    everywhere = [Changed("", (), "", f"{its.words} in all recordings", "", its.explained) for its in same]
+    everywhere = [Changed("", (), "", its.words, "", its.explained) for its in same]
     if any(gain(its) > gain(best) for its in everywhere):
         return
     once = {
@@ -94,9 +81,9 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     told_too = [its for its in told_too if _of_itself(whole, before, its)]
     near = [its for its in (*told_too, *instead) if not steadily(its.explained, best.explained, RARE)]
     every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
-    where = [f" in {its.recording}" if its.recording not in ("", best.recording) else "" for its in every]
-    said = ", or ".join(its.words + at for its, at in zip(every, where))
-    fallen = falls(before.fit, best.explained.fit)
+    said = ", or ".join(its.words + _where(its, best) for its in every)
+    fallen = f"{falls(before.fit, best.explained.fit)} over all recordings"
+    where = "in this recording " if best.recording else ""
     which = ", these recordings do not tell which" if every[1:] else ""
     if len(every) > 1 + FEW:
         yield _unknown(best, said, fallen)
@@ -104,20 +91,28 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     yield Check(
         best.check,
         best.signals,
-        f"in this recording {said}{which}: so taken, {fallen} over all recordings",
+        f"{where}{said}{which}: so taken, {fallen}",
         " or ".join(dict.fromkeys(its.remedy for its in every if its.remedy)),
         recording=best.recording,
-        explains=best.check != "position_zero" and all(its.signals for its in every),  # which it asks, sizes
+        explains=best.check != "position_zero"
+        and all(its.recording and its.signals for its in every),  # which it asks, sizes
     )
+
+
+def _where(its: Changed, best: Changed) -> str:
+    if its.recording == best.recording:
+        return ""
+    return f" in {its.recording}" if its.recording else " in all recordings"
 
 
 def _unknown(best: Changed, said: str, fallen: str) -> Check:
     """Of so many causes none is one."""
+    whose = "of this recording contradict the other recordings', or theirs it"
     return Check(
         "unrelated_torque",
         (),
-        f"torques and motion of this recording contradict the other recordings', or theirs it, and nothing "
-        f"tells by what: {said} are each an explanation, {fallen} over all recordings",
+        f"torques and motion {whose if best.recording else 'contradict each other'}, and nothing tells by "
+        f"what: {said} are each an explanation, {fallen}",
         "check that all signals are of one run and that the recordings are of one robot",
         recording=best.recording,
     )
@@ -140,14 +135,18 @@ def _of_itself(whole: Quick, before: Explained, its: Changed) -> bool:
     told, of torques of another run two that look swapped.)"""
 
     def alone(quick: Quick, label: str) -> Explained:
-        return Explained.by(whole.of([s for s in quick.samples if s.label == label]), before.how)
+        return Explained.by(whole.of([s for s in quick.samples if s.label == label]), its.explained.how)
 
-    so = alone(its.explained.quick, its.recording)
-    if steadily(so, alone(whole, its.recording), RARE):
-        return False
-    each = [so if s.label == its.recording else alone(whole, s.label) for s in whole.samples]
-    usual = float(np.mean([_mean(x.fit.error) for x in each]))
-    return _mean(its.explained.fit.error) < max(AS_OTHERS * usual, ENOUGH)
+    each = []
+    for s in whole.samples:
+        so, plain = alone(its.explained.quick, s.label), before.how
+        own = Explained.by(whole.of([x for x in whole.samples if x is s]), plain)
+        if its.recording in ("", s.label) and steadily(so, own, RARE):
+            return False
+        each.append(so if its.recording in ("", s.label) else own)
+    usual, left = float(np.mean([_mean(x.fit.error) for x in each])), _mean(its.explained.fit.error)
+    most = left < np.sqrt(usual * _mean(before.fit.error))  # of what makes one fit worse than those of each
+    return bool(most and left < max(AS_OTHERS * usual, ENOUGH))
 
 
 def _mean(error: np.ndarray) -> float:
@@ -174,7 +173,7 @@ def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
     """What a recording's own may be where one of its signals looks another: zeros of its torques, a body on
     the link on which it explains most (nearly what another zero does), other friction of joints whose torques
     look scaled."""
-    if its.check not in ("position_zero", "torque_scale"):
+    if its.check not in ("position_zero", "torque_scale") or not its.recording:
         return []
     columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
     (s,) = (s for s in whole.samples if s.label == its.recording)

@@ -14,7 +14,7 @@ from ident.examination.bodies import Parts, beyond_own, by_own, errors, gain
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried, span
 from ident.examination.check import Check, listed
 from ident.examination.gravity import Direction
-from ident.examination.hypothesis import BAD, Hypothesis, explains
+from ident.examination.hypothesis import BAD, Hypothesis
 from ident.examination.quick import Assignment
 from ident.examination.sphere import sought
 from ident.examination.stretches import ODD, beyond_chance
@@ -116,7 +116,7 @@ def base_orientation(
         its, kept_out = identify.without(beside), np.flatnonzero(beside)
         of_rest = base_orientation(its, less, assumed, how, None, None, names, kept_out, measured)
         yield from (h for h in of_rest if isinstance(h, Hypothesis))
-    if beside.any() or not explains(before, error, BAD):  # something else is missing
+    if beside.any() or not _explained(before, error):  # something else is missing
         return
     gains = gain(plain, now) >= CLEARLY and gain(held, after) >= 0.5 * CLEARLY
     if known and (within >= HALFWAY or _angle(assumed, best) <= within or not gains):
@@ -146,6 +146,15 @@ def base_orientation(
         ),
         each=gain(by_own(identify, assumed), each),
     )
+
+
+def _explained(before: np.ndarray, error: np.ndarray) -> bool:
+    """Whether most is gained by torques that gravity explains, and none is no longer explained. (Twelve
+    seconds of an AIRBOT on a wall hardly move its first joint: that torque fell from 42 to 35 %, the others
+    from 60 to 8 %, and it was told that none shows gravity.)"""
+    seen, done = np.isfinite(error), error <= BAD
+    kept = (done | (before > BAD))[seen].all()
+    return bool(kept and done.any() and gain(before[done], error[done]) > gain(before[~done], error[~done]))
 
 
 def _named(seen: Direction) -> tuple[np.ndarray, float]:

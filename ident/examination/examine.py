@@ -134,7 +134,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if alone and not odd:  # of which recording all rows tell, if they were not asked
         alone = list(another_signal(asked, ())) or alone
     found += motor_signs(asked)
-    beside = alone or list(unexplained(asked))
+    beside = alone or ([] if doubted else list(unexplained(asked)))
     held = asked.fit.validate
     asks = not found and not beside and not broken
     if asks and held is not None and gain_of(held, asked.fit.error) > CARRIED:
@@ -142,7 +142,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         beside += [ambiguous(held, scaled)] if scaled else []
     if not beside and not broken:
         beside += contradicting(asked)
-    if not found and not beside:
+    if not found and not beside and not bad(asked.fit):
         beside += unfelt(asked)
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
         beside += _unseen(prepared, asked)

@@ -118,8 +118,8 @@ def _contradiction(asked: Asked, names: tuple[str, ...], error: float, held: flo
     if odd is not None and len(by_role[1]) == 1:
         said += f": {others} there, or motions that have nothing in common"
         return Check("wrong_robot", names, said, remedy, recording=odd.label)
-    said += f": {others} in one of {listed(by_role[0])} and {listed(by_role[1])}, and these do not tell in "
-    return Check("wrong_robot", names, f"{said}which, or motions that have nothing in common", remedy)
+    said += f": {others} in one of {listed(by_role[0])} and {listed(by_role[1])} or in all, these do not "
+    return Check("wrong_robot", names, f"{said}tell, or motions that have nothing in common", remedy)
 
 
 def odd_one(

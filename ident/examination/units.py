@@ -48,7 +48,7 @@ def geared(asked: Asked) -> Iterator[Hypothesis]:
     """One position that goes beyond two turns, by the factor with which the torques are explained best, of
     either sign: the motor's side of a gear, or another unit. (Of an LWR4+ whose second position was 101 times
     too large it was told as exchanged with the fifth one, whose motion is the same.)"""
-    for j, (label, reach) in enumerate(zip(asked.joints, _reach(asked))):
+    for j, (label, reach) in enumerate(zip(asked.joints, reach_of(asked))):
         if label not in asked.quick.columns.model.prismatic and reach > TURNS:
             yield from _geared(asked, np.arange(len(asked.joints)) == j, f"q{label}", reach)
 
@@ -92,7 +92,7 @@ def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[
     yield from asked.along(taken(best), told, said)
 
 
-def _reach(asked: Asked) -> np.ndarray:
+def reach_of(asked: Asked) -> np.ndarray:
     """(n,) rad, the farthest that every joint goes."""
     return np.max([np.abs(s.q).max(axis=0) for s in asked.quick.samples], axis=0)
 
@@ -109,7 +109,7 @@ def degrees(asked: Asked) -> Iterator[Hypothesis]:
     """All positions in degrees, or those of the joints that go beyond two turns."""
     quick, fit = asked.quick, asked.fit
     turning = np.array([joint not in quick.columns.model.prismatic for joint in asked.joints])
-    reach = _reach(asked)
+    reach = reach_of(asked)
     if reach[turning].max(initial=0.0) < 2 * np.pi:
         return
     far = turning & (reach > TURNS)

@@ -1,0 +1,70 @@
+"""What is different in one recording; and what may be, in the place of that, in all of them.
+
+Of a fault in all recordings the fitted ones may be too poor to tell, so that it shows in those that judge
+alone: what has no number is here (a sign, a place, degrees), what has one is among the rivals.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ident.examination.hypothesis import SWAPPED, Asked
+from ident.examination.places import exchanged
+from ident.examination.quick import Quick
+from ident.examination.signals import TURNS
+from ident.examination.stretches import Explained
+from ident.examination.units import DEGREES, reach_of
+
+
+@dataclass(frozen=True, slots=True)
+class Changed:
+    """What is different in one recording, or without one in all, in words, what to do and what is then
+    explained; no `signals` and no `check` where it is none of its signals."""
+
+    recording: str
+    signals: tuple[str, ...]
+    check: str
+    words: str
+    remedy: str
+    explained: Explained
+    least: float = SWAPPED
+    drives: tuple[int, ...] = ()
+
+
+def torques_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    """A torque turned, two of a side exchanged."""
+    how, channels = asked.how, whole.columns.need.channels
+    for c in asked.seen:
+        name, explained = asked.name(c), Explained.by(whole, how.times([c], -1.0))
+        line = asked.line({name: {"sign": -1}})
+        yield Changed("", (name,), "torque_sign", f"{name} has the other sign", line, explained)
+    for a, b in combinations(asked.seen, 2):
+        if channels[a].side == channels[b].side:
+            placed = how.placed(exchanged(len(channels), a, b), asked.gains)
+            yield _exchanged(asked, asked.name(a), asked.name(b), Explained.by(whole, placed))
+
+
+def positions_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    """A position turned, or in degrees where it goes beyond two turns; two exchanged."""
+    n, reach, prismatic = len(asked.joints), reach_of(asked), whole.columns.model.prismatic
+    for j, joint in enumerate(asked.joints):
+        name, its = f"q{joint}", np.arange(n) == j
+        turned = "position_sign", "has the other sign (or its axis in the robot file)", "sign", -1
+        degrees = "angle_unit", "is in degrees", "scale", DEGREES
+        far = joint not in prismatic and reach[j] > TURNS
+        for check, words, key, factor in (turned, degrees) if far else (turned,):
+            explained = Explained.by(whole.moved(factor=np.where(its, factor, 1.0)), asked.how)
+            line = asked.line({name: {key: factor}})
+            yield Changed("", (name,), check, f"{name} {words}", line, explained)
+    for a, b in combinations(range(n), 2):
+        moved = Explained.by(whole.moved(exchanged(n, a, b)), asked.how)
+        yield _exchanged(asked, f"q{asked.joints[a]}", f"q{asked.joints[b]}", moved)
+
+
+def _exchanged(asked: Asked, one: str, other: str, explained: Explained) -> Changed:
+    words, line = f"{one} and {other} look swapped", asked.line({one: {"of": other}, other: {"of": one}})
+    return Changed("", (one, other), "swapped_signals", words, line, explained)
