@@ -1,12 +1,12 @@
-"""A signal that is another one in one of the recordings: a position turned, in degrees, from another zero, a
-torque turned, exchanged with another, times a number.
+"""A signal that is another one in one of the recordings, or in all: a position turned, in degrees, from
+another zero, a torque turned, exchanged with another, times a number.
 
 All other questions change a signal alike in all recordings. Where one recording alone is odd, such an answer
 explains a part of it by chance: of an LWR4+ whose second joint was turned in the run that is fitted, "the
 positions of joints 2 and 5 look swapped" was told. So each signal of each recording is changed alone, all
 recordings fitted together, and what explains steadily more than every answer for all of them is told, with
-all that these recordings do not tell from it: another signal, the same one of another recording, a load or
-other friction there.
+all that these recordings do not tell from it: another signal, the same one of another recording or of all, a
+load or other friction there.
 """
 
 from __future__ import annotations
@@ -94,8 +94,8 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         f"{where}{said}{which}: so taken, {fallen}",
         " or ".join(dict.fromkeys(its.remedy for its in every if its.remedy)),
         recording=best.recording,
-        explains=best.check != "position_zero"
-        and all(its.recording and its.signals for its in every),  # which it asks, sizes
+        explains=best.check != "position_zero"  # which is told to some degrees only
+        and all(its.recording and its.signals for its in every),
     )
 
 
@@ -134,16 +134,15 @@ def _of_itself(whole: Quick, before: Explained, its: Changed) -> bool:
     (Of an LWR4+ whose other recording had no gravity in its torques a first position 10 times too small was
     told, of torques of another run two that look swapped.)"""
 
-    def alone(quick: Quick, label: str) -> Explained:
-        return Explained.by(whole.of([s for s in quick.samples if s.label == label]), its.explained.how)
-
     each = []
-    for s in whole.samples:
-        so, plain = alone(its.explained.quick, s.label), before.how
-        own = Explained.by(whole.of([x for x in whole.samples if x is s]), plain)
-        if its.recording in ("", s.label) and steadily(so, own, RARE):
-            return False
-        each.append(so if its.recording in ("", s.label) else own)
+    for s, so in zip(whole.samples, its.explained.quick.samples):
+        own = Explained.by(whole.of([s]), before.how)
+        if its.recording in ("", s.label):
+            changed = Explained.by(whole.of([so]), its.explained.how)
+            if steadily(changed, own, RARE):
+                return False
+            own = changed
+        each.append(own)
     usual, left = float(np.mean([_mean(x.fit.error) for x in each])), _mean(its.explained.fit.error)
     most = left < np.sqrt(usual * _mean(before.fit.error))  # of what makes one fit worse than those of each
     return bool(most and left < max(AS_OTHERS * usual, ENOUGH))
@@ -265,7 +264,7 @@ def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterato
     yield changed("angle_unit", "is in degrees", line(scale=DEGREES), factor=DEGREES)
     for factor in POSITION_FACTORS:
         yield changed("angle_unit", f"is {times_too(1 / factor)}", line(scale=factor), factor=factor)
-    for offset in [x for size in OFFSETS for x in (size, -size)[: 1 + (size < np.pi)]]:
+    for offset in OFFSETS:
         words = f"starts from another zero, about {-offset:.2g} rad off"
         remedy = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"  # no line: known to some degrees only
         yield changed("position_zero", words, remedy, offset=offset)

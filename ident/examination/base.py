@@ -16,7 +16,7 @@ from ident.examination.check import Check, listed
 from ident.examination.gravity import Direction
 from ident.examination.hypothesis import BAD, Hypothesis
 from ident.examination.quick import Assignment
-from ident.examination.sphere import sought
+from ident.examination.sphere import degrees_between, sought
 from ident.examination.stretches import ODD, beyond_chance
 
 AXES = 6  # of a base
@@ -72,7 +72,7 @@ def base_orientation(
             best, value = other, score(other)
     now, after = errors(identify, validate, best)
     norm = float(np.linalg.norm(best))
-    small = norm > 0 and _angle(assumed, best) < LEAST_ANGLE and abs(norm / size - 1) < 0.2
+    small = norm > 0 and degrees_between(assumed, best) < LEAST_ANGLE and abs(norm / size - 1) < 0.2
     if small:
         yield Tilt(value, best)
     if value < CLEARLY or gain(held, after) < 0.5 * CLEARLY or small:
@@ -98,7 +98,7 @@ def base_orientation(
     else:
         where = ""
     by_axes, known, norm, within = bool(where), "", float(np.linalg.norm(best)), 0.0
-    if norm and measured is not None and _angle(assumed, best) > LEAST_ANGLE:
+    if norm and measured is not None and degrees_between(assumed, best) > LEAST_ANGLE:
         seen = measured(best, [] if aside is None else aside.tolist())
         if not by_axes or seen.within < HALFWAY:
             best, within = _named(seen)
@@ -119,15 +119,15 @@ def base_orientation(
     if beside.any() or not _explained(before, error):  # something else is missing
         return
     gains = gain(plain, now) >= CLEARLY and gain(held, after) >= 0.5 * CLEARLY
-    if known and (within >= HALFWAY or _angle(assumed, best) <= within or not gains):
+    if known and (within >= HALFWAY or degrees_between(assumed, best) <= within or not gains):
         return
-    if known and _angle(assumed, best) < LEAST_ANGLE:
+    if known and degrees_between(assumed, best) < LEAST_ANGLE:
         yield Tilt(value, best)
         return
     if aside is not None:
         where += f" beside {listed([names[c] for c in aside])}, of which something else is wrong,"
     line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
-    angle = _angle(assumed, best)
+    angle = degrees_between(assumed, best)
     turned = f"turned by {angle:.0f} degrees against the robot file's{known}" if norm else "absent"
     if norm and angle < LEAST_ANGLE:
         turned = f"{norm:.3g} m/s^2, not {size:.4g} as the robot file says"
@@ -161,8 +161,10 @@ def _named(seen: Direction) -> tuple[np.ndarray, float]:
     """What is told of gravity (3,), an axis of the base that is within what is known of it, and to how many
     degrees."""
     size = float(np.linalg.norm(seen.gravity))
-    near = min(size * np.vstack([np.eye(3), -np.eye(3)]), key=lambda axis: _angle(seen.gravity, axis))
-    return near if _angle(seen.gravity, near) <= seen.within else seen.gravity, seen.within
+    near = min(
+        size * np.vstack([np.eye(3), -np.eye(3)]), key=lambda axis: degrees_between(seen.gravity, axis)
+    )
+    return near if degrees_between(seen.gravity, near) <= seen.within else seen.gravity, seen.within
 
 
 def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iterator[Check]:
@@ -173,8 +175,8 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
     for axis in np.linalg.norm(assumed) * np.vstack([np.eye(3), -np.eye(3)]):
         now, after = errors(identify, validate, axis)
         alike = gain(now, plain) < UNSEEN and (held is None or gain(after, held) < UNSEEN)
-        if alike and _angle(assumed, axis) > ROUND_ANGLE:
-            told.append((_angle(assumed, axis), now))
+        if alike and degrees_between(assumed, axis) > ROUND_ANGLE:
+            told.append((degrees_between(assumed, axis), now))
     if told and np.any(assumed):
         angle, now = max(told, key=lambda its: its[0])
         yield Check(
@@ -184,12 +186,6 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
             f"the model explains the torques about as well (errors of {span(now)}, as told {span(plain)})",
             "gravity is taken as the robot file has it, make sure that it is",
         )
-
-
-def _angle(a: np.ndarray, b: np.ndarray) -> float:
-    """Degrees between two vectors; 90 where one is zero."""
-    size = float(np.linalg.norm(a) * np.linalg.norm(b))
-    return float(np.degrees(np.arccos(np.clip(a @ b / size if size else 0.0, -1, 1))))
 
 
 def _by_validate(identify: Parts, validate: Parts | None, assumed: np.ndarray, size: float) -> list[Carried]:
@@ -204,7 +200,7 @@ def _by_validate(identify: Parts, validate: Parts | None, assumed: np.ndarray, s
             axis = sign * size * np.eye(3)[k]
             now, after = errors(identify, validate, axis)
             value = carried(plain, now, held, after)
-            if value > CARRIED and (angle := _angle(assumed, axis)) > LEAST_ANGLE:
+            if value > CARRIED and (angle := degrees_between(assumed, axis)) > LEAST_ANGLE:
                 told.append(Carried(value, f"gravity turned by {angle:.0f} degrees", axis))
     return sorted(told, key=lambda its: -its.gain)
 

@@ -17,7 +17,7 @@ import numpy as np
 from ident.distributions import f_quantile
 from ident.examination.bodies import errors, own_columns, parts_of, standard, torques
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, Sample, functionals, quick_of
-from ident.examination.sphere import sought
+from ident.examination.sphere import across, degrees_between, sought
 from ident.examination.stretches import ODD, Explained, agreed
 
 SMALL = 1e-4  # rad, of differences
@@ -93,7 +93,7 @@ class _Model:
     def moved(self, turn: np.ndarray, others: Sequence[tuple[Other, float]]) -> _Model:
         """gravity turned by (2,) rad across it, and some zeros and powers more."""
         size = np.linalg.norm(self.gravity)
-        gravity = self.gravity + size * _across(self.gravity) @ turn
+        gravity = self.gravity + size * across(self.gravity) @ turn
         gravity = size * gravity / np.linalg.norm(gravity)
         zeros, powers = self.zeros.copy(), self.powers.copy()
         for (kind, k), x in others:
@@ -108,7 +108,7 @@ class _Model:
         chi, columns = self.explained.fit.chi, self.whole.columns
         its_own, joint = len(own_columns(columns)), columns.joint_of
         bodies = chi[: len(chi) - its_own]
-        across = np.linalg.norm(self.gravity) * _across(self.gravity)
+        turns = np.linalg.norm(self.gravity) * across(self.gravity)
         samples = []
         for s in self.explained.quick.samples:
 
@@ -118,7 +118,7 @@ class _Model:
 
             q = s.q + self.zeros
             as_it_is = torque(self.gravity, q)
-            more = [torque(g, q, rest=0.0) for g in across.T]
+            more = [torque(g, q, rest=0.0) for g in turns.T]
             for kind, k in others:
                 if kind == "zero":
                     step = SMALL * (np.arange(q.shape[1]) == k)
@@ -142,9 +142,7 @@ def _everywhere(table: Any, whole: Quick, how: Assignment, start: np.ndarray) ->
 
 
 def _angle(one: _Model, other: _Model) -> float:
-    """Degrees between their gravities."""
-    cosine = one.gravity @ other.gravity / np.linalg.norm(one.gravity) / np.linalg.norm(other.gravity)
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1))))
+    return degrees_between(one.gravity, other.gravity)
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,10 +225,3 @@ def _explained(
         bodies = standard(table, s.q + zeros, s.dq, s.ddq, False)[0][columns.joint_of]
         samples.append(replace(s, W=np.concatenate([bodies, s.W[:, :, own]], axis=2)))
     return Explained.by(quick_of(columns, samples), how)
-
-
-def _across(g: np.ndarray) -> np.ndarray:
-    """(3, 2) directions across a vector (3,)."""
-    u = np.cross(g, np.eye(3)[int(np.argmin(np.abs(g)))])
-    u = u / np.linalg.norm(u)
-    return np.column_stack([u, np.cross(g, u) / np.linalg.norm(g)])

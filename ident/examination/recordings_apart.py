@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
+from ident.examination.bodies import AS_OTHERS, ENOUGH, beyond_own, standard
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import EXPLAINED, Asked
 from ident.examination.places import exchanged
@@ -33,7 +33,7 @@ ROWS = 300  # of a recording that is looked into
 PARTS = 12  # of the fitted recordings that are left out in turn
 HALVED = 0.6  # mean gain of the odd channels
 LEAST_LAG, LARGE = 0.05, 2.5
-OFFSETS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2, np.pi)  # rad
+OFFSETS = (*(sign * x for x in (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2) for sign in (1, -1)), np.pi)  # rad
 RARE = 1e-3  # rate at which chance may confirm one of some fifty causes
 OWN = "give this recording a columns: of its own in the study"
 CLEAR = 0.3  # gain of the others' prediction by which one recording that is fitted is told from them
@@ -209,7 +209,7 @@ class _Together:
         another signal: the others foretold it badly, and it goes with them.)"""
         its, plain = self.quick.each[self.place], self.quick.plain()
         joint, own = its.errors(self.quick.fit(plain).chi, plain), solve(its, None, plain).error
-        return np.asarray((joint > np.fmax(AS_OTHERS * own, ENOUGH)) | (own > EXPLAINED))
+        return np.asarray(beyond_own(joint, own) | (own > EXPLAINED))
 
 
 def _instead(asked: Asked, together: _Together, causes: Sequence[Cause]) -> list[str]:
@@ -396,7 +396,7 @@ def _positions(quick: Quick, apart: Apart) -> Iterator[Cause]:
         line = f"{OWN} with {{{name}: {{sign: -1}}}}"
         yield Cause(made, "position_sign", (name,), f"{name} has the other sign", line)
         turning = str(columns.need.joints[j]) not in columns.model.prismatic
-        for offset in [x for size in OFFSETS for x in (size, -size)[: 1 + (size < np.pi)] if turning]:
+        for offset in OFFSETS if turning else ():
             words = f"{name} starts from another zero, about {-offset:.2g} rad off"
             line = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"
             made = s.moved(columns, offset=np.where(its, offset, 0.0))

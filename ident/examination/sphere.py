@@ -63,9 +63,7 @@ def _descended(left: Callable[[np.ndarray], float], g: np.ndarray, size: float) 
     """The lowest point of the sphere near g, by a pattern search."""
     value, step = left(g), 0.12 * size
     while step > 0.004 * size:
-        u = np.cross(g, np.eye(3)[int(np.argmin(np.abs(g)))])
-        u = u / np.linalg.norm(u)
-        w = np.cross(g, u) / size
+        u, w = across(g).T
         tries = [g + step * d for d in (u, -u, w, -w, u + w, u - w, -u + w, -u - w)]
         tries = [size * x / np.linalg.norm(x) for x in tries]
         values = [left(x) for x in tries]
@@ -75,6 +73,19 @@ def _descended(left: Callable[[np.ndarray], float], g: np.ndarray, size: float) 
         else:
             step /= 2
     return g
+
+
+def across(g: np.ndarray) -> np.ndarray:
+    """(3, 2) directions across a vector (3,)."""
+    u = np.cross(g, np.eye(3)[int(np.argmin(np.abs(g)))])
+    u = u / np.linalg.norm(u)
+    return np.column_stack([u, np.cross(g, u) / np.linalg.norm(g)])
+
+
+def degrees_between(a: np.ndarray, b: np.ndarray) -> float:
+    """Of two vectors; 90 where one is zero."""
+    size = float(np.linalg.norm(a) * np.linalg.norm(b))
+    return float(np.degrees(np.arccos(np.clip(a @ b / size if size else 0.0, -1, 1))))
 
 
 def _sphere(count: int) -> np.ndarray:
