@@ -189,10 +189,10 @@ def as_late(term: Term, places: Iterable[tuple[Effect, Place]], known: Iterable[
 
 def _late(state: State, term: Term) -> tuple[float, Term, State]:
     """Whitened sum of squares on the fitted rows with a torque that is late by so much, the term, and the
-    state with it, dry friction's turn-over followed from where it was."""
+    state with it, the turn-over of the dry friction in that torque followed from where it was."""
     trial = state.plus(Found(term, state.scene.columns(term), np.array(term.size)))
     for _ in range(LATE_ROUNDS):
-        trial = turned(solved(recolumned(solved(trial))))
+        trial = turned(solved(recolumned(solved(trial))), joint=term.place.joint)
     trial = solved(trial)
     return _whitened_squares(state, trial), term, trial
 

@@ -15,7 +15,7 @@ at the next frequencies is small, as none falls faster than their square."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -65,28 +65,64 @@ class SlowNoise:
         """Functions (rows on, K); of J relaxations the turns (J, K, K) of their products, by how much a
         square there falls (J, K, A) at each size, and what a size costs (J, A): nothing of what the model
         takes up itself."""
-        f, functions = _cosines(self.rows, self.on)
-        whole, cross = functions.T @ functions, functions.T @ self.values[self.on] @ self.basis
-        roots = np.vstack([1 / np.sqrt(1 + (f / CORNERS[:, None]) ** 2), np.sqrt(CORNERS[-1] / f)])
-        s, U = np.linalg.eigh(whole * roots[:, :, None] * roots[:, None, :])
-        turns = np.swapaxes(U, 1, 2) * roots[:, None, :]
-        widths = SIZES / (1 + np.maximum(s, 0.0)[:, :, None] * SIZES)
-        left = np.linalg.eigvalsh((whole - cross @ cross.T) * roots[:, :, None] * roots[:, None, :])
-        return functions, turns, widths, np.log1p(np.maximum(left, 0.0)[:, :, None] * SIZES).sum(axis=1)
+        its = _relaxations(_Times(self.rows, self.on))
+        cross = its.functions.T @ self.values[self.on] @ self.basis
+        left = np.linalg.eigvalsh(its.scaled(its.whole - cross @ cross.T))
+        price = np.log1p(np.maximum(left, 0.0)[:, :, None] * SIZES).sum(axis=1)
+        return its.functions, its.turns, its.widths, price
 
 
-def _cosines(rows: Rows, on: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Frequencies (K,) [Hz], of a constant half the lowest other one, and functions (rows on, K) of each
-    recording, of norm one were all its rows there."""
-    number, t = rows.recording[on], rows.t[on]
-    chosen = np.unique(number)
-    begin = [rows.t[rows.recording == r].min() - 0.5 * rows.hop for r in chosen]
-    spans = [rows.t[rows.recording == r].max() + 0.5 * rows.hop - b for r, b in zip(chosen, begin)]
-    top = min(0.5 / MEMORY_S, MOST / max(2 * sum(spans), TINY))
-    f, functions = [np.zeros(0)], [np.zeros((len(t), 0))]
-    for r, b, span in zip(chosen, begin, spans):
-        k = np.arange(int(2 * span * top) + 1)
-        wave = np.cos(np.pi * np.outer((t - b) / span, k)) * np.sqrt(np.where(k, 2, 1) * rows.hop / span)
-        functions.append(np.where((number == r)[:, None], wave, 0.0))
-        f.append(np.maximum(k, 0.5) / (2 * span))
-    return np.concatenate(f), np.hstack(functions)
+class _Times:
+    """Which instants some rows are of, and of which recordings: all that the slow functions there depend on,
+    and the key of a cache."""
+
+    def __init__(self, rows: Rows, on: np.ndarray) -> None:
+        self.t, self.recording, self.hop, self.on = rows.t, rows.recording, rows.hop, on
+        self.key = (rows.hop, rows.t.tobytes(), rows.recording.tobytes(), on.tobytes())
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Times) and self.key == other.key
+
+    def cosines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies (K,) [Hz], of a constant half the lowest other one, and functions (rows on, K) of each
+        recording, of norm one were all its rows there."""
+        number, t, hop = self.recording[self.on], self.t[self.on], self.hop
+        chosen = np.unique(number)
+        begin = [self.t[self.recording == r].min() - 0.5 * hop for r in chosen]
+        spans = [self.t[self.recording == r].max() + 0.5 * hop - b for r, b in zip(chosen, begin)]
+        top = min(0.5 / MEMORY_S, MOST / max(2 * sum(spans), TINY))
+        f, functions = [np.zeros(0)], [np.zeros((len(t), 0))]
+        for r, b, span in zip(chosen, begin, spans):
+            k = np.arange(int(2 * span * top) + 1)
+            wave = np.cos(np.pi * np.outer((t - b) / span, k)) * np.sqrt(np.where(k, 2, 1) * hop / span)
+            functions.append(np.where((number == r)[:, None], wave, 0.0))
+            f.append(np.maximum(k, 0.5) / (2 * span))
+        return np.concatenate(f), np.hstack(functions)
+
+
+@dataclass(frozen=True)
+class _Relaxations:
+    """What of `SlowNoise._shapes` no model enters; whole (K, K): products of the functions; roots (J, K)."""
+
+    functions: np.ndarray
+    whole: np.ndarray
+    roots: np.ndarray
+    turns: np.ndarray
+    widths: np.ndarray
+
+    def scaled(self, products: np.ndarray) -> np.ndarray:
+        """(J, K, K): products (K, K) of the functions as each relaxation has them."""
+        return np.asarray(products * self.roots[:, :, None] * self.roots[:, None, :])
+
+
+@lru_cache(maxsize=24)  # of eight channels the fitted rows, the judged ones, both
+def _relaxations(times: _Times) -> _Relaxations:
+    f, functions = times.cosines()
+    whole = functions.T @ functions
+    roots = np.vstack([1 / np.sqrt(1 + (f / CORNERS[:, None]) ** 2), np.sqrt(CORNERS[-1] / f)])
+    s, U = np.linalg.eigh(whole * roots[:, :, None] * roots[:, None, :])
+    turns = np.swapaxes(U, 1, 2) * roots[:, None, :]
+    return _Relaxations(functions, whole, roots, turns, SIZES / (1 + np.maximum(s, 0.0)[:, :, None] * SIZES))

@@ -255,11 +255,12 @@ def settled(state: State, rounds: int = 2) -> State:
     return solved(state)
 
 
-def turned(state: State, afresh: Collection[int] = ()) -> State:
+def turned(state: State, afresh: Collection[int] = (), joint: int | None = None) -> State:
     """Dry friction turns over as fits best beside everything found; on the joints `afresh` sought in all its
-    range: in a louder residual another width was best, and no small step leads from it to the right one."""
+    range: in a louder residual another width was best, and no small step leads from it to the right one.
+    joint: that of this one alone."""
     p = state.problem
-    dry = (*p.dry, *_found_dry(state))
+    dry = tuple(d for d in (*p.dry, *_found_dry(state)) if joint in (None, d.joint))
     if not dry:
         return state
     own = fitted_alone(state)

@@ -93,24 +93,20 @@ def own_columns(columns: Columns) -> np.ndarray:
 def standard(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, free: bool = True) -> np.ndarray:
     """(4, n, N, 10 L): W_0 without gravity, then by each component of gravity, of every body's parameters;
     (1, n, N, 10 L) with the table's gravity where it is not free."""
-    from modelgen.dynamics.newton_euler import regressor
+    from modelgen.dynamics.newton_euler import regressor_of_samples
     from modelgen.geometry.kinematics import State
 
-    wanted = [(j, kind) for j in range(1, len(table.rows) + 1) for kind in INERTIAL]
     n, N = q.shape[1], len(q)
-    out = np.zeros((4 if free else 1, n, N, len(wanted)))
+    out = []
     shift = _constant_angles(table)
     c, s = np.cos(q + shift), np.sin(q + shift)
-    for part in range(len(out)):
+    for part in range(4 if free else 1):
         gravity = tuple(1.0 if part == k + 1 else 0 for k in range(3)) if free else table.gravity
         rest = (0,) * n  # structural zeros, which nothing is multiplied with
         motion = (tuple(dq.T), tuple(ddq.T)) if part == 0 else (rest, rest)
         state = State(tuple(c.T), tuple(s.T), tuple(q.T), *motion)
-        made = regressor(replace(table, gravity=gravity), state, wanted)
-        for k, column in enumerate(wanted):
-            for i, value in enumerate(made[column]):
-                out[part, i, :, k] = value
-    return out
+        out.append(regressor_of_samples(replace(table, gravity=gravity), state, N))
+    return np.array(out).swapaxes(2, 3)
 
 
 def torques(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, bodies: np.ndarray) -> np.ndarray:

@@ -22,6 +22,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from modelgen.geometry.kinematics import (
     NULL,
     Geometry,
@@ -160,6 +162,44 @@ def regressor(
             j = T.row.antecedent
         result[row, kind] = tuple(tau)
     return result
+
+
+def regressor_of_samples(geometry: Geometry, state: State, samples: int) -> np.ndarray:
+    """(n, 10 L, N): the same of all bodies' parameters for a state of arrays (N,); what is zero for all motions
+    is 0. The parameters of a body are taken inward together."""
+    frames = motions(geometry, state)
+    index = {j: i for i, j in enumerate(geometry.moving)}
+    out = np.zeros((len(index), 10 * len(frames), samples))
+    for row, (_, m) in enumerate(frames):
+        wrenches = {k: wrench for k, kind in enumerate(INERTIAL) if _felt(wrench := unit_wrench(kind, m))}
+        if not wrenches:
+            continue
+        f, n = (
+            tuple(_stacked([wrench[part][axis] for wrench in wrenches.values()], samples) for axis in range(3))
+            for part in (0, 1)
+        )
+        columns = [10 * row + k for k in wrenches]
+        j = row
+        while j >= 0:
+            T = frames[j][0]
+            if T.row.sigma != 2:
+                out[index[j], columns] = n[2] if T.row.sigma == 0 else f[2]
+            if T.row.antecedent >= 0:
+                f, n = _to_antecedent(T, f, n)
+            j = T.row.antecedent
+    return out
+
+
+def _felt(wrench: tuple[Vector, Vector]) -> bool:
+    return any(isinstance(x, np.ndarray) or x != 0 for vector in wrench for x in vector)
+
+
+def _stacked(values: list[Number], samples: int) -> np.ndarray:
+    out = np.zeros((len(values), samples))
+    for k, value in enumerate(values):
+        if isinstance(value, np.ndarray) or value:
+            out[k] = value
+    return out
 
 
 def torque(

@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+import yaml
 
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
@@ -79,3 +80,16 @@ def parted(study, fitted, judged):
         for use, begin, end in (("identify", None, fitted), ("validate", fitted, judged))
     ]
     return study.with_(recordings=tuple(runs), filter=type(study.filter)())
+
+
+def thinned(path, every=4):
+    """The study in that file with each `every`-th row of its recordings: what a fault says at a lower rate
+    takes half the time to be found."""
+    study = yaml.safe_load(path.read_text(encoding="utf-8"))
+    folder = path.parent / study.pop("folder", "")
+    for name in {entry["file"] for entry in study["recordings"]}:
+        pq.write_table(pq.read_table(folder / name)[::every], path.parent / f"thin_{Path(name).name}")
+    for entry in study["recordings"]:
+        entry["file"] = f"thin_{Path(entry['file']).name}"
+    path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
+    return path

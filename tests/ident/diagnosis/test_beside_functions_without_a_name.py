@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from planted import thinned
 
 import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
@@ -84,7 +85,7 @@ recordings:
   - {{file: {folder / "excite_first.parquet"}, name: b, use: validate, from: 5}}
 """
     )
-    document = ident.diagnose(tmp_path / "study.yaml").document()
+    document = ident.diagnose(thinned(tmp_path / "study.yaml")).document()
     assert document["verdict"] == "unexplained" and not document["findings"]
     strange = [u for u in document["unexplained"] if u["nearest"] and u["carries_over"] is False]
     assert all(u["depends_on"] for u in strange)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from planted import thinned
 
 import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, LATE_S, Fault, planted
@@ -136,7 +137,7 @@ def test_late_torques_that_a_short_run_takes_up(tmp_path):
     6.6, and no joint alone says why."""
     (base,) = (b for b in BASES if b.robot == "franka_panda")
     (fault,) = (f for f in FAULTS if f.name.startswith("torques late"))
-    document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
+    document = ident.diagnose(ident.load(thinned(planted(base, fault, tmp_path)))).document()
     (finding,) = document["findings"]
     assert (finding["effect"], finding["joints"]) == ("time_delay", [])
     delay = finding["parameters"]["delay"]
@@ -167,7 +168,7 @@ def test_one_late_joint_of_a_measured_robot(tmp_path):
         table[f"{torque}{joint}"] = np.interp(table["t"] - LATE_S, table["t"], table[f"{torque}{joint}"])
 
     fault = Fault("one torque late", ("time_delay",), 2, table=late)
-    document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
+    document = ident.diagnose(ident.load(thinned(planted(base, fault, tmp_path)))).document()
     assert not document["findings"]
     (left,) = document["unexplained"]
     assert (left["joints"], left["nearest"]["effect"]) == ([2], "time_delay")
