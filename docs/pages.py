@@ -1,6 +1,7 @@
 """The API site: pages of every module, and one page an effect, made from its class.
 
     python docs/pages.py build/docs            # the site; a warning of pdoc is an error
+    python docs/pages.py build/docs --plain    # without the sources of what is described: half of the time
     python docs/pages.py --table docs/effects.md   # the table of effects that README links to
 
 Nothing is looked up on the network while the site is built; formulas are plain text.
@@ -155,14 +156,14 @@ def _unseen(module: str) -> bool:
     return public is not None and name not in public
 
 
-def build(folder: Path) -> None:
+def build(folder: Path, sources: bool = True) -> None:
     """Write the site into `folder`."""
     import pdoc
 
     effects = [e for _, e in sorted(catalogue().items())]
     modules = rooms()
     hidden = [name for name in modules if name not in PACKAGES and _unseen(name)]
-    pdoc.render.configure(math=True)
+    pdoc.render.configure(math=True, show_source=sources)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         pdoc.pdoc(*PACKAGES, *hidden, output_directory=folder)
@@ -177,11 +178,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("folder", nargs="?", default="build/docs", type=Path)
     parser.add_argument("--table", type=Path, help="write only the table of effects, as Markdown")
+    parser.add_argument("--plain", action="store_true", help="without sources")
     given = parser.parse_args()
     if given.table:
         given.table.write_text(effects_table([e for _, e in sorted(catalogue().items())]), encoding="utf-8")
     else:
-        build(given.folder)
+        build(given.folder, sources=not given.plain)
 
 
 if __name__ == "__main__":

@@ -109,12 +109,11 @@ RUNS = (
 )
 # how it is hidden where joint 3 and the usual size would not show, or show too much
 REQUESTS = {"joint_elasticity": "joint_elasticity:2", "time_delay": "time_delay:2:delay=0.03"}
-# a few of every kind; all of the catalogue is the business of benchmarks/confusion_matrix.py, and Stribeck
-# friction and silence on a clean arm are that of ident/diagnosis/test_whole_diagnosis.py
+# one of every kind; all of the catalogue is the business of benchmarks/confusion_matrix.py; Stribeck friction and
+# silence on a clean arm are that of ident/diagnosis/test_whole_diagnosis.py, friction under load, springs and loads
+# of tests on measured robots there
 NAMES = (
-    "load_dependent_friction",
     "torque_ripple",
-    "spring",
     "joint_coupling",
     "base_tilt",
     pytest.param("time_delay", marks=pytest.mark.xfail(reason="a delay of 30 ms is not", run=False)),
@@ -158,7 +157,6 @@ def test_every_effect_is_found(name: str, small_robot: Path, tmp_path: Path) -> 
 # --- a few cases of the exam itself
 
 EXAMINED = (
-    ("single", ["payload_change"], 3),
     ("clean", [], 6),
     (
         "single",

@@ -148,7 +148,7 @@ def test_late_torques_that_a_short_run_takes_up(tmp_path):
 
 def test_15_ms_of_one_joint_that_dry_friction_takes_up(tmp_path):
     """Of a twin's fourth joint: 15 nats beside the turn-over of a model without them, and it said none."""
-    runs = [PlannedRun(f"run{k}", use, 30.0) for k, use in enumerate(("identify", "identify", "validate"))]
+    runs = [PlannedRun(f"run{k}", use, 25.0) for k, use in enumerate(("identify", "identify", "validate"))]
     late = ("time_delay:4:delay=0.015",)
     made = simulate("staubli_tx40", "A", late, seed=4, sensors=Sensors(rate_hz=250.0), runs=runs)
     (finding,) = ident.diagnose(write_simulation(made, tmp_path / "log")).document()["findings"]
