@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pinocchio_robot import ORDER, PinocchioRobot
 from random_robots import robots
 
-from modelgen.dynamics.newton_euler import INERTIAL, regressor, torque
+from modelgen.dynamics.newton_euler import INERTIAL, regressor, regressor_of_samples, torque
 from modelgen.geometry.kinematics import State, geometry, state
 from modelgen.geometry.robot_file import built_in_names, load_robot
 
@@ -156,3 +156,16 @@ def test_the_first_axis_of_an_upright_robot_feels_no_gravity_structurally():
     W = regressor(geometry(robot), state(robot, *random_state(robot, 0)), columns(robot))
     assert all(W[1, kind] == (0,) * 7 for kind in ("M", "MZ", "XX", "YY"))
     assert set(ORDER) == set(INERTIAL)
+
+
+@settings(deadline=None, max_examples=15)
+@given(robot=robots(), seed=st.integers(0, 999))
+def test_the_columns_of_many_samples_are_those_of_each(robot, seed):
+    """All bodies' parameters taken inward together, on random robots, against Pinocchio sample by sample."""
+    many = random_state(robot, seed, samples=3)
+    W = regressor_of_samples(geometry(robot), state(robot, *many), 3)
+    for k in range(3):
+        theirs = PinocchioRobot(robot).regressor(*many[:, k])
+        for place, column in enumerate(columns(robot)):
+            expected = theirs.get(column, np.zeros(len(W)))
+            np.testing.assert_allclose(W[:, place, k], expected, **ROUNDING, err_msg=str(column))
