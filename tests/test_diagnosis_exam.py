@@ -109,9 +109,9 @@ RUNS = (
 )
 # how it is hidden where joint 3 and the usual size would not show, or show too much
 REQUESTS = {"joint_elasticity": "joint_elasticity:2", "time_delay": "time_delay:2:delay=0.03"}
-# one of every kind; all of the catalogue is the business of benchmarks/confusion_matrix.py; Stribeck friction and
-# silence on a clean arm are that of ident/diagnosis/test_whole_diagnosis.py, friction under load, springs and loads
-# of tests on measured robots there
+# one of every kind; all of the catalogue is the business of benchmarks/confusion_matrix.py; Stribeck friction
+# and silence on a clean arm are that of ident/diagnosis/test_whole_diagnosis.py, friction under load, springs
+# and loads that of measured robots there
 NAMES = (
     "torque_ripple",
     "joint_coupling",

@@ -34,9 +34,8 @@ def test_the_site_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_pa
 
     *script, folder = recipe()
     assert folder == "build/docs"
-    done = subprocess.run(
-        [sys.executable, *script, str(tmp_path), "--plain"], capture_output=True, text=True, cwd=ROOT, timeout=500
-    )
+    command = [sys.executable, *script, str(tmp_path), "--plain"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, timeout=500)
     assert done.returncode == 0, done.stderr[-2000:]
     for page in ("modelgen/base_parameters/regrouping.html", "generated.html", "ident/api/fit.html"):
         assert (tmp_path / page).stat().st_size > 5000

@@ -165,8 +165,8 @@ def regressor(
 
 
 def regressor_of_samples(geometry: Geometry, state: State, samples: int) -> np.ndarray:
-    """(n, 10 L, N): the same of all bodies' parameters for a state of arrays (N,); what is zero for all motions
-    is 0. The parameters of a body are taken inward together."""
+    """(n, 10 L, N): the same of all bodies' parameters for a state of arrays (N,); those of a body are taken
+    inward together."""
     frames = motions(geometry, state)
     index = {j: i for i, j in enumerate(geometry.moving)}
     out = np.zeros((len(index), 10 * len(frames), samples))
@@ -174,10 +174,7 @@ def regressor_of_samples(geometry: Geometry, state: State, samples: int) -> np.n
         wrenches = {k: wrench for k, kind in enumerate(INERTIAL) if _felt(wrench := unit_wrench(kind, m))}
         if not wrenches:
             continue
-        f, n = (
-            tuple(_stacked([wrench[part][axis] for wrench in wrenches.values()], samples) for axis in range(3))
-            for part in (0, 1)
-        )
+        f, n = (_stacked([w[part] for w in wrenches.values()], samples) for part in (0, 1))
         columns = [10 * row + k for k in wrenches]
         j = row
         while j >= 0:
@@ -194,12 +191,14 @@ def _felt(wrench: tuple[Vector, Vector]) -> bool:
     return any(isinstance(x, np.ndarray) or x != 0 for vector in wrench for x in vector)
 
 
-def _stacked(values: list[Number], samples: int) -> np.ndarray:
-    out = np.zeros((len(values), samples))
-    for k, value in enumerate(values):
-        if isinstance(value, np.ndarray) or value:
-            out[k] = value
-    return out
+def _stacked(vectors: list[Vector], samples: int) -> Vector:
+    """A vector whose components are arrays (vectors, N)."""
+    x, y, z = np.zeros((3, len(vectors), samples))
+    for k, vector in enumerate(vectors):
+        for component, value in zip((x, y, z), vector):
+            if isinstance(value, np.ndarray) or value:
+                component[k] = value
+    return x, y, z
 
 
 def torque(
