@@ -16,9 +16,11 @@ from ident.recordings.study import load_study
 Sign = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of q, dq (N, 3) -> (N, 3)
 
 
-def opened_dry_arm(folder: Path, sign: Sign, rate_hz: float, seed: int, top: float | None = None) -> State:
+def opened_dry_arm(
+    folder: Path, sign: Sign, rate_hz: float, seed: int, top: float | None = None, step: float = 0.0
+) -> State:
     """The first state of a diagnosis of two runs, 20 s and 12 s, with 0.02 N m of white noise; top: rate of
-    every joint [rad/s], where the motion is not to be as fast as it comes."""
+    every joint [rad/s], where the motion is not to be as fast as it comes; step: of the encoders [rad]."""
     (folder / "robot.yaml").write_text(ARM)
     model = generated.load(str(folder / "robot.yaml"), "A")
     rng = np.random.default_rng(seed)
@@ -33,6 +35,7 @@ def opened_dry_arm(folder: Path, sign: Sign, rate_hz: float, seed: int, top: flo
         tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign(q, dq))) + 0.02 * rng.normal(
             size=(len(t), 3)
         )
+        q = np.round(q / step) * step if step > 0 else q
         columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}
         write_parquet(
             folder / f"run{k + 1}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)}
