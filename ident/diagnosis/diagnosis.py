@@ -15,13 +15,13 @@ from dataclasses import dataclass, field, replace
 
 from ident.cores import one_blas_thread
 from ident.diagnosis.approximated import moved
+from ident.diagnosis.beyond_noise import beyond_noise
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.findings import (
     Finding,
     Hint,
     Unexplained,
     as_told,
-    beyond_noise,
     explainable,
     findings_of,
     hint_of,

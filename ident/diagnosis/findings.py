@@ -8,19 +8,17 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import scipy.special
 
 from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
 from ident.diagnosis.last_fit import is_told, same
-from ident.diagnosis.oscillating import blocks, oscillation_says
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
 from ident.diagnosis.settling import place_of, without_terms
 from ident.diagnosis.sized_by_judged import own_deviations
 from ident.diagnosis.state import State, solved
-from ident.diagnosis.sufficiency import FORETOLD, explained_share, signals_read
+from ident.diagnosis.sufficiency import explained_share, signals_read
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Equivalent
 from ident.estimation.fit import FitResult
@@ -30,8 +28,6 @@ from ident.examination.examine import undoing
 from ident.recordings.study import Study
 from modelgen.effects import catalogue
 
-BY_CHANCE = 1e-3  # that so few fitted rows show so little noise; of many it is none
-FAR_OFF = 3.0  # times what noise and parameters explain: an error of judged rows that is no noise
 ESTABLISHED, PARTLY = "established", "partly"
 
 
@@ -272,61 +268,6 @@ def not_fitted(step: Step, outcome: Outcome, by_chance: float | None) -> Unexpla
     shown = picture(state, term, c)
     side, log_e = _side(c, state), float(e.log_e)
     return Unexplained((joint,), side, signals, share, log_e, near, True, shown, by_chance=by_chance)
-
-
-def beyond_noise(
-    last: FitResult, state: State, findings: Sequence[Finding], told: Sequence[Unexplained], tau: float
-) -> tuple[Unexplained, ...]:
-    """Channels of which nothing was said, and whose residual is no noise all the same: its error on the rows
-    that judge is far beyond what noise and the parameters' uncertainty make there, or it oscillates of its
-    own, foretold by its past (a vibration, a slosh). What only wanders is what slow noise does."""
-    known = {joint for f in findings for joint in f.joints} | {joint for u in told for joint in u.joints}
-    everywhere = any(not f.joints for f in findings)
-    rows, out = state.rows, []
-    for c, channel in enumerate(last.columns.need.channels):
-        joint = last.columns.need.joints[channel.joint]
-        fitted, judged = (side & rows.use[c] for side in (rows.fitted, rows.judged))
-        if joint in known or everywhere or not fitted.any() or not judged.any():
-            continue
-        noise, free = np.mean(state.residual[c, fitted] ** 2), float(state.metric.fitted.free[c])
-        expected = noise * fitted.sum() / free + np.mean(_parameter_variance(last, state, c, judged))
-        found = np.mean(state.residual[c, judged] ** 2)
-        new, news = state.whiteners[c].sigma ** 2, state.whiteners[c].news
-        by_chance = scipy.special.fdtri(news * judged.sum(), max(news * free, 1.0), 1 - BY_CHANCE)
-        kind = last.columns.channels[c].rstrip("0123456789")
-        if found > FAR_OFF**2 * by_chance * expected:
-            share = 100.0 * float(1.0 - expected / found)
-            out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
-        elif noise * FORETOLD > new and _oscillates(last, state, c, fitted, judged) > tau:
-            nats = 0.5 * float(fitted.sum()) * float(np.log(noise / new))
-            share = 100.0 * float(1.0 - new / noise)
-            shown = picture(state, None, c, ("t",))
-            out.append(Unexplained((joint,), kind, ("t",), share, nats, None, False, shown))
-    return tuple(out)
-
-
-def _oscillates(last: FitResult, state: State, c: int, fitted: np.ndarray, judged: np.ndarray) -> float:
-    """log E of an oscillation of a channel's residual."""
-    rows, residual = state.rows, state.residual[c]
-    learned = blocks(rows, residual, fitted)
-    return oscillation_says(rows.hop, learned, blocks(rows, residual, judged, _uncertain(last, state, c)))
-
-
-def _parameter_variance(last: FitResult, state: State, c: int, where: np.ndarray) -> np.ndarray:
-    """(rows,) variance of a channel's model torque: from the fit's covariance for coloured noise, or of the
-    parameters as the fitted rows alone determine them, where that is more. (Of an arm slower than 20 mrad/s
-    26 rows were left.)"""
-    X, C = _uncertain(last, state, c)
-    places, values = state.rows.base[c]
-    own = values[where] @ state.metric.fitted.basis[places]  # whitened rows have unit variance
-    return np.asarray(np.maximum(np.einsum("ij,jk,ik->i", X[where], C, X[where]), np.sum(own**2, axis=1)))
-
-
-def _uncertain(last: FitResult, state: State, c: int) -> tuple[np.ndarray, np.ndarray]:
-    """A channel's columns (M, k) of W and the covariance (k, k) of their parameters, for coloured noise."""
-    places, values = state.rows.base[c]
-    mine = places < len(last.full_covariance)
-    return values[:, mine], last.full_covariance[np.ix_(places[mine], places[mine])]
 
 
 def _signal(variable: str, channel: str) -> str:
