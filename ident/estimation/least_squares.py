@@ -128,12 +128,19 @@ def joint_sigma(
     factors: Sequence[ChannelFactor], chi: np.ndarray, covariance: np.ndarray, sigma: np.ndarray
 ) -> np.ndarray:
     """sigma_j from the residuals of the common fit, with the rows that the fit used up in each channel."""
+    left = rows_left(factors, covariance, sigma)
+    out = np.sqrt([factor.sum_of_squares(chi) / n for factor, n in zip(factors, left)])
+    return np.asarray(np.maximum(out, max(float(out.max()), 1e-12) * 1e-6))
+
+
+def rows_left(factors: Sequence[ChannelFactor], covariance: np.ndarray, sigma: np.ndarray) -> np.ndarray:
+    """(channels,) rows less those that the common fit used up, at least one."""
     out = np.empty(len(factors))
     for j, factor in enumerate(factors):
         W = factor.R[:, :-1]
         used = np.sum((W @ covariance[np.ix_(factor.columns, factor.columns)]) * W) / sigma[j] ** 2
-        out[j] = np.sqrt(factor.sum_of_squares(chi) / max(factor.rows - used, 1.0))
-    return np.maximum(out, max(float(out.max()), 1e-12) * 1e-6)
+        out[j] = max(factor.rows - used, 1.0)
+    return out
 
 
 def weighted_factor(factors: Sequence[ChannelFactor], sigma: np.ndarray, b: int) -> np.ndarray:

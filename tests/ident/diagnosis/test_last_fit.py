@@ -1,11 +1,15 @@
 """The last fit with what was found: at which cut-off, and what it tells from zero."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from ident.diagnosis import last_fit
 from ident.diagnosis.last_fit import _vague, first_extended
+from ident.equations.observation import ChannelFactor, stack
+from ident.estimation.least_squares import weighted_least_squares
 from ident.report.diagnosis_words import unexplained_sentence
 
 
@@ -103,3 +107,38 @@ def test_rivals_are_compared_beside_what_all_of_them_are_told_with(monkeypatch):
     tried = [(study(own), fit) for own, fit in told.items()]
     fits = last_fit._beside_the_same(None, tried, 0, None, 0.01)
     assert fits == [("delay", "friction"), ("lag", "friction")] and asked == [("lag", "friction")]
+
+
+def fitted_alone(X, y, roles, columns):
+    """A fit of one channel's rows {role: (N,)} of X (N, b) with some of its columns."""
+    systems = [
+        SimpleNamespace(
+            role=role,
+            factors=(ChannelFactor(columns, np.column_stack([X[on][:, columns], y[on]]), on.sum()),),
+        )
+        for role, on in roles.items()
+    ]
+    names = tuple(f"p{k}" for k in range(X.shape[1]))
+    chosen = np.isin(np.arange(X.shape[1]), columns)
+    full = weighted_least_squares(stack(systems[:1]), np.ones(1), names, chosen)
+    return SimpleNamespace(systems=systems, full=replace(full, sigma=np.array([0.1])))
+
+
+def test_what_fitted_runs_leave_open_speaks_for_no_explanation():
+    """A parameter that they hardly show makes large errors elsewhere, whatever else is in the model; what is
+    there is told by as much as its torque is in both."""
+    rng = np.random.default_rng(0)
+    judged = np.arange(120) >= 60
+    X = rng.normal(size=(120, 4))
+    X[~judged, 2] *= 1e-3  # hardly shown
+    y = X @ [1.0, -1.0, 0.0, 0.3] + 0.1 * rng.normal(size=120)
+    roles = {"identify": ~judged, "validate": judged}
+    rows = SimpleNamespace(use=np.ones((1, 120), bool), usable=np.ones(120, bool))
+    state = SimpleNamespace(rows=rows, whiteners=[SimpleNamespace(news=1.0)])
+    choices = ([0, 1, 2, 3], [0, 1, 3], [0, 1, 2])
+    open_, known, without = (fitted_alone(X, y, roles, np.array(its)) for its in choices)
+    errors = [np.std(y[judged] - X[judged] @ its.full.chi) for its in (open_, known)]
+    assert judged.sum() * np.log(errors[0] / errors[1]) > 50
+    nats = [last_fit._nats(state, its, ()) for its in (open_, known, without)]
+    assert abs(nats[0] - nats[1]) < 5
+    assert nats[0] - nats[2] > 50
