@@ -7,8 +7,9 @@ slowly than the model's is no Stribeck curve. A travel that the samples show nee
 the least one that is tried is a friction that falls for a moment wherever the joint stops to turn. Each of
 two widths has to pay for itself beside the other. (Of positions in steps as long as the travel any gain let
 friction fall before a joint turned: eight rows of a thousand were four fifths of an error.) Profiled
-on the fitted rows: a grid in the logarithm of each width, then parabolas through the best three, joint after
-joint, until no other width says more than chance.
+on the fitted rows; where parts of a run judge others, on all, as their slow noise is: a joint that turned in
+these alone was told as coupled to another. A grid in the logarithm of each width, then parabolas through the
+best three, joint after joint, until no other width says more than chance.
 """
 
 from __future__ import annotations
@@ -134,10 +135,11 @@ def settle(
     where only some are fitted."""
     motion, kept = motion or segments, kept or SignColumns()
     dry = [d for d in dry if reverses(motion, d.joint)]
-    normal = _Normal.of(rows, design, B, whiteners)
+    shown = rows.fitted if rows.held_apart else rows.usable
+    normal = _Normal.of(rows, shown, design, B, whiteners)
     out = dict(turns)
     moved = {d.joint: True for d in dry}
-    asked = np.log(max(int(rows.fitted.sum()), 2))  # a second width has to pay for itself (twice its nats)
+    asked = np.log(max(int(shown.sum()), 2))  # a second width has to pay for itself (twice its nats)
     for first in (True, *(False,) * (sweeps - 1)):
         for d in dry:
             if not moved[d.joint]:
@@ -191,7 +193,7 @@ def _columns(
 
 @dataclass(frozen=True)
 class _Normal:
-    """Normal equations of the fitted rows: whitened columns and torque, their products."""
+    """Normal equations of some rows: whitened columns and torque, their products."""
 
     on: tuple[np.ndarray, ...]  # of each channel the rows that count
     X: tuple[tuple[np.ndarray, np.ndarray], ...]  # (places (k,), (M, k)), 0 on other rows
@@ -201,9 +203,13 @@ class _Normal:
 
     @staticmethod
     def of(
-        rows: Rows, design: Sequence[tuple[np.ndarray, np.ndarray]], B: int, whiteners: Sequence[Whitener]
+        rows: Rows,
+        shown: np.ndarray,
+        design: Sequence[tuple[np.ndarray, np.ndarray]],
+        B: int,
+        whiteners: Sequence[Whitener],
     ) -> _Normal:
-        on = tuple(rows.fitted & use for use in rows.use)
+        on = tuple(shown & use for use in rows.use)
         X = tuple(
             (places, np.where(o[:, None], w @ values, 0.0))
             for (places, values), w, o in zip(design, whiteners, on)

@@ -83,6 +83,19 @@ def test_a_joint_that_goes_back_slowly_reverses(turned):
     assert not reverses(unsure, 1)
 
 
+def test_parts_of_one_run_have_their_turns_in_common(turned):
+    """A joint that turns in those alone that judge: 0.02 mrad/s were taken for 0.19, and an arm without a
+    fault was told a coupling of two joints by 808 nats."""
+    speeds = [np.abs(s.speed[: s.rows * s.every, 2]).reshape(s.rows, -1) for s in turned.segments]
+    slow = np.concatenate(speeds).min(axis=1) < 0.4
+    turning, usable = np.convolve(slow, np.ones(21), "same") > 0.5, turned.rows.usable  # their filter is long
+    parts = replace(turned.rows, fitted=usable & ~turning, judged=usable & turning, held_apart=False)
+    wrong = replace(turned, rows=parts, turns={**turned.turns, 2: TurnOver(0.01)})
+    assert turned_over(wrong, {2}).turns[2].rate == pytest.approx(RATES[2], rel=0.05)
+    apart = replace(wrong, rows=replace(parts, held_apart=True))
+    assert turned_over(apart, {2}).turns[2].rate != pytest.approx(RATES[2], rel=0.3)
+
+
 def test_the_summit_of_a_curve():
     """Of a parabola, of a curve that falls off more steeply on one side, at the end of a range."""
     grid = np.geomspace(0.01, 1, 9)
