@@ -26,12 +26,19 @@ from ident.diagnosis.findings import (
     findings_of,
     hint_of,
     in_doubt,
-    not_fitted,
+    not_told,
     told_by_checks,
     unexplained_of,
 )
 from ident.diagnosis.floor import noise_floor
-from ident.diagnosis.last_fit import compared_exactly, extended, first_extended, replaced, spoilt
+from ident.diagnosis.last_fit import (
+    compared_exactly,
+    extended,
+    first_extended,
+    replaced,
+    spoilt,
+    turning_over,
+)
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome
@@ -145,21 +152,21 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
     again, last, refused = first_extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
     outcome, last, refused = replaced(again, outcome, base, last, refused, alpha)
+    no_better: list[Unexplained] = []
     while (rest := remaining(outcome, last, refused, alpha)) is not outcome:
+        no_better += [u for u in not_told(outcome, refused) if u.errors is not None]
         outcome = rest
         last, refused = extended(again, outcome, base, alpha, silent)
     outcome, last, refused = compared_exactly(again, outcome, base, last, refused, alpha)
     closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
-    notes += sized_by_judged(outcome.last, last)
+    notes += (*sized_by_judged(outcome.last, last), *turning_over(working, last))
     findings = (*told_by_checks(study, mended, checks), *in_doubt(found, checks))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
-    unexplained += tuple(
-        not_fitted(step, outcome, refused[step.term.key])
-        for step in outcome.steps
-        if step.term.key in refused
-    )
+    unexplained += not_told(outcome, refused)
+    told = {j for f in findings for j in f.joints} | {j for u in unexplained for j in u.joints}
+    unexplained += tuple(u for u in no_better if not told.intersection(u.joints))
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained, outcome.tau)
     unexplained = tuple(u for u in unexplained if not _doubted(u, checks))
     progress("done", 1.0)

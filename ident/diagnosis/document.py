@@ -137,5 +137,6 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "carries_over": u.carries_over,
         "parameters_change_times_noise": u.times_noise,
         "nearest_by_chance": u.by_chance,
+        "error_percent_with_nearest": None if u.errors is None else dict(zip(("without", "with"), u.errors)),
         "on_fitted_runs": None if u.on_fitted is None else dict(zip(("nearest", "functions"), u.on_fitted)),
     }

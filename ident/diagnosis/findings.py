@@ -11,7 +11,7 @@ import numpy as np
 
 from ident.diagnosis.approximated import Moved
 from ident.diagnosis.evidence import drop_percent
-from ident.diagnosis.last_fit import is_told, same
+from ident.diagnosis.last_fit import Refusal, is_told, same
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.pictures import Picture, picture
 from ident.diagnosis.seconds_apart import seconds_apart
@@ -92,6 +92,7 @@ class Unexplained:
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
     times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
     by_chance: float | None = None  # p of the sizes of `nearest`, by the stretches, which keeps it away
+    errors: tuple[float, float] | None = None  # % without `nearest` and with it, which keep it away
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
 
 
@@ -253,8 +254,14 @@ def as_told(outcome: Outcome, last: FitResult) -> State:
     return without_terms(outcome.last, (t for t in outcome.last.terms if not is_told(last, t)))
 
 
-def not_fitted(step: Step, outcome: Outcome, by_chance: float | None) -> Unexplained:
-    """What the loop found and the last fit could not be made of, or tells too poorly (by_chance: its p)."""
+def not_told(outcome: Outcome, refused: Mapping[tuple, Refusal]) -> tuple[Unexplained, ...]:
+    """What the loop found and the last fit does without."""
+    steps = [step for step in outcome.steps if step.term.key in refused]
+    return tuple(not_fitted(step, outcome, refused[step.term.key]) for step in steps)
+
+
+def not_fitted(step: Step, outcome: Outcome, why: Refusal) -> Unexplained:
+    """What the loop found and the last fit does without."""
     state, e, term = outcome.last, step.evidence, step.term
     c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
     joint = int(state.problem.robot.joint_labels[state.model.channels[c].joint])
@@ -267,7 +274,9 @@ def not_fitted(step: Step, outcome: Outcome, by_chance: float | None) -> Unexpla
     signals = tuple(dict.fromkeys(_signal(v, name) for v in sorted(signals_read(term) or ())))
     shown = picture(state, term, c)
     side, log_e = _side(c, state), float(e.log_e)
-    return Unexplained((joint,), side, signals, share, log_e, near, True, shown, by_chance=by_chance)
+    return Unexplained(
+        (joint,), side, signals, share, log_e, near, True, shown, by_chance=why.by_chance, errors=why.errors
+    )
 
 
 def _signal(variable: str, channel: str) -> str:

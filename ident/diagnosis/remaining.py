@@ -3,12 +3,12 @@ have made to look right, has to hold without it."""
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import replace
 
 from ident.diagnosis.evidence import Evidence, Metric
 from ident.diagnosis.in_common import shown_by_fitted
-from ident.diagnosis.last_fit import is_told
+from ident.diagnosis.last_fit import Refusal, is_told
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.outcome import Outcome, Step
@@ -21,11 +21,12 @@ from ident.diagnosis.weighing import holds
 from ident.estimation.fit import FitResult
 
 
-def remaining(outcome: Outcome, last: FitResult, refused: Collection[tuple], alpha: float) -> Outcome:
-    """The outcome without the effects that the last fit does without (those that it could not be made of,
-    `refused`, are told as that), nor those that do not hold then; what is left is asked for again. The
-    outcome itself where all are there."""
-    gone = [s.term for s in outcome.steps if not is_told(last, s.term) and s.term.key not in refused]
+def remaining(outcome: Outcome, last: FitResult, refused: Mapping[tuple, Refusal], alpha: float) -> Outcome:
+    """The outcome without the effects that the last fit does without (those that it could not be made of, or
+    tells too poorly, `refused`, stay and are told as that), nor those that do not hold then; what is left is
+    asked for again. The outcome itself where all are there."""
+    stay = {key for key, why in refused.items() if why.errors is None}
+    gone = [s.term for s in outcome.steps if not is_told(last, s.term) and s.term.key not in stay]
     if not gone:
         return outcome
     state, steps, tau = outcome.last, list(outcome.steps), outcome.tau

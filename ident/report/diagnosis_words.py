@@ -271,6 +271,8 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
         return text + _among_changes(item, near, times, sides)
     if near is not None and item.get("nearest_by_chance") is not None:
         return text + _too_poorly_told(item, near, item["nearest_by_chance"], sides)
+    if near is not None and item.get("error_percent_with_nearest") is not None:
+        return text + _worse_with_it(item, near, item["error_percent_with_nearest"], sides)
     if near is not None and not item["depends_on"]:
         return (
             f"{text}{_as_nearest(item, near, sides)}, but fitted to these recordings it is not possible (a "
@@ -349,6 +351,17 @@ def _too_poorly_told(item: Mapping[str, Any], near: Mapping[str, Any], chance: f
     return (
         f"{_as_nearest(item, near, sides)}; but between stretches of the recordings its size changes so much "
         f"that a fit does not tell it from zero (p {number(chance, 2)}); longer or more varied motion would."
+    )
+
+
+def _worse_with_it(
+    item: Mapping[str, Any], near: Mapping[str, Any], errors: Mapping[str, float], sides: str
+) -> str:
+    """What explains slow parts of the torque and no instants."""
+    return (
+        f"{_as_nearest(item, near, sides)}; but fitted whole it predicts the judged {sides} no better "
+        f"({percent(errors['without'])} without it, {percent(errors['with'])} with it): something is there, "
+        "and it is not this, or these recordings do not tell when it acts."
     )
 
 
