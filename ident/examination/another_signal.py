@@ -19,7 +19,7 @@ import numpy as np
 
 from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
-from ident.examination.changed import Changed, positions_in_all, torques_in_all
+from ident.examination.changed import Changed, positions_in_all, torques_in_all, unsigned
 from ident.examination.check import Check, listed
 from ident.examination.coupled import held
 from ident.examination.hypothesis import EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
@@ -209,6 +209,7 @@ def _torques(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]
         for gain, reading in told:
             if gain > max(most - SWAPPED, 0.0):
                 yield _read(whole, asked, sample, reading)
+    yield from unsigned(asked, whole, [s.label for s in whole.samples])
 
 
 def _read(whole: Quick, asked: Asked, sample: Sample, its: Reading) -> Changed:

@@ -6,13 +6,14 @@ alone: what has no number is here (a sign, a place, degrees), what has one is am
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
 from ident.examination.hypothesis import SWAPPED, Asked
+from ident.examination.magnitudes import UNSIGNED, remedy, signed
 from ident.examination.places import exchanged
 from ident.examination.quick import Quick
 from ident.examination.signals import TURNS
@@ -36,7 +37,8 @@ class Changed:
 
 
 def torques_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:
-    """A torque turned, two of a side exchanged."""
+    """A torque turned, or without its sign, two of a side exchanged."""
+    yield from unsigned(asked, whole, [""])
     how, channels = asked.how, whole.columns.need.channels
     for c in asked.seen:
         name, explained = asked.name(c), Explained.by(whole, how.times([c], -1.0))
@@ -46,6 +48,16 @@ def torques_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:
         if channels[a].side == channels[b].side:
             placed = how.placed(exchanged(len(channels), a, b), asked.gains)
             yield _exchanged(asked, asked.name(a), asked.name(b), Explained.by(whole, placed))
+
+
+def unsigned(asked: Asked, whole: Quick, labels: Sequence[str]) -> Iterator[Changed]:
+    """A torque of one of these recordings without its sign, "" of all."""
+    for c, label in product(asked.seen, labels):
+        taken = signed(asked, whole, c, label)
+        if taken is not None:
+            name, explained = asked.name(c), Explained.by(taken, asked.how)
+            words = f"{name} {UNSIGNED}"
+            yield Changed(label, (name,), "unsigned_torque", words, remedy(asked, c), explained)
 
 
 def positions_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:

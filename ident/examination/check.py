@@ -6,7 +6,7 @@ message and the remedy are those of the RecordingError that ends the command.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -27,6 +27,9 @@ _GRAVEST = (
     "joint_axis",
     "wrong_robot",
 )
+
+
+SAID = 2  # causes that are told beside one
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +124,13 @@ def listed(items: Iterable[object]) -> str:
     """1, 2, 3; cut after eight."""
     texts = [str(item) for item in items]
     return ", ".join(texts[:8]) + (" ..." if len(texts) > 8 else "")
+
+
+def instead(words: Sequence[str]) -> str:
+    """What may be there in the place of a cause, behind it; of more than a few how many."""
+    few = words if len(words) <= SAID + 1 else words[:SAID]
+    more = len(words) - len(few)
+    return "".join(f", or {its}" for its in few) + (f", or one of {more} other causes" if more else "")
 
 
 def turned_sign(names: tuple[str, ...], message: str, maps: Mapping[str, Any]) -> Check:

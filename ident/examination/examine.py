@@ -41,6 +41,7 @@ from ident.examination.hypothesis import (
     signal_of,
 )
 from ident.examination.limits import beyond_limits, reads_currents
+from ident.examination.magnitudes import magnitudes
 from ident.examination.motions import by_themselves, moved_positions, signed
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
@@ -50,19 +51,26 @@ from ident.examination.same_samples import same_samples
 from ident.examination.scales import scales, too_large, turned_scales
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
 from ident.examination.stretches import RARE, Explained, all_rows, pieces, steadily
-from ident.examination.turned import one_turned, turned_positions
-from ident.examination.unexplained import contradicting, odd_beside, unexplained
+from ident.examination.turned import all_turned, one_turned, turned_positions
+from ident.examination.unexplained import (
+    apart_by_one_fit,
+    contradicting,
+    odd_beside,
+    unexplained,
+    unpredicted,
+)
 from ident.examination.units import degrees, geared, scaled_positions
 from ident.examination.velocity import logged_velocities
 from ident.examination.weightless import unfelt, weightless
 from ident.examination.within import changed_within
 from ident.recordings.study import Study
 
-BROKEN = ("dead_channel", "unsigned_torque")  # of a torque, of which nothing else is then told
+BROKEN = ("dead_channel", "unsigned_torque")  # of a torque, which is then asked nothing
 FAULTS = 4  # at most, one after the other
 DOUBTFUL = 0.15  # error of a channel from which several faults at once are asked for
 TURNED = 0.05  # and that of gravity, which a slow motion hardly feels upside down
 FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is blamed, and anything else
+ALIKE = 2  # causes beside the one that all recordings tell: of more none is told
 FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
 
 
@@ -83,6 +91,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     ]
     clipped = _clipped(prepared)
     samples = _unclipped(prepared, samples, clipped)
+    broken = {n for s in prepared.streams for c in s.checks if c.check in BROKEN for n in c.signals}
+    samples = [s.without(_channels(prepared, broken)) for s in samples]
     for sample in samples:  # motor signals of unknown gain are no torques yet
         sample.weight[:, list(columns.gain_columns)] = 0.0
     if not any(s.role == "identify" for s in samples):
@@ -95,7 +105,6 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     maps = dict(prepared.study.columns)
     anywhere = frozenset().union(*clipped.values())
     asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere)
-    broken = {n for s in prepared.streams for c in s.checks if c.check in BROKEN for n in c.signals}
     at_an_end = False
     found: list[Check] = []
     best: Hypothesis | None = None
@@ -103,7 +112,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     gained, halfway = 0.0, list(changed_within(asked))
     turned = halfway[-1][1].fit(how).gain_over(asked.fit) if halfway else -np.inf
     for _ in range(FAULTS):
-        told = [h for h in _believable(prepared, asked) if not broken.intersection(h.check.signals)]
+        told = _believable(prepared, asked)
         if best is not None and near:  # asked again with the last one undone: no other name of it
             again = {(h.check.check, h.check.signals) for h in told}
             near = [h for h in near if (h.check.check, h.check.signals) not in again]
@@ -111,7 +120,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         best = max(told, key=lambda h: h.gain, default=None)
         odd = not found and (bool(told) or bad(asked.fit) or _unforeseen(asked.fit))
         moved = [] if found else list(another_signal(asked, told, positions=odd))
-        if moved and not broken.intersection(moved[0].signals):
+        if moved:
             return tuple(moved)
         if best is None:
             break
@@ -136,17 +145,37 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     found += motor_signs(asked)
     beside = alone or ([] if doubted else list(unexplained(asked)))
     held = asked.fit.validate
-    asks = not found and not beside and not broken
-    if asks and held is not None and gain_of(held, asked.fit.error) > CARRIED:
-        scaled = carried_faults(asked)
-        beside += [ambiguous(held, scaled)] if scaled else []
-    if not beside and not broken:
+    if not beside and held is not None:
+        asks = not found and gain_of(held, asked.fit.error) > CARRIED
+        scaled = carried_faults(asked) if asks else []
+        beside += [ambiguous(held, scaled)] if scaled else _by_all(prepared, asked) if asks else []
+        beside += [] if beside or doubted else unpredicted(asked)
+    if not beside:
         beside += contradicting(asked)
     if not found and not beside and not bad(asked.fit):
         beside += unfelt(asked)
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
         beside += _unseen(prepared, asked)
     return (*_joined(found, asked.maps), *beside)
+
+
+def _by_all(prepared: Prepared, asked: Asked) -> list[Check]:
+    """What all recordings together tell, where those that are fitted do not, and foretell the others badly.
+    (Of three to five seconds of a rokae a factor, or a base on a wall, was another robot, or nothing.) It has
+    to make one robot of the recordings."""
+    whole = all_rows(asked.quick)
+    both = replace(asked, quick=whole, fit=whole.fit(asked.how))
+    told = _believable(prepared, both)
+    best = max(told, key=lambda h: h.gain, default=None)
+    if best is None or best.check.outcome == "refused":
+        return []
+    if not both.of_robot(best) and apart_by_one_fit(best.quick or whole, best.how).any():
+        return []
+    near = _alike(both, best, told)
+    if len(near) > ALIKE:
+        return []
+    check = best.beside(near).check
+    return [replace(check, message=f"{check.message}, over all recordings")]
 
 
 def _clipped(prepared: Prepared) -> dict[str, set[str]]:
@@ -159,9 +188,13 @@ def _clipped(prepared: Prepared) -> dict[str, set[str]]:
 def _unclipped(prepared: Prepared, samples: list[Sample], clipped: Mapping[str, set[str]]) -> list[Sample]:
     """Without what is clipped: no model explains it, and other faults took its place (of an AIRBOT's clipped
     torque a factor, of a Barrett's another zero was told)."""
+    return [s.unclipped(_channels(prepared, clipped[s.label])) for s in samples]
+
+
+def _channels(prepared: Prepared, signals: set[str]) -> list[int]:
+    """Places of the torques that are read from these signals."""
     currents, columns = reads_currents(prepared), prepared.columns
-    names = [signal_of(columns, c, currents) for c in range(len(columns.channels))]
-    return [s.unclipped([c for c, name in enumerate(names) if name in clipped[s.label]]) for s in samples]
+    return [c for c in range(len(columns.channels)) if signal_of(columns, c, currents) in signals]
 
 
 def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
@@ -198,14 +231,14 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     everything = all_signs(asked)
     if everything is not None and not _unforeseen(asked.fit):  # whose friction a fit of nonsense tells
         right = [h for h in _positions(asked) if _believed(asked, h) and not _mirrored(asked, h)]
-        return right or [everything]
+        return right or [all_turned(asked, everything)]
     doubted = [c for s in prepared.streams for c in s.checks if c.check == "torque_scale" and c.hint]
     large = too_large(asked, {name for c in doubted for name in c.signals})
     believed = next((h for h in large if _believed(asked, h)), None)
     if believed is not None:
         return [believed]
     error = asked.fit.error[np.isfinite(asked.fit.error)]
-    found = [*one_turned(asked)]
+    found = [*one_turned(asked), *magnitudes(asked)]
     if not prepared.study.without:  # a torque that misses a term of the model looks scaled
         found += scales(asked)
     if error.max() > DOUBTFUL:

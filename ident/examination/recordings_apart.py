@@ -40,9 +40,11 @@ CLEAR = 0.3  # gain of the others' prediction by which one recording that is fit
 
 
 def shares_left(sample: Sample, chi: np.ndarray) -> np.ndarray:
-    """(N, C) squares of what a fit leaves of the torques, in shares of their sums of squares."""
+    """(N, C) squares of what a fit leaves of the torques, in shares of their sums of squares; NaN of a torque
+    of which nothing is seen."""
     size = (sample.weight * sample.Y**2).sum(axis=0)
-    return sample.weight * (sample.Y - sample.predicted(chi)) ** 2 / np.maximum(size, 1e-300)
+    left = sample.weight * (sample.Y - sample.predicted(chi)) ** 2
+    return np.where(size > 0, left / np.where(size > 0, size, 1.0), np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +133,9 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
             check = _check(best.check, apart, best.signals, said, best.remedy)
             yield replace(check, explains=not (load or instead or best.alike))
         elif unlike := [c for c in apart.odd if _unlike(apart, c) and together.contradicted()[c]]:
+            most = len(unlike) > 1 and len(unlike) > len(apart.error) / 2
+            if not most and np.nanmedian(_by_itself(apart.sample)) > EXPLAINED:
+                continue  # its own motion explains most torques no better: it is not this one
             names = asked.names(unlike)
             here, there = (100 * float(np.nanmax(e[unlike])) for e in (apart.error, apart.usual))
             if rivals_of := _or_another(asked, apart, unlike):
@@ -146,9 +151,7 @@ def recordings_apart(asked: Asked) -> Iterator[Check]:
                 )
                 continue
             yield _check(
-                "wrong_robot"
-                if len(unlike) > 1 and len(unlike) > len(apart.error) / 2
-                else "unrelated_torque",
+                "wrong_robot" if most else "unrelated_torque",
                 apart,
                 names,
                 f"{listed(names)} {'is' if len(names) == 1 else 'are'} nothing like what the other "
@@ -173,8 +176,12 @@ def _or_another(asked: Asked, apart: Apart, channels: Sequence[int]) -> list[str
 
 def _unrelated(sample: Sample, channels: Sequence[int]) -> bool:
     """Whether none of these torques is explained by its own recording's motion."""
-    error = solve(Normal.of(sample), None, Assignment.plain(sample.Y.shape[1])).error
-    return bool((error[list(channels)] > EXPLAINED).all())
+    return bool((_by_itself(sample)[list(channels)] > EXPLAINED).all())
+
+
+def _by_itself(sample: Sample) -> np.ndarray:
+    """(C,) errors of a fit of this recording alone."""
+    return solve(Normal.of(sample), None, Assignment.plain(sample.Y.shape[1])).error
 
 
 @dataclass(frozen=True, slots=True)

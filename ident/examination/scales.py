@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.examination.check import Check
+from ident.examination.check import SAID, Check, instead
 from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import rivals
@@ -61,7 +61,8 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
         return
     factors = [_best_factor(whole, how, k) for k in seen if k != c]
     beside = [other for other in factors if _alike(plain, its.explained, other.explained)]
-    near = (o for o in others if not o.beside or not agreed(o.explained, its.explained, ODD))
+    near = [o for o in others if not o.beside or not agreed(o.explained, its.explained, ODD)]
+    near.sort(key=lambda o: -o.explained.fit.gain_over(plain.fit))
     words = [other.words for other in near if _alike(plain, its.explained, other.explained)]
     yield Hypothesis(gain, how.times([c], its.factor), _off(asked, after, (its, *beside), words))
 
@@ -146,13 +147,15 @@ def _off(asked: Asked, other: Fit, told: Sequence[Scale], others: Sequence[str])
     lines = [asked.line({name: {"scale": float(f"{its.factor:.3g}")}}) for name, its in zip(names, told)]
     first = told[0]
     which = [*(f"{name} {size}" for name, size in zip(names[1:], sizes[1:])), *others]
-    beside = f", or {', or '.join(which)}, these recordings do not tell which" if which else ""
+    beside = f"{instead(which)}, these recordings do not tell which" if which else ""
     return Check(
         "torque_scale",
         names,
         f"{names[0]} is {sizes[0]} beside the other torques{beside} (gear ratio, unit or drive gain): "
         f"scaled, {falls(asked.fit, other)}",
-        f"write {' or '.join(lines)}, where it is that" if which else lines[0],  # no line to undo it by
+        f"write {' or '.join(lines[: SAID + 1])}, where it is that"
+        if which
+        else lines[0],  # no line to undo it by
         spread=None if which else (first.high - first.low) / (2 * NORMAL * first.factor),
     )
 

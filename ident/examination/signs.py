@@ -88,13 +88,11 @@ def all_signs(asked: Asked) -> Hypothesis | None:
     if len(rows) < 2 or speaking or len(against) < max(min(3, len(rows)), 0.55 * len(rows)):
         return None
     which = [c for c in range(len(asked.how.order)) if c not in columns.gain_columns]
-    check = turned_sign(
-        asked.names(which),
-        f"all torques have the other sign: friction or inertia of joints "
-        f"{listed(columns.channels[c][5:] for c in against)} come out negative",
-        asked.maps,
-    )
-    return Hypothesis(np.inf, asked.how.times(which, -1.0), check)
+    words = "all torques have the other sign"
+    joints = listed(columns.channels[c][5:] for c in against)
+    said = f"{words}: friction or inertia of joints {joints} come out negative"
+    check = turned_sign(asked.names(which), said, asked.maps)
+    return Hypothesis(np.inf, asked.how.times(which, -1.0), check, words=words)
 
 
 def several_signs(asked: Asked) -> Iterator[Hypothesis]:

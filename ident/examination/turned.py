@@ -52,7 +52,24 @@ def one_turned(asked: Asked) -> Iterator[Hypothesis]:
 
 def _which(asked: Asked, c: int, torque: Hypothesis) -> Hypothesis:
     """A torque turned, its joint's position in its place, or the torque with the position named beside it."""
-    position = turned_position(asked, int(asked.quick.columns.joint_of[c]), torque.own)
+    return _told_apart(
+        asked, torque, turned_position(asked, int(asked.quick.columns.joint_of[c]), torque.own)
+    )
+
+
+def all_turned(asked: Asked, torques: Hypothesis) -> Hypothesis:
+    """All torques with the other sign, or all positions: friction and inertia say either, gravity which. (Of
+    a Franka's positions, that was told of its torques.)"""
+    moved = asked.quick.moved(factor=-np.ones(len(asked.joints)))
+    names, other = [f"q{label}" for label in asked.joints], moved.fit(asked.how)
+    words = "all positions have the other sign (or all axes in the robot file)"
+    line = asked.line({name: {"sign": -1} for name in names})
+    check = Check("position_sign", tuple(names), f"{words}: turned, {falls(asked.fit, other)}", line)
+    return _told_apart(asked, torques, Hypothesis(torques.gain, asked.how, check, moved, words))
+
+
+def _told_apart(asked: Asked, torque: Hypothesis, position: Hypothesis) -> Hypothesis:
+    """The one that stretch by stretch explains more; the torque and the position where none does."""
     assert position.quick is not None
     one = Explained.by(all_rows(asked.quick), torque.how)
     other = Explained.by(all_rows(position.quick), asked.how)

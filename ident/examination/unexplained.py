@@ -6,10 +6,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import NOTHING, Asked
-from ident.examination.quick import FLOOR, Assignment, Normal, Sample, added, solve
-from ident.examination.stretches import ByItself
+from ident.examination.quick import FLOOR, Assignment, Normal, Quick, Sample, added, solve
+from ident.examination.stretches import ByItself, all_rows
 
 UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
@@ -22,7 +23,7 @@ def _unrelated(names: tuple[str, ...], message: str, remedy: str) -> Check:
 
 
 def unexplained(asked: Asked) -> Iterator[Check]:
-    """Channels, or all of them, of which the model explains nothing; validate runs that nothing predicts."""
+    """Channels, or all of them, of which the model explains nothing."""
     quick, fit = asked.quick, asked.fit
     seen = np.flatnonzero(np.isfinite(fit.error))
     if not len(seen):
@@ -67,10 +68,14 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             "something large that the model lacks",
             f"look at its plot, or leave it out with {asked.left_out(some)}",
         )
-    if fit.validate is not None and np.isfinite(fit.validate).any():
-        held = fit.validate[np.isfinite(fit.validate)]
-        if np.median(held) > max(1.0, 3 * float(np.median(error))):
-            yield _contradiction(asked, everything, float(np.median(error)), float(np.median(held)))
+
+
+def apart_by_one_fit(quick: Quick, how: Assignment) -> np.ndarray:
+    """(C,) bool: torques of which one fit of all recordings leaves more of them all than fits of each."""
+    each = [(x, x.right(how)[0], solve(x, None, how).error) for x in quick.each]
+    size = np.sum([its for _, its, _ in each], axis=0)
+    own = np.sqrt(np.nansum([its * error**2 for _, its, error in each], axis=0) / np.maximum(size, 1e-300))
+    return beyond_own(all_rows(quick).fit(how).error, own)
 
 
 def odd_beside(error: np.ndarray, own: np.ndarray) -> np.ndarray:
@@ -101,13 +106,34 @@ def contradicting(asked: Asked) -> Iterator[Check]:
     )
 
 
+def unpredicted(asked: Asked) -> list[Check]:
+    """Said where the fitted recordings do not predict the judged ones at all. Which is the odd one, only a
+    third one tells; none is where one fit explains them all."""
+    if asked.fit.validate is None or not np.isfinite(asked.fit.validate).any():
+        return []
+    error, held = (float(np.nanmedian(x)) for x in (asked.fit.error, asked.fit.validate))
+    if not held > max(1.0, 3 * error):
+        return []
+    if apart_by_one_fit(asked.quick, asked.how).any():
+        return [_contradiction(asked, asked.names(range(len(asked.how.order))), error, held)]
+    message = (
+        f"{_unforetold(error, held)}, and one fit explains both: the motion that is fitted does not show "
+    )
+    remedy = "fit more of the recordings, or record a motion that moves all joints more"
+    return [Check("poor_excitation", (), f"{message}what the other asks for", remedy)]
+
+
+def _unforetold(error: float, held: float) -> str:
+    explained = f"what identify explains ({100 * error:.0f} % error) does not predict validate at all"
+    return f"{explained} ({100 * held:.0f} %)"
+
+
 def _contradiction(asked: Asked, names: tuple[str, ...], error: float, held: float) -> Check:
-    """The fitted recordings do not predict the judged ones. Which is the odd one, only a third one tells."""
+    """Of recordings of which no one fit explains all."""
     samples = asked.quick.samples
     odd = odd_one(samples, asked.how)
     others = "another robot, load, sign or unit"
-    said = f"what identify explains ({100 * error:.0f} % error) does not predict validate at all "
-    said += f"({100 * held:.0f} %)"
+    said = _unforetold(error, held)
     remedy = "check that these recordings are of the same robot in the same state"
     if odd is not None and odd.role == "identify":
         said += (

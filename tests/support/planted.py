@@ -13,6 +13,8 @@ import yaml
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
 from ident.examination.examine import examine_fit, examine_tables
+from ident.examination.hypothesis import Asked
+from ident.examination.quick import quick_of, take
 from ident.recordings.study import load_study
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[3] / "shared" / "data")
@@ -93,3 +95,13 @@ def thinned(path, every=4):
         entry["file"] = f"thin_{Path(entry['file']).name}"
     path.write_text(yaml.safe_dump(study, sort_keys=False), encoding="utf-8")
     return path
+
+
+def asked_of(study):
+    """What a quick fit asks of a study's signals, with nothing undone."""
+    made = prepare_study(study.with_(filter=type(study.filter)()))
+    columns, maps = made.columns, dict(study.columns)
+    samples = [s for role in ("identify", "validate") for s in take(made.streams, made.banks, columns, role)]
+    quick = quick_of(columns, samples)
+    how = quick.plain()
+    return Asked(quick, how, quick.fit(how), maps, False, np.ones(len(how.order)))

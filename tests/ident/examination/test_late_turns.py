@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from planted import ON_RECORDINGS, asked_of, planted
 from recordings import motion, write_parquet, write_study
 from small_arm import ARM
 
 import generated
 from ident.equations.prepared import prepare_study
+from ident.examination.delays import delays
 from ident.examination.examine import examine_fit
 from ident.recordings.study import load_study
 from modelgen.effects.states import integrate_dahl
@@ -45,3 +47,19 @@ def test_presliding_is_no_delay(tmp_path, top):
 
 def test_a_delay_is_one(tmp_path):
     assert "channel_delay" in said(tmp_path, 1.0, 25)
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_torques_by_a_clock_of_another_rate(tmp_path):
+    """They were told to be 0.3 s before the positions, which left 17 % of 25."""
+
+    def change(c):
+        t = c["t"] - c["t"][0]
+        return c | {k: np.interp(1.01 * t, t, x) for k, x in c.items() if k.startswith("i")}
+
+    told = max(delays(asked_of(planted(tmp_path, change))), key=lambda h: h.gain)
+    assert (
+        len(told.check.signals) == 6 and "clock of the torques runs about 1 % too slow" in told.check.message
+    )
+    assert "from 25 to 7 %" in told.check.message

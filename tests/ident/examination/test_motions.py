@@ -3,13 +3,12 @@
 import numpy as np
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, measured, planted
+from planted import ON_RECORDINGS, asked_of, measured, planted
 from small_arm import ARM
 
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.hypothesis import Asked
 from ident.examination.motions import by_themselves, moved_positions
 from ident.examination.quick import quick_of, take
 from ident.examination.stretches import ByItself, all_rows
@@ -39,17 +38,8 @@ def test_a_torque_by_itself_is_explained_whatever_its_sign_and_factor_are(tmp_pa
     assert np.allclose(*errors, rtol=1e-6)
 
 
-def _asked(study):
-    made = prepare_study(study.with_(filter=type(study.filter)()))
-    columns, maps = made.columns, dict(study.columns)
-    samples = [s for role in ("identify", "validate") for s in take(made.streams, made.banks, columns, role)]
-    quick = quick_of(columns, samples)
-    how = quick.plain()
-    return Asked(quick, how, quick.fit(how), maps, False, np.ones(len(how.order)))
-
-
 def _told(study):
-    asked = _asked(study)
+    asked = asked_of(study)
     return [h.check for h in moved_positions(asked, by_themselves(asked))]
 
 
@@ -91,5 +81,5 @@ def test_positions_beside_turned_torques(tmp_path, robot, change, check, signals
 def test_torques_that_contradict_each_other_by_no_known_fault_are_said_to(tmp_path, robot, planted_so):
     """Half of the torques in kgf m: nothing was said."""
     change = lambda c: c | {f"tau_m{j}": 0.102 * c[f"tau_m{j}"] for j in (1, 2, 3) if planted_so}  # noqa: E731
-    asked = _asked(planted(tmp_path, change, measured(robot)))
+    asked = asked_of(planted(tmp_path, change, measured(robot)))
     assert [c.check for c in contradicting(asked)] == ["unrelated_torque"] * planted_so

@@ -1,14 +1,43 @@
 """A few seconds of measured runs with an everyday fault: nothing else is blamed."""
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, parted, planted, ur10e
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, ur10e
+from small_arm import ARM
 
+import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
+from ident.examination.unexplained import apart_by_one_fit
+from ident.twin import PlannedRun, simulate
 
-pytestmark = ON_RECORDINGS
+
+def test_a_second_that_foretells_nothing_is_no_other_robot(tmp_path):
+    """Nor are three of a rokae: 'another robot, load, sign or unit in one of them or in all' was said."""
+    (tmp_path / "small.yaml").write_text(ARM)
+    plan = (PlannedRun("run1", "identify", 12.0), PlannedRun("run2", "validate", 12.0))
+    runs = []
+    for its in simulate(tmp_path / "small.yaml", runs=plan, seed=1).recordings:
+        first = its.columns["t"] < its.columns["t"][0] + (1.0 if its.label == "run1" else np.inf)
+        table = pa.table({name: x[first] for name, x in its.columns.items()})
+        runs.append(ident.Recording(table, its.use, name=its.label))
+    study = ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs)
+    (check,) = examine_fit(prepare_study(study))
+    assert check.check == "poor_excitation" and "one fit explains both" in check.message
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("factor", [1.0, -1.0])
+def test_one_fit_explains_one_robot_s_recordings_however_short(tmp_path, factor):
+    """Three seconds of a rokae do not foretell the others; those with all torques turned contradict them."""
+    late = lambda c: np.where(c["t"] > c["t"][0] + 3.0, factor, 1.0)  # noqa: E731
+    change = lambda c: {k: x * late(c) if k.startswith("tau") else x for k, x in c.items()}  # noqa: E731
+    asked = asked_of(parted(planted(tmp_path, change, measured("rokae_xmate3pro")), 3.0, 9.7))
+    assert np.nanmedian(asked.fit.validate) > 1.0
+    assert apart_by_one_fit(asked.quick, asked.how).any() == (factor < 0)
 
 
 def said(folder, study, change, **keys):
@@ -24,6 +53,8 @@ def said(folder, study, change, **keys):
     return {c.check for c in examine_tables(made)}, examine_fit(made)
 
 
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
 def test_torques_late_in_slow_runs_are_no_other_signal(tmp_path):
     """A slow run of an LWR4+ does not show how its fifth joint rubs: what the others foretold of its torque
     was 112 % off, and it was nothing like them; one fit of all leaves 30 %, one of its own 28."""
@@ -35,6 +66,8 @@ def test_torques_late_in_slow_runs_are_no_other_signal(tmp_path):
     assert said(tmp_path, measured("kuka_lwr4plus"), late)[1] == ()
 
 
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
 @pytest.mark.parametrize(
     ("changes", "check", "signals"),
     [
@@ -52,6 +85,8 @@ def test_what_only_the_judged_run_shows_is_told_of_all(tmp_path, changes, check,
     assert not told.explains and "over all recordings" in told.message
 
 
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
 def test_beside_a_position_in_degrees_its_torque_is_not_blamed(tmp_path):
     """'Noise, another signal for a while', and the line that leaves it out, was said of a UR10e's fourth."""
     degrees = lambda c: c | {k: np.rad2deg(c[k]) for k in ("q4", "dq4")}  # noqa: E731
@@ -59,6 +94,8 @@ def test_beside_a_position_in_degrees_its_torque_is_not_blamed(tmp_path):
     assert "angle_unit" in tables and {(c.check, c.signals) for c in checks} == {("angle_unit", ("q4",))}
 
 
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
 def test_on_a_wall_a_joint_that_hardly_moves_hides_no_gravity(tmp_path):
     """An AIRBOT's torques were said to show no gravity, with errors of 60 %."""
     (check,) = said(tmp_path, measured("airbot_play"), lambda c: c, gravity=(9.81, 0, 0))[1]

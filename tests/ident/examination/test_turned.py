@@ -3,10 +3,12 @@ is named, or both where the recordings do not tell."""
 
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, mended_study
+from ident.examination.signs import all_signs
+from ident.examination.turned import all_turned
 
 pytestmark = ON_RECORDINGS
 
@@ -84,3 +86,15 @@ def test_a_run_turned_all_along_has_no_torque_that_turns_on_the_way(tmp_path, ro
     turned = planted(tmp_path, lambda c: c | {name: -c[name]} if len(c["t"]) == length else c, study)
     said = examine_fit(prepare_study(turned))
     assert said and not any("changes its sign" in check.message for check in said)
+
+
+@pytest.mark.parametrize("what", ["tau", "q"])
+def test_all_torques_or_all_positions(tmp_path, what):
+    """Friction and inertia say either, gravity which (of a Franka's positions all torques were told)."""
+    study = parted(measured("franka_panda"), 6.5, 9.8)
+    change = lambda c: {k: -v if k.lstrip("d").startswith(what) else v for k, v in c.items()}  # noqa: E731
+    asked = asked_of(planted(tmp_path, change, study))
+    torques = all_signs(asked)
+    told = all_turned(asked, torques)
+    assert {name.rstrip("1234567") for name in told.check.signals} == {"tau_l" if what == "tau" else "q"}
+    assert "not tell which" not in told.check.message and len(told.check.signals) == 7
