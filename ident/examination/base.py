@@ -125,7 +125,7 @@ def base_orientation(
         yield Tilt(value, best)
         return
     if aside is not None:
-        where += f" beside {listed([names[c] for c in aside])}, of which something else is wrong,"
+        where += f" without {listed([names[c] for c in aside])}, which the others contradict,"
     line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
     angle = degrees_between(assumed, best)
     turned = f"turned by {angle:.0f} degrees against the robot file's{known}" if norm else "absent"

@@ -29,7 +29,8 @@ def unexplained(asked: Asked) -> Iterator[Check]:
     if not len(seen):
         return
     error = fit.error[seen]
-    empty = [int(c) for c in seen if fit.error[c] > NOTHING]
+    alone = asked.alone  # what is explained by itself, others contradict
+    empty = [int(c) for c in seen if fit.error[c] > NOTHING and alone[c] > PARTLY]
     everything = asked.names(range(len(quick.columns.channels)))
     nothing = np.median(error) > 0.6 and error.min() > UNLIKE and len(seen) > 1
     if nothing or (len(seen) == 1 and error[0] > NOTHING):
@@ -56,6 +57,7 @@ def unexplained(asked: Asked) -> Iterator[Check]:
         for c in seen
         if c not in empty
         and fit.error[c] > max(PARTLY, PARTLY_TIMES * usual)
+        and alone[c] > PARTLY
         and (fit.validate is None or not fit.validate[c] < PARTLY)
     ]
     if some and len(seen) > 2:

@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, asked_of, measured, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 from small_arm import ARM
 
 import ident
@@ -12,7 +12,7 @@ from ident.examination.examine import examine_fit
 from ident.examination.motions import by_themselves, moved_positions
 from ident.examination.quick import quick_of, take
 from ident.examination.stretches import ByItself, all_rows
-from ident.examination.unexplained import contradicting
+from ident.examination.unexplained import contradicting, unexplained
 from ident.twin import PlannedRun, simulate
 
 
@@ -83,3 +83,14 @@ def test_torques_that_contradict_each_other_by_no_known_fault_are_said_to(tmp_pa
     change = lambda c: c | {f"tau_m{j}": 0.102 * c[f"tau_m{j}"] for j in (1, 2, 3) if planted_so}  # noqa: E731
     asked = asked_of(planted(tmp_path, change, measured(robot)))
     assert [c.check for c in contradicting(asked)] == ["unrelated_torque"] * planted_so
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_torque_that_is_explained_by_itself_is_not_noise(tmp_path):
+    """Of a Franka with a joint turned and its fifth torque in another unit the sixth was to be left out."""
+    names = ("q3", "dq3", "tau_l3")
+    change = lambda c: _turned(c, *names) | {"tau_l5": 0.1 * c["tau_l5"]}  # noqa: E731
+    asked = asked_of(parted(planted(tmp_path, change, measured("franka_panda")), 6.5, 9.8))
+    assert asked.fit.error[5] > 0.5 > asked.alone[5]
+    assert list(unexplained(asked)) == []
