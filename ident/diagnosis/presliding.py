@@ -2,10 +2,12 @@
 
 How far dry friction gives way before it slips is free in every hypothesis, so that nothing is made up of a
 reversal that is a little softer than a sign. Where that travel lowers the error of the joint's torque on the
-rows that chose nothing, it is what the model lacks: there the model's own friction is held to turn over by
-its rate alone, and the travel has to stand as an effect, like any other. A torque that comes late turns over
-late, too: where a shift in time says as much as a travel, it stays a nuisance. So does a travel that is over
-before the samples can show it: it is when a sign was sampled."""
+rows that chose nothing, and of those that are fitted, it is what the model lacks: there the model's own
+friction is held to turn over by its rate alone, and the travel has to stand as an effect, like any other. (A
+search finds nothing that fitted rows do not show: of an arm whose first joint turned in parts of its run that
+judge alone an error far beyond noise was told.) A torque that comes late turns over late, too: where a shift
+in time says as much as a travel, it stays a nuisance. So does a travel that is over before the samples can
+show it: it is when a sign was sampled."""
 
 from __future__ import annotations
 
@@ -35,7 +37,8 @@ def told_as_effects(state: State) -> State:
     if not soft:
         return state
     bare = _by_rate_alone(state, soft)
-    seen = {j for j in soft if _error(state, j) < (1 - SEEN) * _error(bare, j)}
+    sides = (state.rows.judged, state.rows.fitted)
+    seen = {j for j in soft if all(_error(state, j, on) < (1 - SEEN) * _error(bare, j, on) for on in sides)}
     seen -= {d.joint for d in state.problem.dry if d.joint in seen and not _has_a_name(bare, state, d)}
     seen -= _late(bare, state, seen)
     return bare if seen == set(soft) else _by_rate_alone(state, seen) if seen else state
@@ -88,7 +91,8 @@ def _late(bare: State, state: State, joints: Collection[int]) -> set[int]:
     for seconds in LATE_S if joints else ():
         Y = np.stack([_earlier(state, c, seconds) for c in range(rows.channels)])
         trial = solved(replace(bare, rows=replace(rows, Y=Y)))
-        out |= {j for j in joints if _error(trial, j) <= _error(state, j)}
+        judged = rows.judged
+        out |= {j for j in joints if _error(trial, j, judged) <= _error(state, j, judged)}
     return out
 
 
@@ -101,8 +105,8 @@ def _earlier(state: State, c: int, seconds: float) -> np.ndarray:
     return np.concatenate(parts) * state.rows.scale[c]
 
 
-def _error(state: State, joint: int) -> float:
-    """Of a joint's torques on the rows that judge [N m]."""
+def _error(state: State, joint: int, on: np.ndarray) -> float:
+    """Of a joint's torques on the rows `on` (M,) [N m]."""
     own = [c for c, channel in enumerate(state.model.channels) if channel.joint == joint]
-    told = [state.residual[c, state.rows.judged & state.rows.use[c]] for c in own]
+    told = [state.residual[c, on & state.rows.use[c]] for c in own]
     return float(np.sqrt(sum(np.sum(r**2) for r in told) / max(sum(len(r) for r in told), 1)))

@@ -1,10 +1,13 @@
 """Presliding that shows in the error is no nuisance; a little of it is."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dry_arm import opened_dry_arm
 
-from ident.diagnosis.presliding import _by_rate_alone, _error
+from ident.diagnosis.presliding import _by_rate_alone, _error, told_as_effects
+from ident.diagnosis.state import settled
 from modelgen.effects.states import integrate_dahl
 
 WIDTH, RATE = 0.004, 0.03  # rad of travel before the first joint slips; rad/s, of the others' turn-over
@@ -32,6 +35,17 @@ def test_what_it_leaves_is_there_to_be_found(soft):
     assert left[0] > 2 * max(left[1:])
 
 
+def test_a_travel_that_fitted_rows_do_not_show_stays_dry_frictions_own(soft):
+    """No search on them finds it: where a joint turns in rows alone that judge, they were far off."""
+    dry = tuple(replace(d, travels=True) for d in soft.problem.dry)
+    own = settled(replace(soft, problem=replace(soft.problem, dry=dry), turns={}), 3)
+    assert own.turns[0].travel > 0.0 == told_as_effects(own).turns[0].travel
+    signs = [np.abs(s.sign_dq[: s.rows * s.every, 0]).reshape(s.rows, -1) for s in own.segments]
+    turning = np.convolve(np.concatenate(signs).min(axis=1) < 0.999, np.ones(21), "same") > 0.5
+    hidden = replace(own, rows=replace(own.rows, fitted=own.rows.fitted & ~turning))
+    assert told_as_effects(hidden).turns[0].travel > 0.0
+
+
 def test_a_travel_shorter_than_any_effect_has_is_dry_frictions_own(tmp_path):
     """Of an arm at 20 mrad/s it is most of the error; left to the search, delays and lags were told."""
     width = 6e-5
@@ -43,7 +57,8 @@ def test_a_travel_shorter_than_any_effect_has_is_dry_frictions_own(tmp_path):
     assert [d.travels for d in state.problem.dry] == [True] * 3
     assert [state.turns[j].travel for j in range(3)] == pytest.approx([width] * 3, rel=0.1)
     for j in range(3):
-        assert _error(state, j) < 0.1 * _error(_by_rate_alone(state, range(3)), j)
+        judged = state.rows.judged
+        assert _error(state, j, judged) < 0.1 * _error(_by_rate_alone(state, range(3)), j, judged)
 
 
 def test_half_of_it_over_a_travel_that_effects_have_is_left_to_the_search(tmp_path):
