@@ -11,6 +11,11 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 sys.path.insert(0, str(Path(__file__).parent / "support"))
 
 
+def pytest_collection_modifyitems(items):
+    """The slow ones first: at the end one process would wait for the other's."""
+    items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _effects_of_this_module():
     """A user's effect that one module registers is not searched in the diagnoses of another."""

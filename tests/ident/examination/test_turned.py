@@ -63,10 +63,9 @@ def test_a_joint_that_turns_the_other_way(tmp_path):
     assert examine_fit(prepare_study(mended_study(study, [said]))) == ()
 
 
-@pytest.mark.parametrize("joint", [1, 4])
-def test_a_position_turned_is_not_two_exchanged_ones(tmp_path, joint):
+def test_a_position_turned_is_not_two_exchanged_ones(tmp_path):
     """Joints of an LWR4+ follow one signal; its last torque, hardly any, refused the right answer."""
-    study = _turned(tmp_path, "kuka_lwr4plus", f"q{joint}")
+    study = _turned(tmp_path, "kuka_lwr4plus", "q4")
     a, b = sorted({r.file: r for r in study.recordings}.values(), key=lambda r: r.file)
     runs = [
         a.model_copy(update={"use": "identify", "name": "a", "from_s": 1.0, "to_s": 24.0}),
@@ -75,7 +74,7 @@ def test_a_position_turned_is_not_two_exchanged_ones(tmp_path, joint):
     ]
     study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
     (said,) = examine_fit(prepare_study(study))
-    assert (said.check, said.signals) == ("position_sign", (f"q{joint}",))
+    assert (said.check, said.signals) == ("position_sign", ("q4",))
 
 
 @pytest.mark.parametrize(("robot", "name"), [("barrett_wam_2dof", "tau_m2"), ("airbot_play", "tau_m1")])
