@@ -257,11 +257,10 @@ def as_told(outcome: Outcome, last: FitResult) -> State:
 def not_told(outcome: Outcome, refused: Mapping[tuple, Refusal]) -> tuple[Unexplained, ...]:
     """What the loop found and the last fit does without."""
     steps = [step for step in outcome.steps if step.term.key in refused]
-    return tuple(not_fitted(step, outcome, refused[step.term.key]) for step in steps)
+    return tuple(_not_told(step, outcome, refused[step.term.key]) for step in steps)
 
 
-def not_fitted(step: Step, outcome: Outcome, why: Refusal) -> Unexplained:
-    """What the loop found and the last fit does without."""
+def _not_told(step: Step, outcome: Outcome, why: Refusal) -> Unexplained:
     state, e, term = outcome.last, step.evidence, step.term
     c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
     joint = int(state.problem.robot.joint_labels[state.model.channels[c].joint])

@@ -19,7 +19,7 @@ moments and mass are the standard parameters XX, XY, XZ, YY, YZ, ZZ, MX, MY, MZ,
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,6 +137,24 @@ def _to_antecedent(T: Transform, f: Vector, n: Vector) -> tuple[Vector, Vector]:
     return force, plus(T.to_antecedent(n), cross(T.p, force))
 
 
+def _inward(
+    frames: Sequence[tuple[Transform, Motion]],
+    row: int,
+    f: Vector,
+    n: Vector,
+    named: Callable[[int, Vector, Vector], tuple[Vector, Vector]] = lambda a, f, n: (f, n),
+) -> Iterator[tuple[int, Number]]:
+    """Of a wrench on the body of a row what each joint from there to the base feels along its axis."""
+    j = row
+    while j >= 0:
+        T, a = frames[j][0], frames[j][0].row.antecedent
+        if T.row.sigma != 2:
+            yield j, n[2] if T.row.sigma == 0 else f[2]
+        if a >= 0:
+            f, n = named(a, *_to_antecedent(T, f, n))
+        j = a
+
+
 def regressor(
     geometry: Geometry, state: State, columns: Iterable[Column], name: Namer = unnamed
 ) -> dict[Column, tuple[Number, ...]]:
@@ -149,17 +167,12 @@ def regressor(
     result = {}
     for row, kind in columns:
         tau: list[Number] = [0] * len(index)
-        f, n = unit_wrench(kind, frames[row - 1][1])
-        j = row - 1
-        while j >= 0:
-            T = frames[j][0]
-            if T.row.sigma != 2:
-                tau[index[j]] = name(f"{kind}{row}_{j + 1}", n[2] if T.row.sigma == 0 else f[2])
-            if T.row.antecedent >= 0:
-                f, n = _to_antecedent(T, f, n)
-                f = _named(name, f"F{kind}{row}_", T.row.antecedent, f)
-                n = _named(name, f"N{kind}{row}_", T.row.antecedent, n)
-            j = T.row.antecedent
+
+        def named(a: int, f: Vector, n: Vector, label: str = f"{kind}{row}_") -> tuple[Vector, Vector]:
+            return _named(name, f"F{label}", a, f), _named(name, f"N{label}", a, n)
+
+        for j, felt in _inward(frames, row - 1, *unit_wrench(kind, frames[row - 1][1]), named):
+            tau[index[j]] = name(f"{kind}{row}_{j + 1}", felt)
         result[row, kind] = tuple(tau)
     return result
 
@@ -176,14 +189,8 @@ def regressor_of_samples(geometry: Geometry, state: State, samples: int) -> np.n
             continue
         f, n = (_stacked([w[part] for w in wrenches.values()], samples) for part in (0, 1))
         columns = [10 * row + k for k in wrenches]
-        j = row
-        while j >= 0:
-            T = frames[j][0]
-            if T.row.sigma != 2:
-                out[index[j], columns] = n[2] if T.row.sigma == 0 else f[2]
-            if T.row.antecedent >= 0:
-                f, n = _to_antecedent(T, f, n)
-            j = T.row.antecedent
+        for j, felt in _inward(frames, row, f, n):
+            out[index[j], columns] = felt
     return out
 
 
