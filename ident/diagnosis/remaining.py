@@ -12,7 +12,7 @@ from ident.diagnosis.last_fit import Refusal, is_told
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.outcome import Outcome, Step
-from ident.diagnosis.parameters_apart import spoken
+from ident.diagnosis.parameters_apart import spoken, spoken_given
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import place_of, refined_together, without_terms
 from ident.diagnosis.state import Found, State, without
@@ -53,6 +53,11 @@ def _weakest(state: State, tau: float, alpha: float) -> int | None:
         others = state.but(number)
         r, e, m = _beside(others, f, tau)
         if holds(others, m, r, e, tau, alpha) or shown_by_fitted(others, f.columns, f.sizes, tau):
+            continue
+        given = None  # a late torque is asked as it was found (`in_time`)
+        if f.term.effect.shifts_time:
+            given = spoken_given(m, f, e, tau)
+        if given is not None and holds(others, m, r, given, tau, alpha):
             continue
         out = min(out or (e.log_e, number), (e.log_e, number))
     return None if out is None else out[1]
