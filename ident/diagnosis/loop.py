@@ -9,7 +9,7 @@ the same signals may be sufficient together. What is left in the end is asked fo
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import (
+    Settled,
     as_late,
     in_time,
     late_alone,
@@ -45,6 +46,7 @@ from ident.diagnosis.sufficiency import (
     sufficiency,
     sufficient,
 )
+from ident.diagnosis.terms import Term
 from ident.diagnosis.weighed_again import pruned, reconsidered
 from ident.diagnosis.weighing import (
     Equivalent,
@@ -65,21 +67,28 @@ STEPS = 14  # effects at most
 LATE = 2  # joints of which it is asked whether their torque comes late where nothing else is told
 
 
+@dataclass(frozen=True)
+class Taken:
+    """What a round ends with: the state with more in it, and what is told of that."""
+
+    state: State
+    told: Step | Unnamed
+
+
 def trace(
     first: State, library: Library, alpha: float = 0.01, progress: Progress = silent, max_steps: int = STEPS
 ) -> Outcome:
     """Look for what the model lacks. Pure: rows in, an outcome out."""
     tau = threshold(alpha)
-    state = first
-    steps: list[Step] = []
+    state, steps = first, list[Step]()
     unnamed: list[Unnamed] = []
     closed: set[int] = set()
-    event, loads, on_time = None, True, False
+    loads, on_time = True, False
     rounds: list[Weighed] = []
     progress("what the study left out", 0.15)
-    whole = left_out(state, library, tau)
-    if whole is not None:
-        state, missing = whole
+    forgotten = left_out(state, library, tau)
+    if forgotten is not None:
+        state, missing = forgotten
         steps += [Step(term, e, ()) for term, e in missing]
     while len(steps) < max_steps:
         done, step = 0.15 + 0.75 * (1 - 0.75 ** len(steps)), f"step {len(steps) + 1}"
@@ -88,91 +97,40 @@ def trace(
         listed = short_list(ranking)
         progress(f"{step}: weighing it", done)
         weighed = compared(state, listed, tau, alpha)
+        rounds, taken = [weighed], None
         if not weighed.passed and not on_time:
             progress(f"{step}: whether all torques are late", done)
             late = late_as_a_whole(state, library.places, tau, alpha)
-            on_time = late is None
-            if late is not None:
-                taken, evidence, state, beside = late
-                steps.append(Step(taken.term, evidence, (), beside))
-                continue
-        if loads or not weighed.passed:  # where there was none at first, they are asked for again at the end
+            on_time, taken = late is None, late and _settled(late, late.tried)
+        if taken is None and (loads or not weighed.passed):  # without any at first asked again at the end
             progress(f"{step}: loads and contacts", done)
             event = best_event(state, library.events, library.layout, tau, alpha)
             loads = event is not None
-        if event is not None and _first(event, weighed) and not _outdone(event, state, weighed, tau, alpha):
-            r = event.refined
-            rivals = tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
-            steps.append(Step(r.term, event.evidence, rivals))
-            state = with_found(state, Found(r.term, r.columns, r.sizes))
-            continue
-        rounds, unclear = [weighed], None
+            taken = _load(state, event, weighed, tau, alpha)
         told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
-        while not weighed.passed:
-            unclear = _unclear(state, weighed, told, tau, alpha)
-            if unclear is not None:
-                break
-            further = elsewhere(ranking, listed, tau, BUDGET - len(listed))
+        while taken is None and not weighed.passed:
+            taken = _unclear(state, weighed, told, tau, alpha)
+            further = [] if taken else elsewhere(ranking, listed, tau, BUDGET - len(listed))
             if not further:
                 break
             listed += further
             progress(f"{step}: asking the other joints", done)
             weighed = compared(state, further, tau, alpha)
             rounds.append(weighed)
-        if unclear is not None:
-            state, what = unclear
-            if isinstance(what, Step):
-                steps.append(what)
-            else:
-                unnamed.append(what)
-                closed.add(state.model.channels[what.channel].joint)
-            continue
-        if not weighed.passed:
+        if taken is None and not weighed.passed:
             progress(f"{step}: whether a joint's torque is late", done)
             where = late_joints(state, ranking, tau)[:LATE]
             late = late_alone(state, library.places, where, tau, alpha)
             if late is None:
                 break
-            taken, evidence, state, beside = late
-            steps.append(Step(taken.term, evidence, (), beside))
-            continue
-        best, evidence = simplest(weighed, tau)
-        c = main_channel(evidence, best.term, state)
-        late_at = _late_instead(weighed, best, evidence)
-        if late_at is not None:
-            late = in_time(state, library.places, late_at, tau, alpha)
-            if late is not None and not late[1].given and late[1].log_e > evidence.log_e:
-                taken, evidence, state, beside = late
-                steps.append(Step(taken.term, evidence, (), beside))
-                continue
-        flex = sufficiency(state, weighed.metric, best, c, tau)
-        if flex is not None and not sufficient(best.term, evidence, flex, tau):
-            afresh = settled_in(state, weighed, best, c, tau, alpha)
-            if afresh is not None:
-                taken, evidence, state = afresh
-                steps.append(Step(taken.term, evidence, (), could_stand(weighed, best, tau)))
-                continue
-            alike = move_alike(flex, tau)
-            pair = None if alike else _pair(state, weighed, best, flex, tau, alpha)
-            if pair is None:
-                unnamed.append(
-                    Unnamed(
-                        c,
-                        flex.variables,
-                        flex.evidence.log_e,
-                        flex.evidence.gain,
-                        explained_share(state, c, flex.column),
-                        Equivalent(best.term, evidence.log_e),
-                        alike=alike,
-                        on_fitted=short_of_fitted(best.term, evidence, flex, tau),
-                    )
-                )
-                closed.add(state.model.channels[c].joint)
-                state = with_found(state, Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables))
-                continue
-        rivals = rivals_of(weighed, best, evidence, tau, alpha)
-        steps.append(Step(best.term, evidence, rivals, could_stand(weighed, best, tau)))
-        state = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
+            taken = _settled(late, late.tried)
+        taken = taken or _best(state, weighed, library, tau, alpha)
+        state = taken.state
+        if isinstance(taken.told, Step):
+            steps.append(taken.told)
+        else:
+            unnamed.append(taken.told)
+            closed.add(state.model.channels[taken.told.channel].joint)
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
@@ -187,9 +145,53 @@ def trace(
     return Outcome(first, state, tuple(steps), (*unnamed, *left), tau, hints=hints)
 
 
-def _first(event: Event, weighed: Weighed) -> bool:
+def _settled(its: Settled, beside: tuple[Term, ...]) -> Taken:
+    return Taken(its.state, Step(its.refined.term, its.evidence, its.rivals, beside))
+
+
+def _load(state: State, event: Event | None, weighed: Weighed, tau: float, alpha: float) -> Taken | None:
     """A load that says more than every other explanation is taken before them."""
-    return not weighed.passed or event.evidence.log_e > max(e.gain + e.log_e for _, e in weighed.passed)
+    most = max((e.gain + e.log_e for _, e in weighed.passed), default=-np.inf)
+    if event is None or event.evidence.log_e <= most or _outdone(event, state, weighed, tau, alpha):
+        return None
+    r = event.refined
+    rivals = tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
+    return Taken(with_found(state, Found(r.term, r.columns, r.sizes)), Step(r.term, event.evidence, rivals))
+
+
+def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: float) -> Taken:
+    """The simplest of the best that passed: as it is, late or settled in, or, where more is to be said of its
+    signals than it says, what is left without a name."""
+    best, evidence = simplest(weighed, tau)
+    c = main_channel(evidence, best.term, state)
+    late_at = _late_instead(weighed, best, evidence)
+    if late_at is not None:
+        late = in_time(state, library.places, late_at, tau, alpha)
+        if late is not None and not late.evidence.given and late.evidence.log_e > evidence.log_e:
+            return _settled(late, late.tried)
+    flex = sufficiency(state, weighed.metric, best, c, tau)
+    if flex is not None and not sufficient(best.term, evidence, flex, tau):
+        afresh = settled_in(state, weighed, best, c, tau, alpha)
+        if afresh is not None:
+            return _settled(afresh, could_stand(weighed, best, tau))
+        alike = move_alike(flex, tau)
+        if alike or _pair(state, weighed, best, flex, tau, alpha) is None:
+            what = Unnamed(
+                c,
+                flex.variables,
+                flex.evidence.log_e,
+                flex.evidence.gain,
+                explained_share(state, c, flex.column),
+                Equivalent(best.term, evidence.log_e),
+                alike=alike,
+                on_fitted=short_of_fitted(best.term, evidence, flex, tau),
+            )
+            function = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
+            return Taken(with_found(state, function), what)
+    step = Step(
+        best.term, evidence, rivals_of(weighed, best, evidence, tau, alpha), could_stand(weighed, best, tau)
+    )
+    return Taken(refined_together(with_found(state, Found(best.term, best.columns, best.sizes))), step)
 
 
 def _late_instead(weighed: Weighed, best: Refined, evidence: Evidence) -> Place | None:
@@ -220,18 +222,17 @@ def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: fl
 
 def _unclear(
     state: State, weighed: Weighed, told: Collection[tuple], tau: float, alpha: float
-) -> tuple[State, Step | Unnamed] | None:
-    """Where nothing passed as it is: the state with what holds in other rows, or once it was settled in, or
-    with what a shape at the end of its range stands for; None: nothing. told: as of `_at_an_end`."""
+) -> Taken | None:
+    """Where nothing passed as it is: what holds in other rows, or once it was settled in, or what a shape at
+    the end of its range stands for; None: nothing. told: as of `_at_an_end`."""
     hidden = by_halves(state, weighed, tau, alpha) or by_common(state, weighed, tau, alpha)
     if hidden is not None:
         r, e, others = hidden
         step = Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others))
-        return refined_together(with_found(state, Found(r.term, r.columns, r.sizes))), step
+        return Taken(refined_together(with_found(state, Found(r.term, r.columns, r.sizes))), step)
     held = _doubtful(state, weighed, tau, alpha)
     if held is not None:
-        r, e, settled, same = held
-        return settled, Step(r.term, e, same, could_stand(weighed, r, tau))
+        return _settled(held, could_stand(weighed, held.refined, tau))
     end = _at_an_end(state, weighed, told, tau, alpha)
     if end is None:
         return None
@@ -240,20 +241,17 @@ def _unclear(
     read = tuple(sorted(signals_read(r.term) or ()))
     share = explained_share(state, c, r.columns[c] @ r.sizes)
     what = Unnamed(c, read, e.log_e, e.gain, share, Equivalent(r.term, e.log_e))
-    return with_found(state, Found(None, r.columns, r.sizes, read)), what
+    return Taken(with_found(state, Found(None, r.columns, r.sizes, read)), what)
 
 
-def _doubtful(
-    state: State, weighed: Weighed, tau: float, alpha: float
-) -> tuple[Refined, Evidence, State, tuple[Equivalent, ...]] | None:
+def _doubtful(state: State, weighed: Weighed, tau: float, alpha: float) -> Settled | None:
     """Where nothing holds but something says much, or upsets the judged rows: whether it holds once it was
     settled in, and what would explain as much."""
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and e.gain > tau and not r.at_bound]
     if not likely:
         return settled_anew(state, weighed, tau, alpha)
     best, evidence = max(likely, key=lambda its: its[1].log_e)
-    held = settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
-    return None if held is None else (*held, ())
+    return settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
 
 
 def _at_an_end(

@@ -4,7 +4,7 @@ beside it."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -37,6 +37,18 @@ LATE_S = (0.005, 0.01, 0.02, 0.04)  # delays and lags to begin with; a turn-over
 LATE_ROUNDS, LATEST = 3, 3  # of a delay and the turn-over beside it; hypotheses that are settled whole
 LIKELY = 0.8  # of the best one's gain, from which on another is settled, too
 SETTLED = 6  # explanations that are settled whole where none holds as it is
+
+
+@dataclass(frozen=True)
+class Settled:
+    """A hypothesis in the state that was settled with it, and what it says; tried: what else may make the
+    torque of its place as late; rivals: what explains as much."""
+
+    refined: Refined
+    evidence: Evidence
+    state: State
+    tried: tuple[Term, ...] = ()
+    rivals: tuple[Equivalent, ...] = ()
 
 
 def refined_together(state: State) -> State:
@@ -105,7 +117,7 @@ def _afresh(state: State, r: Refined, joint: int | None) -> State:
 
 def in_time(
     state: State, places: Iterable[tuple[Effect, Place]], near: Place, tau: float, alpha: float
-) -> tuple[Refined, Evidence, State, tuple[Term, ...]] | None:
+) -> Settled | None:
     """The torque of all joints, or of one place, recorded late or smoothed: of those that fit best, each with
     dry friction's turn-over taken anew beside it, the one that says most, and all that were tried. A
     turn-over that was found without a delay has taken its place: of 15 ms of all six joints of a UR10e half a
@@ -130,15 +142,15 @@ def in_time(
         settled_with[term.key] = term, refined_together(trial)
     for given in (False, True):
         held = [_holding(state, trial, term, tau, alpha, given) for term, trial in settled_with.values()]
-        best = max((h for h in held if h is not None), key=lambda h: h[1].log_e, default=None)
+        best = _most(held)
         if best is not None:
-            return (*best, tuple(term for term, _ in settled_with.values()))
+            return replace(best, tried=tuple(term for term, _ in settled_with.values()))
     return None
 
 
 def late_as_a_whole(
     state: State, places: Iterable[tuple[Effect, Place]], tau: float, alpha: float
-) -> tuple[Refined, Evidence, State, tuple[Term, ...]] | None:
+) -> Settled | None:
     """`in_time` for all torques at once, where the fitted rows speak for it. No joint alone says so, and what
     a delay leaves of a short run its parameters take up: 20 ms of a Franka were an error of 1.8 % where it
     was fitted and of 6.6 elsewhere."""
@@ -167,12 +179,16 @@ def late_joints(state: State, ranking: Ranking, tau: float) -> list[Place]:
 
 def late_alone(
     state: State, places: Iterable[tuple[Effect, Place]], where: Sequence[Place], tau: float, alpha: float
-) -> tuple[Refined, Evidence, State, tuple[Term, ...]] | None:
+) -> Settled | None:
     """`in_time` for each of these joints alone; of those that hold the one that says most. Beside a turn-over
     that was settled without it none says so: 15 ms of a TX40's fourth joint were 15 nats, and are 90."""
     alone = [(effect, place) for effect, place in places if place.joint is not None]
-    held = [late for near in where if (late := in_time(state, alone, near, tau, alpha)) is not None]
-    return max(held, key=lambda its: its[1].log_e, default=None)
+    return _most(in_time(state, alone, near, tau, alpha) for near in where)
+
+
+def _most(held: Iterable[Settled | None]) -> Settled | None:
+    """Of what holds that which says most."""
+    return max((h for h in held if h is not None), key=lambda h: h.evidence.log_e, default=None)
 
 
 def as_late(term: Term, places: Iterable[tuple[Effect, Place]], known: Iterable[Term]) -> tuple[Term, ...]:
@@ -205,7 +221,7 @@ def _whitened_squares(noise: State, trial: State) -> float:
 
 def _holding(
     state: State, trial: State, term: Term, tau: float, alpha: float, given: bool = False
-) -> tuple[Refined, Evidence, State] | None:
+) -> Settled | None:
     """A hypothesis in the state that was settled with it, what it says against the model that did its best
     without it; None where it does not hold. That blocks agree is asked of the effect alone: against the model
     as it was they also hold what each turn-over wins and loses there. given: the judged rows are asked given
@@ -225,16 +241,16 @@ def _holding(
     c = main_channel(own, whole.term, others)
     if not sufficient(whole.term, own, sufficiency(others, m, whole, c, tau), tau):
         return None
-    return whole, told, trial
+    return Settled(whole, told, trial)
 
 
 def settled_in(
     state: State, weighed: Weighed, best: Refined, c: int, tau: float, alpha: float
-) -> tuple[Refined, Evidence, State] | None:
+) -> Settled | None:
     """Of the first explanations of the leading channels the one that predicts the judged rows best among
     those that are sufficient once dry friction's turn-over, from all its range, and all shapes were taken
     again beside it: what it was compared with before may have taken its place in part."""
-    out: tuple[float, Refined, Evidence, State] | None = None
+    out: tuple[float, Settled] | None = None
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and set(r.columns) & set(best.columns)]
     for r, _ in sorted(likely, key=lambda its: -its[1].log_e)[:SETTLED]:
         trial = _afresh(state, r, state.model.channels[c].joint)
@@ -243,13 +259,11 @@ def settled_in(
             continue
         error = float(np.mean(trial.residual[c, trial.rows.judged & trial.rows.use[c]] ** 2))
         if out is None or error < out[0]:
-            out = error, r, held[1], trial
-    return None if out is None else out[1:]
+            out = error, replace(held, refined=r)
+    return None if out is None else out[1]
 
 
-def settled_anew(
-    state: State, weighed: Weighed, tau: float, alpha: float
-) -> tuple[Refined, Evidence, State, tuple[Equivalent, ...]] | None:
+def settled_anew(state: State, weighed: Weighed, tau: float, alpha: float) -> Settled | None:
     """Of what the fitted rows ask for most and the judged ones speak against, one that holds once it was
     settled in: a model that settled without it has something else in its place, and beside that it must fail
     elsewhere. (Of 1.9 mrad of backlash a turn-over of dry friction was left: 1,500 nats on the fitted rows,
@@ -270,10 +284,11 @@ def settled_anew(
         held += [] if trial is None else [trial]
     if not held:
         return None
-    (best, evidence, settled), *others = held
+    best, *others = held
     same = (
-        Equivalent(r.term, e.log_e)
-        for r, e, _ in others
-        if abs(e.log_e - evidence.log_e) < tau and weigh(settled.metric, r.columns).log_e < tau
+        Equivalent(o.refined.term, o.evidence.log_e)
+        for o in others
+        if abs(o.evidence.log_e - best.evidence.log_e) < tau
+        and weigh(best.state.metric, o.refined.columns).log_e < tau
     )
-    return best, evidence, settled, tuple(same)
+    return replace(best, rivals=tuple(same))

@@ -45,10 +45,11 @@ def test_a_delay_of_all_joints_comes_before_that_of_one(late):
     """A turn-over that was found without it has taken a part of its place; a lag of one joint fits, too."""
     places = [(e, place) for e in (E, effect("torque_lag")) for place in e.places(late.layout)]
     near = next(place for place in E.places(late.layout) if place.joint == 1)
-    taken, evidence, state, tried = in_time(late.state, places, near, threshold(0.01), 0.01)
-    assert taken.term.key in {term.key for term in tried}
+    its = in_time(late.state, places, near, threshold(0.01), 0.01)
+    taken, evidence = its.refined, its.evidence
+    assert taken.term.key in {term.key for term in its.tried}
     assert taken.term.place.joint is None and evidence.log_e > 30
-    (found,) = state.terms
+    (found,) = its.state.terms
     assert found.size[0] == pytest.approx(LATE, rel=0.2)  # samples are 5 ms apart
 
 
