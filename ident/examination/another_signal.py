@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -20,11 +22,13 @@ import numpy as np
 from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
 from ident.examination.changed import Changed, positions_in_all, torques_in_all, unsigned
-from ident.examination.check import Check, listed
+from ident.examination.check import FEW, Check, listed, nothing_tells
 from ident.examination.coupled import held
-from ident.examination.hypothesis import EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
-from ident.examination.quick import FLOOR, Quick, Sample
-from ident.examination.recordings_apart import OFFSETS, OWN, thinned
+from ident.examination.delays import LEAST_S
+from ident.examination.hypothesis import CLEARLY, EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
+from ident.examination.places import along, exchanged
+from ident.examination.quick import FLOOR, LAGS, Quick, Sample, added, solve
+from ident.examination.recordings_apart import thinned
 from ident.examination.rivals import alike, rivals
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
@@ -32,7 +36,8 @@ from ident.examination.weightless import every, felt, without_gravity
 from modelgen.geometry.kinematics import Geometry
 from modelgen.geometry.names import ParameterName
 
-FEW = 2  # causes that may stand beside one
+OFFSETS = (*(sign * x for x in (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2) for sign in (1, -1)), np.pi)  # rad
+OWN = "give this recording a columns: of its own in the study"
 LOAD = "a load is carried that the study does not declare", "declare it with payload:"
 
 
@@ -81,17 +86,17 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     told_too = [its for its in told_too if _of_itself(whole, before, its)]
     near = [its for its in (*told_too, *instead) if not steadily(its.explained, best.explained, RARE)]
     every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
-    said = ", or ".join(its.words + _where(its, best) for its in every)
+    said = [its.words + _where(its, best) for its in every]
     fallen = f"{falls(before.fit, best.explained.fit)} over all recordings"
     where = "in this recording " if best.recording else ""
     which = ", these recordings do not tell which" if every[1:] else ""
     if len(every) > 1 + FEW:
-        yield _unknown(best, said, fallen)
+        yield nothing_tells(said, fallen, best.recording)
         return
     yield Check(
         best.check,
         best.signals,
-        f"{where}{said}{which}: so taken, {fallen}",
+        f"{where}{', or '.join(said)}{which}: so taken, {fallen}",
         " or ".join(dict.fromkeys(its.remedy for its in every if its.remedy)),
         recording=best.recording,
         explains=best.check != "position_zero"  # which is told to some degrees only
@@ -103,19 +108,6 @@ def _where(its: Changed, best: Changed) -> str:
     if its.recording == best.recording:
         return ""
     return f" in {its.recording}" if its.recording else " in all recordings"
-
-
-def _unknown(best: Changed, said: str, fallen: str) -> Check:
-    """Of so many causes none is one."""
-    whose = "of this recording contradict the other recordings', or theirs it"
-    return Check(
-        "unrelated_torque",
-        (),
-        f"torques and motion {whose if best.recording else 'contradict each other'}, and nothing tells by "
-        f"what: {said} are each an explanation, {fallen}",
-        "check that all signals are of one run and that the recordings are of one robot",
-        recording=best.recording,
-    )
 
 
 def _best(whole: Quick, before: Explained, found: Sequence[Changed]) -> Changed | None:
@@ -209,13 +201,36 @@ def _torques(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]
         for gain, reading in told:
             if gain > max(most - SWAPPED, 0.0):
                 yield _read(whole, asked, sample, reading)
+        yield from _late(asked, whole, k)
     yield from unsigned(asked, whole, [s.label for s in whole.samples])
 
 
 def _read(whole: Quick, asked: Asked, sample: Sample, its: Reading) -> Changed:
-    explained = _taken(asked, whole, sample, its.of(sample))
+    explained = _taken(asked, whole, sample, sample.read(its.source, its.factor))
     remedy = _own_line(asked, sample, its.changes)
     return Changed(sample.label, its.signals, its.check, its.words, remedy, explained, its.least, its.drives)
+
+
+def _late(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:
+    """Each torque of recording k, or all, at the time at which the others foretell it best."""
+    s, how = whole.samples[k], asked.how
+    own = s.read(how.order, how.factor)
+    rest = added([its for i, its in enumerate(whole.each) if i != k])
+    predicted = s.predicted(solve(rest, None, how).chi)
+    left = np.sqrt((s.weight * (own.late - predicted) ** 2).sum(axis=1))  # (lags, C)
+    for which in every(asked.seen):
+        lag = int(np.argmin(np.log(np.maximum(left[:, which], 1e-300)).sum(axis=1)))
+        seconds = LAGS[lag]
+        if not LEAST_S <= abs(seconds) < max(LAGS):  # the largest is no lag that was found: more is better
+            continue
+        places = [how.order[c] for c in which]
+        Y = s.Y.copy()
+        Y[:, places] = s.late[lag][:, places]
+        names = asked.names(which)
+        words = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(seconds):g} s "
+        words += f"{'after' if seconds > 0 else 'before'} the positions"
+        explained = _taken(asked, whole, s, replace(s, Y=Y))
+        yield Changed(s.label, names, "channel_delay", words, "record both with one clock", explained)
 
 
 def _own_line(asked: Asked, sample: Sample, changes: Mapping[str, Mapping[str, Any]]) -> str:
@@ -242,6 +257,44 @@ def _positions(asked: Asked, whole: Quick) -> Iterator[Changed]:
     for sample in whole.samples:
         for joint in range(len(asked.joints)):
             yield from _position(asked, whole, sample, joint)
+        yield from _joints(asked, whole, sample)
+
+
+def _joints(asked: Asked, whole: Quick, sample: Sample) -> Iterator[Changed]:
+    """Two positions of one recording exchanged, alone or with their torques; a joint's position and torque
+    with the other sign, or those of all joints."""
+    columns, how, n = whole.columns, asked.how, len(asked.joints)
+    channels, joint_of, labels = range(len(how.order)), np.array(columns.joint_of, int), asked.joints
+
+    def told(
+        check: str, words: str, moved: Sample, source: Sequence[int], factor: np.ndarray, changes: dict
+    ) -> Changed:
+        order, factors = np.arange(len(channels)), np.ones(len(channels))
+        order[list(how.order)], factors[list(how.order)] = np.array(how.order)[list(source)], factor
+        explained = _taken(asked, whole, sample, moved.read(order.tolist(), factors))
+        line = _own_line(asked, sample, changes)
+        return Changed(sample.label, tuple(changes), check, words, line, explained)
+
+    for a, b in combinations(range(n), 2):
+        moved, source = sample.moved(columns, exchanged(n, a, b)), along(columns, exchanged(n, a, b))
+        one, other = f"q{labels[a]}", f"q{labels[b]}"
+        changes: dict[str, dict] = {one: {"of": other}, other: {"of": one}}
+        words = f"{one} and {other} look swapped"
+        yield told("swapped_signals", words, moved, channels, np.ones(len(channels)), changes)
+        if source is not None:
+            words = f"joints {labels[a]} and {labels[b]} look swapped, positions and torques"
+            changes |= {asked.name(c): {"of": asked.name(k)} for c, k in enumerate(source) if c != k}
+            factor = asked.gains / asked.gains[source]
+            yield told("swapped_signals", words, moved, source, factor, changes)
+    for its in every(range(n)):
+        turned = np.isin(np.arange(n), its)
+        own = np.flatnonzero(turned[joint_of])
+        names = (*(f"q{labels[j]}" for j in its), *asked.names(own))
+        words = "all positions and torques have" if len(its) == n > 1 else f"{listed(names)} have"
+        moved, factor = sample.moved(columns, factor=np.where(turned, -1.0, 1.0)), np.ones(len(channels))
+        factor[own] = -1.0
+        changes = {name: {"sign": -1} for name in names}
+        yield told("position_sign", f"{words} the other sign", moved, channels, factor, changes)
 
 
 def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterator[Changed]:
@@ -268,7 +321,7 @@ def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterato
     for offset in OFFSETS:
         words = f"starts from another zero, about {-offset:.2g} rad off"
         remedy = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"  # no line: known to some degrees only
-        yield changed("position_zero", words, remedy, offset=offset)
+        yield replace(changed("position_zero", words, remedy, offset=offset), least=CLEARLY)
     for too in held(columns):
         if too.j == joint:
             explained = _taken(asked, whole, sample, too.without(columns, sample))

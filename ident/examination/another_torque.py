@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ident.examination.hypothesis import SWAPPED, Asked
-from ident.examination.quick import Assignment, Fit, Normal, Quick, Sample, gain_of, solve
+from ident.examination.quick import Assignment, Fit, Normal, Quick, gain_of, solve
 from ident.examination.scales import SCALED
 from ident.examination.units import times_too
 
@@ -34,11 +34,6 @@ class Reading:
     factor: tuple[float, ...]
     least: float = SWAPPED
     drives: tuple[int, ...] = ()
-
-    def of(self, sample: Sample) -> Sample:
-        """The recording so read."""
-        order, factor = list(self.source), np.array(self.factor)
-        return replace(sample, Y=sample.Y[:, order] * factor, late=sample.late[:, :, order] * factor)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,8 @@ _GRAVEST = (
 )
 
 
-SAID = 6  # causes that are told beside one
+FEW = 2  # causes that are told beside one: of more none is
+SAID = 6  # of them that are listed
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +128,23 @@ def listed(items: Iterable[object]) -> str:
 
 
 def instead(words: Sequence[str]) -> str:
-    """What may be there in the place of a cause, behind it; of more than a few how many."""
+    """What may be there in the place of a cause, behind it; of more than some how many."""
     few = words if len(words) <= SAID + 1 else words[:SAID]
     more = len(words) - len(few)
     return "".join(f", or {its}" for its in few) + (f", or one of {more} other causes" if more else "")
+
+
+def nothing_tells(words: Sequence[str], fallen: str, recording: str = "") -> Check:
+    """Of so many causes, in words, none is told; fallen: what each explains."""
+    whose = "of this recording contradict the other recordings', or theirs it" if recording else ""
+    return Check(
+        "unrelated_torque",
+        (),
+        f"torques and motion {whose or 'contradict each other'}, and nothing tells by what: "
+        f"{words[0]}{instead(words[1:])} are each an explanation, {fallen}",
+        "check that all signals are of one run and that the recordings are of one robot",
+        recording=recording,
+    )
 
 
 def turned_sign(names: tuple[str, ...], message: str, maps: Mapping[str, Any]) -> Check:

@@ -45,7 +45,7 @@ from ident.examination.magnitudes import magnitudes
 from ident.examination.motions import by_themselves, moved_positions, signed
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
-from ident.examination.recordings_apart import recordings_apart
+from ident.examination.recordings_apart import recordings_apart, recordings_unlike
 from ident.examination.rivals import alike, rivals
 from ident.examination.same_samples import same_samples
 from ident.examination.scales import scales, too_large, turned_scales
@@ -117,6 +117,9 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
             again = {(h.check.check, h.check.signals) for h in told}
             near = [h for h in near if (h.check.check, h.check.signals) not in again]
             found[-1] = best.beside(near).check
+        at_an_end = bool(found) and not found[-1].signals
+        if at_an_end:  # of so many causes none was told
+            break
         best = max(told, key=lambda h: h.gain, default=None)
         odd = not found and (bool(told) or bad(asked.fit) or _unforeseen(asked.fit))
         moved = [] if found else list(another_signal(asked, told, positions=odd))
@@ -130,7 +133,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
             refuse(stream.file, [*examine_tables(prepared), *found])
-        at_an_end = asked.of_robot(best)
+        at_an_end = asked.of_robot(best) or not best.check.signals
         if at_an_end:  # nothing here that later questions could stand on
             break
         asked = asked.after(best)
@@ -139,16 +142,17 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if at_an_end:
         return tuple(found)
     doubted = any(check.hint for stream in prepared.streams for check in stream.checks)
-    alone = [] if found or doubted else list(recordings_apart(asked))
-    if alone and not odd:  # of which recording all rows tell, if they were not asked
-        alone = list(another_signal(asked, ())) or alone
+    apart = [] if found or doubted else list(recordings_apart(asked.quick, asked.how))
+    alone = list(another_signal(asked, ())) if apart and not odd else []
+    alone = alone or list(recordings_unlike(asked, apart))
     found += motor_signs(asked)
     beside = alone or ([] if doubted else list(unexplained(asked)))
     held = asked.fit.validate
-    if not beside and held is not None:
+    if (alone or not beside) and held is not None:
         asks = not found and gain_of(held, asked.fit.error) > CARRIED
         scaled = carried_faults(asked) if asks else []
-        beside += [ambiguous(held, scaled)] if scaled else _by_all(prepared, asked) if asks else []
+        beside = [ambiguous(held, scaled)] if scaled else beside
+        beside += _by_all(prepared, asked) if asks and not beside else []
         beside += [] if beside or doubted else unpredicted(asked)
     if not beside:
         beside += contradicting(asked)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.check import SAID, Check, column_line, instead
+from ident.examination.check import FEW, Check, column_line, instead, nothing_tells
 from ident.examination.quick import FLOOR, Assignment, Fit, Quick, alone
 
 CLEARLY = 0.7  # gain: one channel's error is halved
@@ -45,8 +45,12 @@ class Hypothesis:
             return self
         head = message.split(WHICH)[0]
         end = min((k for k in (head.find(": "), head.find("; ")) if k > 0), default=len(head))
-        also = instead([its.words for its in others])
-        lines = dict.fromkeys(its.check.remedy for its in others[: SAID + 1] if its.check.remedy)
+        words = [its.words for its in others]
+        if len(words) > FEW:
+            fallen = message[end:].removeprefix(WHICH).lstrip(":; ")
+            return replace(self, check=nothing_tells([message[:end], *words], fallen, self.check.recording))
+        also = instead(words)
+        lines = dict.fromkeys(its.check.remedy for its in others if its.check.remedy)
         lines.pop(self.check.remedy, None)
         check = replace(
             self.check,

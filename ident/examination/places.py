@@ -7,6 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
+from ident.equations.columns import Columns
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import FLOOR, Fit, alone
@@ -50,6 +51,15 @@ def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
 def exchanged(n: int, a: int, b: int) -> list[int]:
     """0 .. n - 1 with two in each other's place."""
     return [b if k == a else a if k == b else k for k in range(n)]
+
+
+def along(columns: Columns, order: Sequence[int]) -> list[int] | None:
+    """For every channel that of the same side of joint order[j] in the place of its own joint j; None where
+    one is missing."""
+    own = list(zip(columns.joint_of, columns.need.channels))
+    place = {(int(j), c.side): k for k, (j, c) in enumerate(own)}
+    source = [place.get((order[int(j)], c.side), -1) for j, c in own]
+    return None if -1 in source else source
 
 
 def other_torques(asked: Asked) -> Iterator[Hypothesis]:
@@ -123,12 +133,9 @@ def other_orders(asked: Asked) -> Iterator[Hypothesis]:
     same = list(range(n))
     orders = [same[1:] + same[:1], same[-1:] + same[:-1], same[::-1]] if n > 2 else []
     orders += [exchanged(n, a, b) for a, b in combinations(same, 2)]
-    place = {(int(j), c.side): k for k, (j, c) in enumerate(zip(columns.joint_of, columns.need.channels))}
     for order in orders:
-        source = [
-            place.get((order[int(j)], c.side), -1) for j, c in zip(columns.joint_of, columns.need.channels)
-        ]
-        if -1 in source:
+        source = along(columns, order)
+        if source is None:
             continue
         changes = {f"q{labels[k]}": {"of": f"q{labels[order[k]]}"} for k in same if order[k] != k}
         changes |= {asked.name(c): {"of": asked.name(k)} for c, k in enumerate(source) if c != k}

@@ -112,6 +112,11 @@ class Sample:
         thin = replace(its, q=q + offset, dq=dq, ddq=ddq, sign_dq=sign)
         return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
 
+    def read(self, order: Sequence[int], factor: Any) -> Sample:
+        """With recorded torque k taken as that of order[k], times its factor (C,)."""
+        which = list(order)
+        return replace(self, Y=self.Y[:, which] * factor, late=self.late[:, :, which] * factor)
+
     def without_gravity(self, columns: Columns, channels: Iterable[int]) -> Sample:
         """The same torques taken without gravity in these channels, too."""
         more = sorted(set(channels) - self.weightless)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.examination.check import SAID, Check, instead
+from ident.examination.check import FEW, Check, instead, nothing_tells
 from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import rivals
@@ -147,15 +147,16 @@ def _off(asked: Asked, other: Fit, told: Sequence[Scale], others: Sequence[str])
     lines = [asked.line({name: {"scale": float(f"{its.factor:.3g}")}}) for name, its in zip(names, told)]
     first = told[0]
     which = [*(f"{name} {size}" for name, size in zip(names[1:], sizes[1:])), *others]
+    if len(which) > FEW:
+        fallen = f"scaled, {falls(asked.fit, other)}"
+        return nothing_tells([f"{names[0]} is {sizes[0]} beside the other torques", *which], fallen)
     beside = f"{instead(which)}, these recordings do not tell which" if which else ""
     return Check(
         "torque_scale",
         names,
         f"{names[0]} is {sizes[0]} beside the other torques{beside} (gear ratio, unit or drive gain): "
         f"scaled, {falls(asked.fit, other)}",
-        f"write {' or '.join(lines[: SAID + 1])}, where it is that"
-        if which
-        else lines[0],  # no line to undo it by
+        f"write {' or '.join(lines)}, where it is that" if which else lines[0],  # no line to undo it by
         spread=None if which else (first.high - first.low) / (2 * NORMAL * first.factor),
     )
 

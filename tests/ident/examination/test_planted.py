@@ -632,8 +632,9 @@ def test_another_zero_in_all_recordings_is_no_late_sensor_of_one(tmp_path):
     assert "channel_delay" not in {c.check for c in examine_fit(prepare_study(parted(study, 7, 9.7)))}
 
 
-def test_a_weight_that_looks_like_another_zero_is_told_with_it(tmp_path):
-    """A point mass half-way along a rokae's second link, in the second half of its seconds."""
+def test_a_weight_that_looks_like_another_zero_is_told_as_none(tmp_path):
+    """A point mass half-way along a rokae's second link, in the second half of its seconds: no signal of any
+    recording is blamed for it, and the diagnosis tells a payload there."""
     study = measured("rokae_xmate3pro")
     twin = PinocchioRobot(load_robot("rokae_xmate3pro"))
     reach = 0.5 * twin.model.jointPlacements[3].translation
@@ -663,5 +664,4 @@ def test_a_weight_that_looks_like_another_zero_is_told_with_it(tmp_path):
         for use, begin, end in runs
     ]
     study = study.with_(recordings=tuple(parts), filter=type(study.filter)())
-    (check,) = examine_fit(prepare_study(study))
-    assert check.check == "position_zero" and "or a load is carried" in check.message
+    assert not [c for c in examine_fit(prepare_study(study)) if c.signals]
