@@ -157,9 +157,19 @@ def test_every_effect_is_found(name: str, small_robot: Path, tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_a_backlash_that_dry_friction_s_turn_over_hides(tmp_path: Path) -> None:
-    """Of 1.9 mrad, until it is settled whole."""
-    truth = make_case("single", ["backlash"], 2223836930, "case", tmp_path, 25.0, 250.0, "A")
+@pytest.mark.parametrize(
+    ("name", "seed", "seconds"),
+    [
+        (
+            "backlash",
+            2223836930,
+            25.0,
+        ),  # 1.9 mrad, hidden by a turn-over until settled whole
+        ("load_dependent_friction", 2865414172, 30.0),  # 0.3 of the load, which noise has swallowed at first
+    ],
+)
+def test_what_something_else_hides(name: str, seed: int, seconds: float, tmp_path: Path) -> None:
+    truth = make_case("single", [name], seed, "case", tmp_path, seconds, 250.0, "A")
     assert truth is not None
     diagnosis = diagnose_study(load_study(tmp_path / "cases" / "case" / "study.yaml"))
     mark = score(truth, diagnosis_document(diagnosis))

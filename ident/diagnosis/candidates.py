@@ -27,10 +27,12 @@ SHARE = 0.25  # of the best one's gain in its metric
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """A hypothesis with its linear gain (nats)."""
+    """A hypothesis with its linear gain (nats). plain: it has its shape by white rows, not in the noise at
+    hand: that has swallowed it and shows another."""
 
     term: Term
     gain: float
+    plain: bool = False
 
 
 class Library:
@@ -56,7 +58,7 @@ class Library:
         place = term.place
         turn = state.turns.get(place.joint) if place.joint is not None else None
         signed = "sign_dq" in term.effect.needs
-        key = (*term.key, tuple(sorted(term.theta.items())), turn if signed else None)
+        key = (*term.kind, tuple(sorted(term.theta.items())), turn if signed else None)
         if key not in self.kept:
             made = state.scene.columns(term)
             size = sum(z.size * 4 for z in made.values())
@@ -107,8 +109,8 @@ def ranked(state: State, library: Library, closed: frozenset[int]) -> Ranking:
         if effect.shifts_time and late & {(place.joint, place.side), (None, None), (None, place.side)}:
             continue  # it comes late once: a delay and a lag that run against each other fit anything
         for theta in starts(state, library, effect, place):
-            term = Term(effect, place, theta)
-            if term.key in done and not effect.nonlinear:
+            term = Term(effect, place, theta).beside(done)
+            if term.copy and not effect.nonlinear:
                 continue
             columns = library.columns(state, term)
             if columns:
@@ -149,6 +151,21 @@ def elsewhere(ranking: Ranking, asked: Collection[Ranked], tau: float, most: int
     of joint 2, a fifth of its error, stood behind what joints 4 and 5 have.)"""
     joints = {r.term.place.joint for r in asked} | {None}
     return [r for r in short_list(ranking, joints) if r.gain > tau][:most]
+
+
+def beside(
+    ranking: Ranking, asked: Collection[Ranked], joint: int | None, tau: float, most: int
+) -> list[Ranked]:
+    """What else the fitted rows ask for on a joint, in the noise at hand or in white rows alone. (Of an arm
+    0.3 of the load of joint 2 was friction, which its noise swallowed: -0.01 of a rotor's torque began there,
+    and friction that follows the position led by far, with a shape at the end of its range.)"""
+    out: dict[tuple, Ranked] = {}
+    for plain, every in reversed(tuple(enumerate(ranking))):
+        here = (r for r in every.values() if r.term.place.joint == joint and r.gain > tau)
+        out |= {r.term.key: replace(r, plain=bool(plain)) for r in here}
+    for r in asked:
+        out.pop(r.term.key, None)
+    return sorted(out.values(), key=lambda r: -r.gain)[:most]
 
 
 def _contained(best: Mapping[tuple, Ranked], listed: Sequence[Ranked]) -> list[Ranked]:

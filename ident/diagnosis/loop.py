@@ -8,12 +8,12 @@ the same signals may be sufficient together. What is left in the end is asked fo
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.candidates import Library, elsewhere, ranked, short_list
+from ident.diagnosis.candidates import Library, Ranked, Ranking, beside, elsewhere, ranked, short_list
 from ident.diagnosis.events import Event, best_event
 from ident.diagnosis.evidence import Evidence, weigh
 from ident.diagnosis.halves import by_halves
@@ -109,7 +109,13 @@ def trace(
             taken = _load(state, event, weighed, tau, alpha)
         told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
         while taken is None and not weighed.passed:
-            taken = _unclear(state, weighed, told, tau, alpha)
+            taken = _unclear(state, weighed, tau, alpha)
+            end = None if taken else _at_an_end(state, weighed, told, tau, alpha)
+            if end is not None:
+                progress(f"{step}: asking what else its joint may lack", done)
+                weighed = _in_its_place(state, end[0].term, ranking, listed, tau, alpha)
+                taken = None if weighed.passed else _ended(state, *end)
+                break
             further = [] if taken else elsewhere(ranking, listed, tau, BUDGET - len(listed))
             if not further:
                 break
@@ -220,28 +226,15 @@ def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: fl
     )
 
 
-def _unclear(
-    state: State, weighed: Weighed, told: Collection[tuple], tau: float, alpha: float
-) -> Taken | None:
-    """Where nothing passed as it is: what holds in other rows, or once it was settled in, or what a shape at
-    the end of its range stands for; None: nothing. told: as of `_at_an_end`."""
+def _unclear(state: State, weighed: Weighed, tau: float, alpha: float) -> Taken | None:
+    """Where nothing passed as it is: what holds in other rows, or once it was settled in; None: nothing."""
     hidden = by_halves(state, weighed, tau, alpha) or by_common(state, weighed, tau, alpha)
     if hidden is not None:
         r, e, others = hidden
         step = Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others))
         return Taken(refined_together(with_found(state, Found(r.term, r.columns, r.sizes))), step)
     held = _doubtful(state, weighed, tau, alpha)
-    if held is not None:
-        return _settled(held, could_stand(weighed, held.refined, tau))
-    end = _at_an_end(state, weighed, told, tau, alpha)
-    if end is None:
-        return None
-    r, e = end
-    c = main_channel(e, r.term, state)
-    read = tuple(sorted(signals_read(r.term) or ()))
-    share = explained_share(state, c, r.columns[c] @ r.sizes)
-    what = Unnamed(c, read, e.log_e, e.gain, share, Equivalent(r.term, e.log_e))
-    return Taken(with_found(state, Found(None, r.columns, r.sizes, read)), what)
+    return None if held is None else _settled(held, could_stand(weighed, held.refined, tau))
 
 
 def _doubtful(state: State, weighed: Weighed, tau: float, alpha: float) -> Settled | None:
@@ -263,6 +256,25 @@ def _at_an_end(
     inside = [(replace(r, at_bound=()), e) for r, e in here]
     ended = [(r, e) for r, e in inside if holds(state, weighed.metric, r, e, tau, alpha)]
     return max(ended, key=lambda its: its[1].log_e, default=None)
+
+
+def _in_its_place(
+    state: State, term: Term, ranking: Ranking, listed: Sequence[Ranked], tau: float, alpha: float
+) -> Weighed:
+    """All else that the joint of a term may lack, beside the term: what passed says more than it."""
+    others = beside(ranking, listed, term.place.joint, tau, BUDGET - len(listed))
+    weighed = compared(state, [Ranked(term, 0.0), *others], tau, alpha)
+    own = max((e.log_e for r, e in weighed.all if r.term.key == term.key), default=0.0)
+    return replace(weighed, passed=tuple((r, e) for r, e in weighed.passed if e.log_e > own))
+
+
+def _ended(state: State, r: Refined, e: Evidence) -> Taken:
+    """What such a shape stands for, without a name."""
+    c = main_channel(e, r.term, state)
+    read = tuple(sorted(signals_read(r.term) or ()))
+    share = explained_share(state, c, r.columns[c] @ r.sizes)
+    what = Unnamed(c, read, e.log_e, e.gain, share, Equivalent(r.term, e.log_e))
+    return Taken(with_found(state, Found(None, r.columns, r.sizes, read)), what)
 
 
 def _pair(

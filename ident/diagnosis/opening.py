@@ -138,7 +138,7 @@ def opened(
         made = state.scene.columns(term)
         if made:
             p = next(iter(made.values())).shape[1]
-            state = state.plus(Found(term, made, np.zeros(p)))
+            state = state.plus(Found(term.beside({t.key for t in state.terms}), made, np.zeros(p)))
     return Opened(layout, settled(state, 2) if declared else state, cutoff, thinned, room)
 
 

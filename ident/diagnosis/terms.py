@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
+from itertools import count
 
 import numpy as np
 
@@ -16,18 +17,30 @@ from modelgen.effects.place import Motion, Place
 
 @dataclass(frozen=True)
 class Term:
-    """A placed effect; `size` are the coefficients that secant columns are taken at, None: tangents."""
+    """A placed effect; `size` are the coefficients that secant columns are taken at, None: tangents; copy:
+    which of several of its kind in one model it is."""
 
     effect: Effect
     place: Place
     theta: Mapping[str, float] = field(default_factory=dict)
     size: tuple[float, ...] | None = None
+    copy: int = 0
 
     @property
-    def key(self) -> tuple:
+    def kind(self) -> tuple:
         """Which hypothesis it is, whatever its shape."""
         p = self.place
         return (self.effect.name, p.joint, p.source, p.side, p.recording, p.link, p.parts)
+
+    @property
+    def key(self) -> tuple:
+        """Which one of its kind."""
+        return (*self.kind, self.copy)
+
+    def beside(self, known: Collection[tuple]) -> Term:
+        """The same as another one than those that are known by these keys."""
+        free = next(k for k in count() if (*self.kind, k) not in known)
+        return replace(self, copy=free)
 
     @property
     def factor(self) -> float:

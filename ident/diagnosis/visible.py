@@ -63,10 +63,10 @@ def smallest_visible(
     from the columns that the search has kept; without those that no size shows. Of delays and gears nothing
     is said: what they leave in slow motion may pass for noise."""
     kept: dict[tuple, list[tuple[dict[str, float], tuple]]] = {}
-    width = len(Term(library.places[0][0], library.places[0][1]).key) if library.places else 0
+    width = len(Term(library.places[0][0], library.places[0][1]).kind) if library.places else 0
     for key in library.kept:
         kept.setdefault(key[:width], []).append((dict(key[width]), key))
-    there = {term.key for term in state.terms}
+    there = {term.kind for term in state.terms}
     dry = cache(partial(dryness, state))
     both = cache(lambda joint: (its.metric if (its := dry(joint)) else state.metric).both)
     out = []
@@ -75,10 +75,10 @@ def smallest_visible(
         asked = effect.kind == "column" and effect.proportional and not effect.replaces
         if not asked or place.joint is None or place.joint in closed:
             continue
-        if term.key in there or term.key not in kept or place.parts:
+        if term.kind in there or term.kind not in kept or place.parts:
             continue
         beside = dry(place.joint), both(place.joint)
-        found = _visible(state, effect, place, kept[term.key], library, tau, alpha, *beside)
+        found = _visible(state, effect, place, kept[term.kind], library, tau, alpha, *beside)
         if found is not None:
             out.append(found)
     return tuple(out)

@@ -43,8 +43,8 @@ class Weighed:
 def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float) -> Weighed:
     """Refine, then weigh all in the noise that the best of them leaves."""
     m = state.metric
-    ranked = [(r, refine(m, state.scene, r.term)) for r in shortlist]  # slow rows may hide it, plain ones not
-    refined = [r for before, r in ranked if r.columns and max(r.gain, before.gain) > 1.0]
+    begun = [(r, refine(state.plain_metric if r.plain else m, state.scene, r.term)) for r in shortlist]
+    refined = [r for before, r in begun if r.columns and max(r.gain, before.gain) > 1.0]
     if not refined:
         return Weighed(m, (), ())
     m = leading_metric(state, refined)

@@ -150,19 +150,20 @@ def test_what_predicts_no_better_is_told_with_both_errors(monkeypatch):
     """Of 0.2 mrad of backlash 661 nats were dropped without a word: of the whole torque, instant by instant,
     18.6 % were left with it and 11.6 without."""
 
-    def fit(error, total, *places):
+    def fit(error, total, *places, other=2.3):
         return SimpleNamespace(
             terms=[SimpleNamespace(place=place) for place in places],
             columns=SimpleNamespace(need=SimpleNamespace(channels=None), channels=["tau_m1", "tau_m2"]),
             study=SimpleNamespace(effects=places, with_=lambda **keys: None),
-            full_rate_error={"validate": {"tau_m1": 2.3, "tau_m2": error, "total": total}},
+            full_rate_error={"validate": {"tau_m1": other, "tau_m2": error, "total": total}},
         )
 
     on_joint = SimpleNamespace(recording=None, rows=lambda channels: [1])
     known = SimpleNamespace(again=lambda study: None)
     monkeypatch.setattr(last_fit, "fit_study", lambda study, known: fit(11.6, 2.7))
     assert last_fit._worse(fit(18.6, 3.8, on_joint), known, 0) == {0: (11.6, 18.6)}
-    assert last_fit._worse(fit(11.0, 3.8, on_joint), known, 0) == {0: (2.7, 3.8)}  # all channels together
+    assert last_fit._worse(fit(11.0, 3.8, on_joint, other=3.4), known, 0) == {0: (2.7, 3.8)}  # all together
+    assert last_fit._worse(fit(1.6, 3.8, on_joint, other=3.4), known, 0) == {}  # of larger torques
     assert last_fit._worse(fit(6.0, 1.7, on_joint), known, 0) == {}
 
 
