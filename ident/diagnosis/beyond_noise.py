@@ -6,14 +6,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy.linalg
 import scipy.special
 
+from ident.diagnosis.evidence import TOLERANCE
 from ident.diagnosis.findings import Finding, Unexplained
 from ident.diagnosis.oscillating import blocks, oscillation_says
 from ident.diagnosis.pictures import picture
 from ident.diagnosis.state import State
 from ident.diagnosis.sufficiency import FORETOLD
+from ident.diagnosis.unknown_turns import unknown_turns
 from ident.estimation.fit import FitResult
+from ident.signals.dry_friction import TurnOver
 from ident.signals.filtering import prepare
 
 BY_CHANCE = 1e-3  # that so few fitted rows show so little noise; of many it is none
@@ -35,12 +39,14 @@ def beyond_noise(
         if joint in known or everywhere or not fitted.any() or not judged.any():
             continue
         noise, free = np.mean(state.residual[c, fitted] ** 2), float(state.metric.fitted.free[c])
-        expected = noise * fitted.sum() / free + np.mean(_parameter_variance(last, state, c, judged))
-        found = np.mean(state.residual[c, judged] ** 2)
+        own = noise * fitted.sum() / free
+        expected = own + np.mean(_parameter_variance(last, state, c, judged))
+        found = np.mean((state.residual[c] - _lasting(state, c, judged))[judged] ** 2)
         new, news = state.whiteners[c].sigma ** 2, state.whiteners[c].news
         by_chance = scipy.special.fdtri(news * judged.sum(), max(news * free, 1.0), 1 - BY_CHANCE)
         kind = last.columns.channels[c].rstrip("0123456789")
-        if found > FAR_OFF**2 * by_chance * expected:
+        most = FAR_OFF**2 * by_chance
+        if found > most * expected and found > most * (own + np.mean(_beside_turns(state, c, judged))):
             share = 100.0 * float(1.0 - expected / found)
             out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
         elif noise * FORETOLD > new and _oscillates(last, state, c, fitted, judged) > tau:
@@ -49,6 +55,16 @@ def beyond_noise(
             shown = picture(state, None, c, ("t",))
             out.append(Unexplained((joint,), kind, ("t",), share, nats, None, False, shown))
     return tuple(out)
+
+
+def _lasting(state: State, c: int, judged: np.ndarray) -> np.ndarray:
+    """(M,) what a channel's residual has in common all through a run of judged rows: the slowest of all
+    noise; of stretches of fitted runs none, whose own offset it is in."""
+    out, run = np.zeros(len(judged)), state.rows.recording
+    if state.rows.held_apart:
+        for r in np.unique(run[judged]):
+            out[run == r] = state.residual[c, judged & (run == r)].mean()
+    return out
 
 
 def _oscillates(last: FitResult, state: State, c: int, fitted: np.ndarray, judged: np.ndarray) -> float:
@@ -70,6 +86,29 @@ def _parameter_variance(last: FitResult, state: State, c: int, where: np.ndarray
     places, values = state.rows.base[c]
     own = values[where] @ state.metric.fitted.basis[places]  # whitened rows have unit variance
     return np.asarray(np.maximum(np.einsum("ij,jk,ik->i", X[where], C, X[where]), np.sum(own**2, axis=1)))
+
+
+def _beside_turns(state: State, c: int, where: np.ndarray) -> np.ndarray:
+    """(rows,) variance of a channel's model torque as the fitted rows determine it beside what is not known
+    of turns, starts and stops; of what they do not determine as much as you like. (A joint that went one way
+    there tells its dry friction from an offset by these alone, and was far off where it went the other.)"""
+    m, joint = state.metric, state.model.channels[c].joint
+    turns = unknown_turns(state.segments, joint, state.turns.get(joint, TurnOver()))
+    turns = m.whiteners[c] @ (turns * state.rows.scale[c][:, None])
+    gram, every = np.zeros((m.B, m.B)), np.zeros(m.B)
+    for k, (places, values) in enumerate(m.X):
+        on = m.fitted.mask & state.rows.use[k]
+        X = values[on]
+        every[places] += np.sum(values[state.rows.usable & state.rows.use[k]] ** 2, axis=0)
+        if k == c:
+            T = scipy.linalg.orth(turns[on])
+            X = X - T @ (T.T @ X)
+        gram[np.ix_(places, places)] += X.T @ X
+    d = np.sqrt(np.maximum(every, 1e-300))
+    s, V = np.linalg.eigh(gram / np.outer(d, d))
+    places, values = state.rows.base[c]
+    own = values[where] @ (V / np.sqrt(np.maximum(s, TOLERANCE * s[-1])) / d[:, None])[places]
+    return np.asarray(np.sum(own**2, axis=1))
 
 
 def _uncertain(last: FitResult, state: State, c: int) -> tuple[np.ndarray, np.ndarray]:

@@ -15,6 +15,7 @@ from functools import partial
 import numpy as np
 
 from ident.diagnosis.fine import FineKeeper, FineSegment, bytes_of
+from ident.diagnosis.outcome import threshold
 from ident.diagnosis.presliding import shortest_travels, told_as_effects
 from ident.diagnosis.room import Room, room_for
 from ident.diagnosis.rows import Rows, rows_of
@@ -88,9 +89,10 @@ class Source:
 
 
 def diagnosis_cutoff(prepared: Prepared) -> float:
-    """Hz of the rows that the diagnosis looks at."""
+    """Hz of the rows that the diagnosis looks at: no more than what is known of every position's motion."""
     slowest = min(stream.rate_hz for stream in prepared.streams)
-    return min(prepared.study.filter.position_cutoff_hz, float(slowest / PER_RATE))
+    known = (hz for bank in prepared.banks for hz in bank.lowest)
+    return min(prepared.study.filter.position_cutoff_hz, float(slowest / PER_RATE), *known)
 
 
 def opened(
@@ -129,7 +131,7 @@ def opened(
     layout = layout_of(study, columns, tuple(float(x) for x in high - low))
     layout = replace(layout, recordings=rows.names)
     problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n), source)
-    state = told_as_effects(first_state(problem, rows, segments))
+    state = told_as_effects(first_state(problem, rows, segments), threshold(study.alpha))
     declared = [
         Term(term.effect, term.place, dict(term.theta), tuple(term.size) or None)
         for term in (terms_of(study, columns, layout) if fitted is None else fitted)

@@ -4,9 +4,10 @@
 
 The widths belong to Coulomb friction itself, in every hypothesis alike: friction that turns over more
 slowly than the model's is no Stribeck curve. A travel that the samples show needs no rate:
-the least one that is tried is a friction that falls for a moment wherever the joint stops to turn. Each of
-two widths has to pay for itself beside the other. (Of positions in steps as long as the travel any gain let
-friction fall before a joint turned: eight rows of a thousand were four fifths of an error.) Profiled
+the least one that is tried is a friction that falls for a moment wherever the joint stops to turn. A second
+width has to pay for itself beside the first, and for its choice among so many; so has the only one of a joint
+that goes one way, which shows it by starts and stops alone. (Of positions in steps as long as the travel any
+gain let friction fall before a joint turned: eight rows of a thousand were four fifths of an error.) Profiled
 on the fitted rows; where parts of a run judge others, on all, as their slow noise is: a joint that turned in
 these alone was told as coupled to another. A grid in the logarithm of each width, then parabolas through the
 best three, joint after joint, until no other width says more than chance.
@@ -70,10 +71,10 @@ def grids(segments: Sequence[FineSegment], joint: int, shorter: float = 0.0) -> 
     }
 
 
-def reverses(segments: Sequence[FineSegment], joint: int) -> bool:
-    """Whether a joint goes both ways for certain; with one direction alone its dry friction is a constant."""
+def ways(segments: Sequence[FineSegment], joint: int) -> int:
+    """In how many directions a joint goes for certain."""
     speed = np.concatenate([np.where(s.certain[:, joint] >= 1, s.speed[:, joint], 0.0) for s in segments])
-    return bool((speed > 0).any() and (speed < 0).any())
+    return int((speed > 0).any()) + int((speed < 0).any())
 
 
 def unseen_travel(segments: Sequence[FineSegment], joint: int) -> float:
@@ -134,12 +135,13 @@ def settle(
     what is recorded of a sign}; kept: columns of an earlier search; motion: all segments, whose range it is,
     where only some are fitted."""
     motion, kept = motion or segments, kept or SignColumns()
-    dry = [d for d in dry if reverses(motion, d.joint)]
+    both = {d.joint: ways(motion, d.joint) == 2 for d in dry}  # what goes one way starts and stops
+    dry = [replace(d, travels=d.travels and both[d.joint]) for d in dry if ways(motion, d.joint)]
     shown = rows.fitted if rows.held_apart else rows.usable
     normal = _Normal.of(rows, shown, design, B, whiteners)
     out = dict(turns)
     moved = {d.joint: True for d in dry}
-    asked = np.log(max(int(shown.sum()), 2))  # a second width has to pay for itself (twice its nats)
+    number = np.log(max(int(shown.sum()), 2))  # what one more has to say (twice its nats)
     for first in (True, *(False,) * (sweeps - 1)):
         for d in dry:
             if not moved[d.joint]:
@@ -148,6 +150,7 @@ def settle(
             explained = normal.explaining(d, columns)
             before = out.get(d.joint)
             ladders = grids(motion, d.joint, d.shorter)
+            asked = {name: number + 2 * np.log(len(grid)) for name, grid in ladders.items()}  # and its choice
             orders = ORDERS if d.travels else (("rate",),)
             starts = [] if before is None else [(before, orders[0], False)]
             if before is not None and before.travel > 0:
@@ -157,14 +160,18 @@ def settle(
             seen = unseen_travel(motion, d.joint)
             ends = [_climbed(turn, order, whole, ladders, seen, explained) for turn, order, whole in starts]
             ends += [replace(t, travel=0.0) for t in ends]
-            paid = explained(ends) - asked * np.array([t.travel > 0 for t in ends])
+            paid = explained(ends) - asked["travel"] * np.array([t.travel > 0 for t in ends])
             turn = ends[int(paid.argmax())]
+            if before is None and not both[d.joint]:  # its constant friction is an offset
+                moved[d.joint] = bool(np.subtract(*explained([turn, starts[0][0]])) > asked["rate"])
+                if not moved[d.joint]:
+                    continue
             if turn.rate > 0 and turn.travel > seen:  # so has a rate beside a travel
                 bare = _climbed(replace(turn, rate=0.0), ("travel",), False, ladders, seen, explained)
-                turn = turn if np.subtract(*explained([turn, bare])) > asked else bare
+                turn = turn if np.subtract(*explained([turn, bare])) > asked["rate"] else bare
             if before is not None:
                 travels = np.array([turn.travel > 0, before.travel > 0])
-                gained = np.subtract(*(explained([turn, before]) - asked * travels))
+                gained = np.subtract(*(explained([turn, before]) - asked["travel"] * travels))
                 moved[d.joint] = gained > CHANCE or _far(before, turn)
                 turn = turn if moved[d.joint] else before
             its = {c: z[:, 0] for c, z in columns([turn]).items()}

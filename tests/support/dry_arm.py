@@ -14,10 +14,34 @@ from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 
 Sign = Callable[[np.ndarray, np.ndarray], np.ndarray]  # of q, dq (N, 3) -> (N, 3)
+Moves = Callable[..., tuple[np.ndarray, ...]]  # as recordings.motion
+
+
+def one_way(*asked: float) -> tuple[np.ndarray, ...]:
+    """As recordings.motion, but the second joint goes on and on, and stops every two seconds."""
+    t, q, dq, ddq = motion(*asked)
+    w = 0.5 * np.pi
+    q[:, 1], dq[:, 1] = 0.15 * (t - np.sin(2 * w * t) / (2 * w)), 0.3 * np.sin(w * t) ** 2
+    ddq[:, 1] = 0.3 * w * np.sin(2 * w * t)
+    return t, q, dq, ddq
+
+
+def back_again(seconds: float, rate: float, k: int, *rest: float) -> tuple[np.ndarray, ...]:
+    """The same, and in the second run back."""
+    t, *signals = one_way(seconds, rate, k, *rest)
+    for x in signals:
+        x[:, 1] *= 1 - 2 * k
+    return t, *signals
 
 
 def opened_dry_arm(
-    folder: Path, sign: Sign, rate_hz: float, seed: int, top: float | None = None, step: float = 0.0
+    folder: Path,
+    sign: Sign,
+    rate_hz: float,
+    seed: int,
+    top: float | None = None,
+    step: float = 0.0,
+    moves: Moves = motion,
 ) -> State:
     """The first state of a diagnosis of two runs, 20 s and 12 s, with 0.02 N m of white noise; top: rate of
     every joint [rad/s], where the motion is not to be as fast as it comes; step: of the encoders [rad]."""
@@ -29,7 +53,7 @@ def opened_dry_arm(
         if name.startswith(("Fv", "Fc", "Iam")):
             chi[k] = 1.0
     for k, seconds in enumerate((20, 12)):
-        t, q, dq, ddq = motion(seconds, rate_hz, k, 3, 2.0)
+        t, q, dq, ddq = moves(seconds, rate_hz, k, 3, 2.0)
         share = 1.0 if top is None else top / np.abs(dq).max(axis=0)
         q, dq, ddq = share * q, share * dq, share * ddq
         tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign(q, dq))) + 0.02 * rng.normal(

@@ -10,6 +10,7 @@ from ident.diagnosis.presliding import _by_rate_alone, _error, told_as_effects
 from ident.diagnosis.state import settled
 from modelgen.effects.states import integrate_dahl
 
+TAU = 8.3  # of a diagnosis at 1 %
 WIDTH, RATE = 0.004, 0.03  # rad of travel before the first joint slips; rad/s, of the others' turn-over
 
 
@@ -39,11 +40,11 @@ def test_a_travel_that_fitted_rows_do_not_show_stays_dry_frictions_own(soft):
     """No search on them finds it: where a joint turns in rows alone that judge, they were far off."""
     dry = tuple(replace(d, travels=True) for d in soft.problem.dry)
     own = settled(replace(soft, problem=replace(soft.problem, dry=dry), turns={}), 3)
-    assert own.turns[0].travel > 0.0 == told_as_effects(own).turns[0].travel
+    assert own.turns[0].travel > 0.0 == told_as_effects(own, TAU).turns[0].travel
     signs = [np.abs(s.sign_dq[: s.rows * s.every, 0]).reshape(s.rows, -1) for s in own.segments]
     turning = np.convolve(np.concatenate(signs).min(axis=1) < 0.999, np.ones(21), "same") > 0.5
     hidden = replace(own, rows=replace(own.rows, fitted=own.rows.fitted & ~turning))
-    assert told_as_effects(hidden).turns[0].travel > 0.0
+    assert told_as_effects(hidden, TAU).turns[0].travel > 0.0
 
 
 def test_a_travel_shorter_than_any_effect_has_is_dry_frictions_own(tmp_path):
