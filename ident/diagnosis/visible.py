@@ -20,10 +20,11 @@ chi-square each. Shapes are those of the search next to a usual robot's."""
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 
 import numpy as np
+import scipy.special
 import scipy.stats
 
 from ident.diagnosis.absorbed import Dryness, Left, dryness, products
@@ -162,9 +163,11 @@ def seen_from(
     asked = scipy.stats.chi2.isf(alpha / BUDGET, len(v))
     free = float(sum(m.judged.free[c] for c in columns))
     last = draws @ _root(A).T
+    sides = [(side, _left_of(m, side, white, v)) for side in (m.fitted, m.judged)]
+    rare = -scipy.special.ndtri(alpha / len(blocks))
 
     def power(size: float) -> float:
-        slow = [_beside_slow(m, side, white, size * v) for side in (m.fitted, m.judged)]
+        slow = [_beside_slow(side, left, size) for side, left in sides]
         left, more = alone.left(v, size), given.left(v, size)
         root = _root(left.A)
         b = (root @ root.T @ left.own) + draws @ root.T
@@ -187,7 +190,7 @@ def seen_from(
         each[:, -1] -= b @ left.own
         each -= searched[:, None] * _share(v, more)
         short = (ours / 2 - each)[:, :-1] / np.sqrt(np.maximum(ours[:, :-1], 1e-300))
-        contradicted = (short > scipy.stats.norm.isf(alpha / short.shape[1])).any(axis=1)
+        contradicted = (short > rare).any(axis=1)
         agree = _agree(each[:, :-1], ours[:, :-1], alpha) & ~contradicted
         shown |= ((slow[1] if m.parted else 1.0) * each.sum(axis=1) > tau) & agree
         return float(np.mean(shown & (slow[0] * gain > tau) & fitted))
@@ -202,14 +205,21 @@ def seen_from(
     return float(np.sqrt(low * high))
 
 
-def _beside_slow(m: Metric, side: Side, white: Columns, sizes: np.ndarray) -> float:
-    """Share of what whitened columns of these sizes would say in a side's residual that is left beside slow
-    noise."""
-    more = changed(m, side, white, -sizes, project(m, side, white)[0])
+def _left_of(m: Metric, side: Side, white: Columns, v: np.ndarray) -> dict[int, np.ndarray]:
+    """{channel: (M,)} what a side's model leaves of whitened columns with the sizes v."""
+    plain = replace(side, residual=np.zeros_like(side.residual))
+    left = changed(m, plain, white, -v, project(m, side, white)[0])
+    return {c: left[c] for c in white if side.noise}
+
+
+def _beside_slow(side: Side, left: Mapping[int, np.ndarray], size: float) -> float:
+    """Share of what a torque of this size, of which the model leaves `left`, would say in a side's residual
+    that stays beside slow noise."""
     slow = plain = 0.0
-    for c in white if side.noise else ():
-        slow += side.told[c] - float(side.noise[c].likelihoods(more[c]).max())
-        plain += 0.5 * side.free[c] * np.log((more[c] @ more[c]) / max(float(side.rss[c]), 1e-300))
+    for c, torque in left.items():
+        more = side.residual[c] + size * torque
+        slow += side.told[c] - float(side.noise[c].likelihoods(more).max())
+        plain += 0.5 * side.free[c] * np.log((more @ more) / max(float(side.rss[c]), 1e-300))
     return float(np.clip(slow / plain, 0.0, 1.0)) if plain > 0 else 1.0
 
 
