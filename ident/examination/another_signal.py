@@ -25,7 +25,17 @@ from ident.examination.changed import Changed, positions_in_all, torques_in_all,
 from ident.examination.check import FEW, Check, listed, nothing_tells
 from ident.examination.coupled import held
 from ident.examination.delays import LEAST_S
-from ident.examination.hypothesis import CLEARLY, EXPLAINED, SAME, SWAPPED, Asked, Hypothesis, bad, falls
+from ident.examination.hypothesis import (
+    CLEARLY,
+    EXPLAINED,
+    SAME,
+    SWAPPED,
+    Asked,
+    Hypothesis,
+    bad,
+    falls,
+    not_recorded,
+)
 from ident.examination.places import along, exchanged
 from ident.examination.quick import FLOOR, LAGS, Quick, Sample, added, solve
 from ident.examination.recordings_apart import thinned
@@ -55,7 +65,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     before = Explained.by(whole, asked.how)
     found = [*_torques(asked, whole, before), *_weightless(asked, whole), *torques_in_all(asked, whole)]
     if positions or bad(before.fit) or any(_explains(its, before) for its in found):
-        found += [*_positions(asked, whole), *positions_in_all(asked, whole)]
+        found += [_moving(asked, its) for its in (*_positions(asked, whole), *positions_in_all(asked, whole))]
 
     def gain(its: Changed) -> float:
         return its.explained.fit.gain_over(before.fit)
@@ -102,6 +112,16 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         explains=best.check != "position_zero"  # which is told to some degrees only
         and all(its.recording and its.signals for its in every),
     )
+
+
+def _moving(asked: Asked, its: Changed) -> Changed:
+    """Of a position that stands still in all recordings any other place is one that was not recorded."""
+    still = asked.still(its.signals)
+    if not still:
+        return its
+    check = not_recorded(still)
+    so = check.check, check.message, check.remedy
+    return replace(its, recording="", signals=still, check=so[0], words=so[1], remedy=so[2])
 
 
 def _where(its: Changed, best: Changed) -> str:

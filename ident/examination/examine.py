@@ -38,6 +38,7 @@ from ident.examination.hypothesis import (
     Hypothesis,
     bad,
     explains,
+    not_recorded,
     signal_of,
 )
 from ident.examination.limits import beyond_limits, reads_currents
@@ -113,6 +114,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     turned = halfway[-1][1].fit(how).gain_over(asked.fit) if halfway else -np.inf
     for _ in range(FAULTS):
         told = _believable(prepared, asked)
+        told = [_moving(asked, h) for h in told]
         if best is not None and near:  # asked again with the last one undone: no other name of it
             again = {(h.check.check, h.check.signals) for h in told}
             near = [h for h in near if (h.check.check, h.check.signals) not in again]
@@ -133,7 +135,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
             refuse(stream.file, [*examine_tables(prepared), *found])
-        at_an_end = asked.of_robot(best) or not best.check.signals
+        at_an_end = asked.of_robot(best) or best.check.check in ("unrelated_torque", "dead_channel")
         if at_an_end:  # nothing here that later questions could stand on
             break
         asked = asked.after(best)
@@ -218,12 +220,23 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
     def explained(h: Hypothesis) -> Explained:
         return Explained.by(all_rows(h.quick or asked.quick), h.how)
 
-    its, others = explained(best), [h for h in told if h is not best and h.words]
+    its = explained(best)
+    others = [h for h in told if h.words not in ("", best.words)]
     near = [h for h in others if not steadily(explained(h), its, RARE)]
     pool = rivals(whole, asked.how, asked.currents)
     also = alike((r for r in pool if not _same(r.explained, its)), Explained.by(whole, asked.how), its)
     silent = replace(best.check, remedy="")
     return near + [Hypothesis(0.0, asked.how, silent, words=r.words) for r in also]
+
+
+def _moving(asked: Asked, h: Hypothesis) -> Hypothesis:
+    """Of a position that stands still in all recordings any other motion is one that was not recorded. (Of an
+    LWR4+ whose fourth position did it was told as exchanged with the seventh.)"""
+    still = asked.still(h.check.signals) if h.quick is not None else ()
+    if not still:
+        return h
+    check = not_recorded(still)
+    return replace(h, check=check, words=check.message)
 
 
 def _same(one: Explained, other: Explained) -> bool:

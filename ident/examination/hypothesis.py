@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.check import FEW, Check, column_line, instead, nothing_tells
+from ident.examination.check import FEW, Check, column_line, instead, listed, nothing_tells
 from ident.examination.quick import FLOOR, Assignment, Fit, Quick, alone
+from ident.examination.signals import MOVED
 
 CLEARLY = 0.7  # gain: one channel's error is halved
 EXPLAINED = 0.5  # error of a torque above which no fault of it is believed: something else is missing
@@ -102,6 +103,12 @@ class Asked:
     def joints(self) -> list[str]:
         return [str(joint) for joint in self.quick.columns.need.joints]
 
+    def still(self, signals: Iterable[str]) -> tuple[str, ...]:
+        """Those of them that are positions, and stand still in all recordings."""
+        reach = np.max([np.ptp(s.q, axis=0) for s in self.quick.samples], axis=0)
+        resting = {f"q{joint}" for joint, moved in zip(self.joints, reach) if moved < MOVED}
+        return tuple(name for name in signals if name in resting)
+
     def name(self, c: int) -> str:
         return signal_of(self.quick.columns, c, self.currents)
 
@@ -140,6 +147,18 @@ class Asked:
         other = moved.fit(taken)
         if self.better(other, least):
             yield Hypothesis(other.gain_over(self.fit), taken, told(other), moved, words)
+
+
+def not_recorded(still: Sequence[str]) -> Check:
+    """Positions that stand still in all recordings where their joints did not."""
+    said, one = listed(still), len(still) == 1
+    return Check(
+        "dead_channel",
+        tuple(still),
+        f"{said} {'is' if one else 'are'} not where {'its joint was' if one else 'their joints were'}, and "
+        f"{'stands' if one else 'stand'} still in all recordings: not recorded, or in another column",
+        f"map the right column with columns: {{{still[0]}: {{column: ...}}}}",
+    )
 
 
 def signal_of(columns: Columns, c: int, currents: bool) -> str:

@@ -185,7 +185,8 @@ def _times_too(factor: float, low: float, high: float) -> str:
 
 def too_large(asked: Asked, names: Collection[str]) -> Iterator[Hypothesis]:
     """A torque beyond what joints give, told by its size and not searched: believed where stretch by stretch
-    the other torques agree that it is too large, and do not reject N mm; by how much they allow is told.
+    the other torques agree that it is too large, and do not reject N mm; by how much they allow is told. (Of
+    a KR 300 whose torques were all some times too large the last one was N mm: it fits no other.)
     Where no torque feels it the size alone is left."""
     whole, how = all_rows(asked.quick), asked.how
     as_it_is = Explained.by(whole, how)
@@ -194,7 +195,8 @@ def too_large(asked: Asked, names: Collection[str]) -> Iterator[Hypothesis]:
         if name not in names or abs(how.factor[c]) != 1.0:
             continue
         its, milli = allowed(whole, how, c, MILLI, WIDE), Explained.by(whole, how.times([c], MILLI))
-        if not its.low <= MILLI <= its.high or not agreed(as_it_is, milli, ODD):
+        open_ = its.low < 1.01 * MILLI / WIDE  # as well as nothing: the others agree with no size of it
+        if open_ or not its.high >= MILLI or not agreed(as_it_is, milli, ODD):
             continue
         check = Check(
             "torque_scale",

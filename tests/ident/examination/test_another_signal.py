@@ -172,3 +172,45 @@ def test_of_a_measured_robot_one_torque_scaled_in_the_run_that_is_fitted(tmp_pat
     ]
     scaled, other = (entry.columns for entry in mended_study(study, checks).recordings)
     assert scaled[signal].scale == pytest.approx(1 / factor, rel=0.02) and not other
+
+
+@pytest.mark.parametrize(
+    ("changed", "check", "names"),
+    [
+        (lambda c: {k: -c[k] for k in ("q2", "tau_m2")}, "position_sign", ("q2", "tau_m2")),
+        (
+            lambda c: {
+                k: c[b] for k, b in zip(("q2", "q3", "tau_m2", "tau_m3"), ("q3", "q2", "tau_m3", "tau_m2"))
+            },
+            "swapped_signals",
+            ("q2", "q3", "tau_m2", "tau_m3"),
+        ),
+        (
+            lambda c: {f"tau_m{j}": np.interp(c["t"] - 0.1, c["t"], c[f"tau_m{j}"]) for j in (1, 2, 3)},
+            "channel_delay",
+            ("tau_m1", "tau_m2", "tau_m3"),
+        ),
+    ],
+)
+def test_joints_and_clocks_of_one_recording(tmp_path, changed, check, names):
+    """Of a Franka whose second joint turned the other way in one recording q3 was told from another zero."""
+    (tmp_path / "small.yaml").write_text(ARM)
+    plan = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 15.0))
+    made = simulate(tmp_path / "small.yaml", runs=plan, seed=4)
+    runs = []
+    for its in made.recordings:
+        c = {k: np.asarray(x) for k, x in its.columns.items() if k[0] != "d"}
+        other = changed(c) if its.label == "run2" else {}
+        runs.append(ident.Recording(pa.table(c | other), its.use, name=its.label))
+    told = ident.fit(ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs)).checks
+    assert [(c.check, c.signals, c.recording) for c in told if c.check == check] == [(check, names, "run2")]
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_position_that_was_not_recorded_is_no_other_one(tmp_path):
+    """Of an LWR4+ whose fourth one stands still the fourth and the seventh were told to be exchanged."""
+    stands = lambda c: c | {"q4": 0 * c["q4"] + c["q4"][0], "dq4": 0 * c["q4"]}  # noqa: E731
+    study = planted(tmp_path, stands, measured("kuka_lwr4plus"))
+    signals = [s for c in examine_fit(prepare_study(study)) for s in c.signals]
+    assert set(signals) <= {"q4"}

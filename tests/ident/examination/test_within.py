@@ -1,9 +1,10 @@
 """A torque that changes its sign on the way is told where one arm is then left."""
 
 import numpy as np
-from planted import ON_RECORDINGS, measured, planted
+from planted import ON_RECORDINGS, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
 from ident.examination.hypothesis import Asked
 from ident.examination.quick import quick_of, take
 from ident.examination.within import changed_within
@@ -35,3 +36,15 @@ def test_one_that_does_is_told_beside_one_that_grows_on_the_way(tmp_path):
         }
 
     assert _told(planted(tmp_path, changed, measured("rokae_xmate3pro"))) == [("torque_sign", ("tau_l3",))]
+
+
+def test_of_three_seconds_two_torques_exchanged_and_a_position_turned_are_no_sign_that_changes(tmp_path):
+    """Of a Franka the first torque was told to change its sign, which explained nothing of all recordings."""
+    exchanged = lambda c: c | {"tau_l1": c["tau_l2"], "tau_l2": c["tau_l1"], "q4": -c["q4"]}  # noqa: E731
+    study = planted(tmp_path, lambda c: _rates(exchanged(c)), measured("franka_panda"))
+    told = examine_fit(prepare_study(parted(study, 6.5, 9.8)))
+    assert not [c for c in told if c.check == "torque_sign"]
+
+
+def _rates(columns):
+    return {k: v for k, v in columns.items() if k[0] != "d"}
