@@ -124,6 +124,12 @@ class Sample:
         W[more] -= at_rest(columns, self.payload, self.thin.q)[more]
         return replace(self, W=W, weightless=self.weightless.union(more))
 
+    def without_bodies(self, columns: Columns, channels: Iterable[int]) -> Sample:
+        """The same torques with nothing but friction, rotors and offsets in these channels."""
+        W = self.W.copy()
+        W[list(channels)] *= ~of_bodies(columns)
+        return replace(self, W=W)
+
     def mixed(self, columns: Columns, positions: np.ndarray, torques: np.ndarray) -> Sample:
         """Along positions (n, n) times those recorded, with recorded torques times (C, C)."""
         its = self.thin
@@ -376,9 +382,13 @@ def _observation(
 def at_rest(columns: Columns, payload: str | None, q: np.ndarray) -> np.ndarray:
     """(C, N, b): what is felt of bodies at positions q (N, n), which gravity alone makes."""
     none = np.zeros_like(q)
+    return np.asarray(regressor(columns, payload, q, none, none, none) * of_bodies(columns))
+
+
+def of_bodies(columns: Columns) -> np.ndarray:
+    """(b,) bool: parameters that are a body's."""
     names = [ParameterName.of(name) for name in columns.parameters]
-    bodies = np.array([name is not None and name.of_body for name in names])
-    return np.asarray(regressor(columns, payload, q, none, none, none) * bodies)
+    return np.array([name is not None and name.of_body for name in names])
 
 
 def regressor(

@@ -1,7 +1,7 @@
 """What may be there in place of a fault that a check names: everyday faults that one number describes.
 
     a torque takes up a share of another one, drifts, is larger in one recording or from an instant on, or has
-    another zero from then on
+    another zero there or from then on
     a joint's friction changes with its load
     a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, or holds that of the joint before it
@@ -26,7 +26,7 @@ from ident.examination.stretches import RARE, Explained, steadily
 from ident.examination.weightless import felt, without_gravity
 
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
-STARTS = (-0.5, 1.0)  # a position that is twice or half as large is far from where steps lead to
+STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
 HALF = 0.5  # of what is told, from which something else may be there in its place
 FACTORS, FINER = np.geomspace(1e-3, 1e3, 25), 3  # of torques of another unit; finer so often
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
@@ -107,6 +107,10 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
             if rival:
                 also = " or a load is carried there" if share < 1 else ""
                 words = f"{name} of {sample.label} is {_times(share)}{also}"
+                yield replace(rival, words=words, recording=sample.label)
+            zero, rival = found(_after(r, -np.inf, None))
+            if rival:
+                words = f"{name} of {sample.label} starts from another zero, {zero:.2g} off"
                 yield replace(rival, words=words, recording=sample.label)
         instants = np.linspace(sample.t[0], sample.t[-1], INSTANTS + 1)[1:-1]
         for constant in (False, True):

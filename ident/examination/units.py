@@ -13,7 +13,7 @@ from ident.examination.signals import TURNS
 from ident.examination.smooth_torques import SmoothTorques
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
-POSITION_FACTORS = (0.1, 0.5, 2.0, 10.0, 180 / np.pi)
+POSITION_FACTORS = (0.1, 0.5, 2.0, 2 * np.pi, 10.0, 180 / np.pi)  # turns are 2 pi
 DEGREES, HALF = np.pi / 180, 0.5
 NEXT, LEAST = 1.18, 0.1  # of factors of a position: the next one, and rad that it leaves at least
 FINE, NORMAL = 1.01, 1.96  # steps of what a factor may be, and standard deviations of that to either side
@@ -106,11 +106,21 @@ def _ratios(reach: float) -> list[float]:
 
 
 def degrees(asked: Asked) -> Iterator[Hypothesis]:
-    """All positions in degrees, or those of the joints that go beyond two turns."""
+    """All positions in degrees, or those of the joints that go beyond two turns; all in turns."""
     quick, fit = asked.quick, asked.fit
     turning = np.array([joint not in quick.columns.model.prismatic for joint in asked.joints])
     reach = reach_of(asked)
     if reach[turning].max(initial=0.0) < 2 * np.pi:
+        names = [f"q{j}" for j, turns in zip(asked.joints, turning) if turns]
+        line = asked.line({name: {"scale": 6.28319} for name in names})
+        moved = quick.moved(factor=np.where(turning, 2 * np.pi, 1.0))
+        words = "the positions are in turns"
+
+        def in_turns(other: Fit) -> Check:
+            return Check("angle_unit", tuple(names), f"{words}: taken so, {falls(fit, other)}", line)
+
+        if len(names) > 1 and reach[turning].max() < 2.0:
+            yield from asked.along(moved, in_turns, words)
         return
     far = turning & (reach > TURNS)
     for which in (turning, far) if far.any() and (far != turning).any() else (turning,):

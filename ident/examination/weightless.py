@@ -9,6 +9,7 @@ compensated nothing was said, and all first moments came out at nothing.)
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,9 +31,23 @@ def weightless(asked: Asked) -> Iterator[Hypothesis]:
         taken = without_gravity(quick, which)
         if _most_gain(asked, taken, which) < least or not asked.better(taken.fit(how), least):
             continue
-        plain = plain or Explained.by(all_rows(quick), how)
-        if steadily(plain, Explained.by(all_rows(taken), how), RARE):
-            yield _told(asked, which, taken)
+        plain, explained = plain or Explained.by(all_rows(quick), how), Explained.by(all_rows(taken), how)
+        if steadily(plain, explained, RARE):
+            its = _told(asked, which, taken)
+            yield its if len(which) > 1 else _or_friction(asked, its, which, explained)
+
+
+def _or_friction(asked: Asked, its: Hypothesis, which: Sequence[int], explained: Explained) -> Hypothesis:
+    """One torque without gravity; beside one that shows no body at all where that explains as much. (Of three
+    arms one that held its joint's velocity was told to be compensated.)"""
+    bare = asked.quick.of([s.without_bodies(asked.quick.columns, which) for s in asked.quick.samples])
+    if steadily(Explained.by(all_rows(bare), asked.how), explained, RARE):
+        return its
+    words = f"{asked.name(which[0])} shows friction alone, as its joint's velocity in its place does"
+    fallen = falls(asked.fit, bare.fit(asked.how))
+    remedy = f"check its column, or leave it out with {asked.left_out(which)}"
+    check = Check("unrelated_torque", its.check.signals, f"{words}: so taken, {fallen}", remedy)
+    return replace(its, check=check, quick=bare, words=words).beside([its])
 
 
 def unfelt(asked: Asked) -> Iterator[Check]:

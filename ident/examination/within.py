@@ -58,11 +58,12 @@ def changed_within(asked: Asked) -> Iterator[tuple[Check, Quick]]:
             its = [change.undone(s) if k == which else s for k, s in enumerate(undone.samples)]
             undone = undone.of(its)
             told.append((change.c, _told(asked, sample, change), undone))
-        if told and _contradicted(undone, undone.samples[which : which + 1], how).any():
+        if told and beyond_own(*_left(undone, undone.samples[which : which + 1], how)).any():
             continue
         found, quick = [*found, *told], undone
     if found:
-        apart = _contradicted(quick, quick.samples, how)
+        error, own = _left(quick, quick.samples, how)
+        apart = beyond_own(error, own) | (error > EXPLAINED)
         yield from ((check, without) for c, check, without in found if not apart[c])
 
 
@@ -78,12 +79,12 @@ def _told(asked: Asked, sample: Sample, change: Change) -> Check:
     )
 
 
-def _contradicted(quick: Quick, samples: Sequence[Sample], how: Assignment) -> np.ndarray:
-    """(C,) bool: torques of these recordings of which one set of bodies leaves more than bodies of each do.
-    (Of a rokae with a position in degrees two torques were told to change their signs, of a Franka on a wall
-    one.)"""
-    whole = quick.of([replace(s, role="identify") for s in samples if s.role != "test"])
-    return beyond_own(whole.fit(how).error, ByItself.by(whole, how).fit.error)
+def _left(quick: Quick, samples: Sequence[Sample], how: Assignment) -> tuple[np.ndarray, np.ndarray]:
+    """(C,) what one set of bodies leaves of the torques of these recordings, and what bodies of each do. (Of
+    a rokae with a position in degrees, or all on the motor's side, two torques were told to change their
+    signs, of a Franka on a wall one.)"""
+    whole = quick.of([replace(s, role="identify") for s in samples])
+    return whole.fit(how).error, ByItself.by(whole, how).fit.error
 
 
 def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:

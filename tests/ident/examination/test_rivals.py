@@ -116,6 +116,16 @@ def test_a_share_that_only_validate_shows_is_no_drift(tmp_path, c, k, size):
     assert f"why: {c} takes up {size} of {k}: this alone" in check.message
 
 
+def test_a_sensor_that_was_tared_anew_between_two_recordings(tmp_path):
+    """Another robot, load or signal was told, or that the torque is half as large in one of them."""
+    tared = lambda x: x | {"tau_l4": x["tau_l4"] - 11.0 * (x["t"] - x["t"][0] > 7.0)}  # noqa: E731
+    (check,) = _said(parted(planted(tmp_path, tared, measured("rokae_xmate3pro")), 7.0, 9.7))
+    told = check.message.split("why: ")[1].split(":")[0].split("; ")
+    assert {its.replace("identify", "").replace("validate", "").split(", ")[0] for its in told} == {
+        "tau_l4 of  starts from another zero"
+    }
+
+
 def test_a_share_of_a_large_torque_in_a_small_one_is_no_drift(tmp_path):
     """A rokae's first sensor carries next to nothing, its second one gravity."""
     mixed = lambda x: x | {"tau_l1": x["tau_l1"] + 0.3 * x["tau_l2"]}  # noqa: E731

@@ -76,3 +76,16 @@ def test_a_measured_position_of_the_motors_side(tmp_path, robot, joint, ratio):
     assert (said.check, said.signals) == ("angle_unit", (f"q{joint}",))
     told = yaml.safe_load(said.remedy)["columns"][f"q{joint}"]
     assert told["scale"] * told.get("sign", 1) * ratio == pytest.approx(1.0, abs=4 * said.spread)
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("joints", [(3,), (1, 2, 3, 4, 5, 6)])
+def test_measured_positions_in_turns(tmp_path, joints):
+    """Nothing was said of either."""
+    turns = {f"{d}q{j}" for j in joints for d in ("", "d", "dd")}
+    study = planted(tmp_path, lambda c: {k: v / (2 * np.pi) if k in turns else v for k, v in c.items()})
+    (said,) = examine_fit(prepare_study(study))
+    assert (said.check, said.signals) == ("angle_unit", tuple(f"q{j}" for j in joints))
+    scales = [its["scale"] for its in yaml.safe_load(said.remedy)["columns"].values()]
+    assert scales == pytest.approx([2 * np.pi] * len(scales), rel=1e-5)

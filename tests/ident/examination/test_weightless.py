@@ -90,3 +90,13 @@ def _quick(prepared):
         prepared.columns,
         [s for role in roles for s in take(prepared.streams, prepared.banks, prepared.columns, role)],
     )
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_velocity_in_the_place_of_a_measured_torque(tmp_path):
+    """It shows no gravity, and no body either: it was told to be compensated."""
+    study = planted(tmp_path, lambda c: c | {"i4": 20 * np.gradient(c["q4"], c["t"])})
+    (said,) = examine_fit(prepare_study(study))
+    assert (said.check, said.signals) == ("unrelated_torque", ("i4",))
+    assert said.message.startswith("i4 shows friction alone, as its joint's velocity")

@@ -46,5 +46,17 @@ def test_of_three_seconds_two_torques_exchanged_and_a_position_turned_are_no_sig
     assert not [c for c in told if c.check == "torque_sign"]
 
 
+def test_of_positions_of_the_motors_side_no_torque_changes_its_sign(tmp_path):
+    """Of a rokae's two were told to, by the fitted recording alone."""
+    gears = {f"q{j}": ratio for j, ratio in enumerate((101, -100, 80, -81, 60, 50, -51), 1)}
+    study = planted(
+        tmp_path,
+        lambda c: _rates({k: gears.get(k, 1) * v for k, v in c.items()}),
+        measured("rokae_xmate3pro"),
+    )
+    told = examine_fit(prepare_study(parted(study, 7.0, 9.7)))
+    assert not [c for c in told if c.check == "torque_sign"]
+
+
 def _rates(columns):
     return {k: v for k, v in columns.items() if k[0] != "d"}
