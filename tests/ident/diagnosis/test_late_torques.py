@@ -130,23 +130,6 @@ def test_a_sign_is_recorded_late(late):
     assert told[10:-10] == pytest.approx(np.roll(step, 4)[10:-10], abs=1e-9)
 
 
-@pytest.mark.skipif(
-    not (DATA / "franka_panda").is_dir(), reason="the recordings of measured robots are not here"
-)
-def test_late_torques_that_a_short_run_takes_up(tmp_path):
-    """Seven seconds of a Franka, all torques 20 ms late: where it is fitted the error is 1.8 %, elsewhere
-    6.6, and no joint alone says why."""
-    (base,) = (b for b in BASES if b.robot == "franka_panda")
-    (fault,) = (f for f in FAULTS if f.name.startswith("torques late"))
-    document = ident.diagnose(ident.load(thinned(planted(base, fault, tmp_path)))).document()
-    (finding,) = document["findings"]
-    assert (finding["effect"], finding["joints"]) == ("time_delay", [])
-    delay = finding["parameters"]["delay"]
-    assert LATE_S < delay["value"] < 1.4 * LATE_S  # it has some 4 ms of its own
-    before, after = (document["error_percent"][k]["test"]["total"] for k in ("before", "after"))
-    assert after < 0.4 * before
-
-
 def test_15_ms_of_one_joint_that_dry_friction_takes_up(tmp_path):
     """Of a twin's fourth joint: 15 nats beside the turn-over of a model without them, and it said none."""
     runs = [PlannedRun(f"run{k}", use, 25.0) for k, use in enumerate(("identify", "identify", "validate"))]

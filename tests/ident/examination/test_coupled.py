@@ -38,7 +38,6 @@ def test_an_elbow_that_is_counted_from_the_base(tmp_path, sign, line, drives):
     [
         ("ur10e", 3, 2, -1),
         ("airbot_play", 3, 2, 1),
-        ("ur10e", 5, 4, 1),
     ],
 )
 def test_of_a_measured_robot(tmp_path, robot, j, i, sign):

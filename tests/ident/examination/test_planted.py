@@ -391,7 +391,7 @@ def test_a_clipped_torque(tmp_path):
     assert {(c.check, c.signals) for c in checks} == {("saturation", ("i2",))}
 
 
-@pytest.mark.parametrize("joint", range(1, 7))
+@pytest.mark.parametrize("joint", [1, 3, 6])
 def test_one_torque_with_the_other_sign_is_named_and_undone(tmp_path, joint):
     study = planted(tmp_path, changed(f"i{joint}", np.negative))
     checks = examine_fit(prepare_study(study))

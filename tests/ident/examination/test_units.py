@@ -62,7 +62,7 @@ def test_a_measured_position_in_another_unit_in_one_run(tmp_path, joint, factor,
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(
     ("robot", "joint", "ratio"),
-    [("ur10e", 2, 101.0), ("kuka_lwr4plus", 2, 101.0), ("kuka_lwr4plus", 4, -30.0)],
+    [("ur10e", 2, 101.0), ("kuka_lwr4plus", 4, -30.0)],
 )
 def test_a_measured_position_of_the_motors_side(tmp_path, robot, joint, ratio):
     """Of the second robot's it was told that two positions look exchanged."""
