@@ -634,7 +634,7 @@ def test_another_zero_in_all_recordings_is_no_late_sensor_of_one(tmp_path):
 
 def test_a_weight_that_looks_like_another_zero_is_told_as_none(tmp_path):
     """A point mass half-way along a rokae's second link, in the second half of its seconds: no signal of any
-    recording is blamed for it, and the diagnosis tells a payload there."""
+    recording is blamed for it. (Another zero explains about as much, and was told with the load.)"""
     study = measured("rokae_xmate3pro")
     twin = PinocchioRobot(load_robot("rokae_xmate3pro"))
     reach = 0.5 * twin.model.jointPlacements[3].translation
