@@ -9,10 +9,7 @@ block k of them is normal about its forecast,
 
     ln p(y_k | the others) = -1/2 (P y)_k' P_kk^-1 (P y)_k + 1/2 ln det P_kk   but for a constant
 
-(S. Sundararajan and S. S. Keerthi, Neural Computation 13(5), 2001). The noise in K has a power of its own in
-each block, beside the function and without it: the one that suits its forecast best. (With one for all a
-function that took up a loud second or two left quieter noise, and so foretold each quiet block better: of
-clean slow arms structure was told.)"""
+(S. Sundararajan and S. S. Keerthi, Neural Computation 13(5), 2001)."""
 
 from __future__ import annotations
 
@@ -26,7 +23,6 @@ from ident.diagnosis.state import State
 from ident.diagnosis.unknown_turns import unknown_turns
 from ident.signals.dry_friction import TurnOver
 
-LOUDNESS = 6  # turns of the blocks' noise and what it is beside
 TINY = 1e-9  # of a block's precision: a direction that the others leave free
 SIZES = np.concatenate([[0.0], np.geomspace(1e-2, 1e8, 61)])  # of the turns' variance, times the noise's
 
@@ -46,6 +42,8 @@ def block_gains(state: State, m: Metric, c: int, flex: Flexible) -> np.ndarray:
     for residual, rooms in ((beside, [room]), (side.residual[c], [])):
         slow, _ = noise.most_likely(residual)
         size, power = _of_turns(turns, slow, residual[on], noise.free)
+        used = _used(room / np.sqrt(power)) if rooms else 0.0
+        power *= noise.free / max(noise.free - used, 1.0)
         parts = [slow, np.sqrt(size) * turns, *(its / np.sqrt(power) for its in rooms)]
         its_power = 0.5 * np.bincount(numbers) * np.log(power)
         told.append(_foretold(X, parts, y / np.sqrt(power), numbers) - its_power)
@@ -67,30 +65,27 @@ def _of_turns(turns: np.ndarray, slow: np.ndarray, e: np.ndarray, free: float) -
     return float(SIZES[k]), float(rss[k]) / free
 
 
+def _used(room: np.ndarray) -> float:
+    """Numbers of the rows that functions (rows, k) of unit size take up."""
+    s = np.linalg.svd(room, compute_uv=False) ** 2
+    return float(np.sum(s / (1 + s)))
+
+
 def _foretold(X: np.ndarray, parts: Sequence[np.ndarray], y: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """(blocks,) of noise that is white in each block, of whatever size is most likely as all others foretell
-    it; parts (rows, k) of unit size, and X (rows, r) of any."""
-    n = np.bincount(numbers)
-    out, power = np.zeros(len(n)), np.ones(len(n))
-    for _ in range(LOUDNESS):
-        scale = 1 / np.sqrt(power[numbers])[:, None]
-        U = _orthonormal(scale * np.hstack([X, *parts]), X.shape[1])
-        left = scale[:, 0] * y
-        left -= U @ (U.T @ left)
-        for k in range(len(n)):
-            mine = numbers == k
-            w, V = np.linalg.eigh(np.eye(n[k]) - U[mine] @ U[mine].T)
-            w = np.maximum(w, TINY)
-            power[k] *= max(float(np.sum((V.T @ left[mine]) ** 2 / w)) / n[k], TINY)
-            out[k] = 0.5 * np.log(w).sum()
-    return out - 0.5 * n * np.log(power)
-
-
-def _orthonormal(S: np.ndarray, free: int) -> np.ndarray:
-    """(rows, k) of columns (rows, p), of which those after the first `free` are of unit size."""
+    """(blocks,) of white noise of unit variance, parts (rows, k) of unit size, and X (rows, r) of any."""
+    S, r = np.hstack([X, *parts]), X.shape[1]
     G = S.T @ S
-    G[np.arange(free, len(G)), np.arange(free, len(G))] += 1.0
+    G[np.arange(r, len(G)), np.arange(r, len(G))] += 1.0
     d = np.sqrt(np.maximum(np.diag(G), 1e-300))
     w, V = np.linalg.eigh(G / np.outer(d, d))
     good = w > 1e-10 * w[-1]
-    return np.asarray(S @ (V[:, good] / np.sqrt(w[good]) / d[:, None]))
+    U = S @ (V[:, good] / np.sqrt(w[good]) / d[:, None])
+    left = y - U @ (U.T @ y)
+    out = np.zeros(numbers.max() + 1)
+    for k in range(len(out)):
+        mine = numbers == k
+        P = np.eye(mine.sum()) - U[mine] @ U[mine].T
+        w, V = np.linalg.eigh(P)
+        w = np.maximum(w, TINY)
+        out[k] = 0.5 * np.log(w).sum() - 0.5 * float(np.sum((V.T @ left[mine]) ** 2 / w))
+    return out

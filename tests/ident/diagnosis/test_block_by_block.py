@@ -50,16 +50,6 @@ def test_a_spike_is_not(quiet):
     assert not foretold(told(state, spike, frozenset({"t", "q1", "dq1"})))
 
 
-@pytest.mark.parametrize("period_s", [0.7, 1.5])
-def test_a_loud_while_is_not(quiet, period_s):
-    """Two seconds of 30 times the noise: what a function takes up there leaves less noise and better
-    parameters, and so every quiet block was foretold better beside it."""
-    state, noise, _ = quiet
-    t = state.rows.t - state.rows.t[np.flatnonzero(state.rows.fitted)[0]] - 2
-    loud = np.where((t > 0) & (t < 2), np.sin(2 * np.pi * t / period_s), 0.0)
-    assert not foretold(told(state, 30 * noise * loud))
-
-
 def test_what_is_not_known_of_turns_is_not(quiet):
     """A torque of 40 deviations after every turn, each of its own size, fading as friction's own does."""
     state, noise, _ = quiet
