@@ -135,8 +135,9 @@ def settle(
     what is recorded of a sign}; kept: columns of an earlier search; motion: all segments, whose range it is,
     where only some are fitted."""
     motion, kept = motion or segments, kept or SignColumns()
-    both = {d.joint: ways(motion, d.joint) == 2 for d in dry}  # what goes one way starts and stops
-    dry = [replace(d, travels=d.travels and both[d.joint]) for d in dry if ways(motion, d.joint)]
+    went = {d.joint: ways(motion, d.joint) for d in dry}
+    both = {joint: its == 2 for joint, its in went.items()}  # what goes one way starts and stops
+    dry = [replace(d, travels=d.travels and both[d.joint]) for d in dry if went[d.joint]]
     shown = rows.fitted if rows.held_apart else rows.usable
     normal = _Normal.of(rows, shown, design, B, whiteners)
     out = dict(turns)
