@@ -28,7 +28,7 @@ def signals_read(term: Term) -> frozenset[str] | None:
         return None
     j = place.joint + 1
     table = {"q": f"q{j}", "dq": f"dq{j}", "sign_dq": f"dq{j}", "ddq": f"ddq{j}", "tau_link": "tau", "t": "t"}
-    table["friction"] = f"dq{j}"
+    table |= {"friction": f"dq{j}", "offset": "tau"}
     if place.source is not None:
         k = place.source + 1
         table |= {"q_source": f"q{k}", "dq_source": f"dq{k}", "ddq_source": f"ddq{k}", "sign_sum": f"dq{k}"}

@@ -173,7 +173,7 @@ def settle(
             if before is not None:
                 travels = np.array([turn.travel > 0, before.travel > 0])
                 gained = np.subtract(*(explained([turn, before]) - asked["travel"] * travels))
-                moved[d.joint] = gained > CHANCE or _far(before, turn)
+                moved[d.joint] = gained > CHANCE or is_another(before, turn)
                 turn = turn if moved[d.joint] else before
             its = {c: z[:, 0] for c, z in columns([turn]).items()}
             normal = normal.taken(d, its)  # later joints see the new column
@@ -335,7 +335,8 @@ def _climbed(
     return turn
 
 
-def _far(a: TurnOver, b: TurnOver) -> bool:
+def is_another(a: TurnOver, b: TurnOver) -> bool:
+    """Whether some width of the one is another one's."""
     pairs = ((a.rate, b.rate), (a.travel, b.travel))
     return any(abs(np.log(max(x, 1e-12) / max(y, 1e-12))) > 0.1 * np.log(STEPS) for x, y in pairs if x != y)
 

@@ -99,7 +99,7 @@ def torques(
             own = {its.kind: values[name] for name in values if (its := ParameterName.of(name))
                    and its.label == labels[j] and not its.payload}  # fmt: skip
             viscous, dry, offset = (own.get(kind + "ml"[behind], 0.0) for kind in ("Fv", "Fc", "Off"))
-            known["friction"] = viscous * v["dq"][j] + dry * v["sign"][j]
+            known |= {"friction": viscous * v["dq"][j] + dry * v["sign"][j], "offset": offset}
             if behind:
                 known["tau_link"] -= known["friction"] + offset
         if s is not None:

@@ -129,6 +129,7 @@ class Effect(Expressions, Telling):
                 end = "l" if place.side == "link" else "m"
                 viscous, dry, offset = (model.number(kind + end, j) or 0.0 for kind in ("Fv", "Fc", "Off"))
                 out["friction"] = viscous * motion.dq[:, j] + dry * motion.sign_dq[:, j]
+                out["offset"] = np.full(len(motion.t), offset)
                 if end == "l":  # what a share of the link's friction is added to is the bodies' torque
                     out["tau_link"] = out["tau_link"] - out["friction"] - offset
         if source is not None and j is not None:
@@ -209,7 +210,7 @@ class Effect(Expressions, Telling):
         q, dq, ddq = truth.state(place)
         signals = {"t": truth.t - truth.t[0], "q": q[:, j], "dq": dq[:, j], "ddq": ddq[:, j]}
         signals["tau_link"] = truth.tau_link[:, j]
-        signals["friction"] = np.zeros(len(truth.tau_link))
+        signals["friction"] = signals["offset"] = np.zeros(len(truth.tau_link))
         if s is not None:
             signals |= {"q_source": q[:, s], "dq_source": dq[:, s], "ddq_source": ddq[:, s]}
         columns = self.numpy_columns(signals, {n: values[n] for n in self.nonlinear_names})

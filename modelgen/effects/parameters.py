@@ -22,6 +22,7 @@ class Signals:
     sign_dq = sp.Symbol("sign_dq", real=True)  # sign(dq), or its smoothed form
     tau_link = sp.Symbol("tau_link", real=True)  # torque the gear passes to the link
     friction = sp.Symbol("friction", real=True)  # Fv dq + Fc sign(dq) of the joint; not in tau_link then
+    offset = sp.Symbol("offset", real=True)  # constant torque of the joint; not in tau_link either
     tau = sp.Symbol("tau", real=True)  # the channel the effect disturbs, undisturbed
     dtau = sp.Symbol("dtau", real=True)  # its time derivative
     q_source = sp.Symbol("q_source", real=True)  # of the other joint of a pair

@@ -2,7 +2,7 @@
 
 import sympy as sp
 
-from modelgen.effects.carried import CARRIED, HIDDEN_ROTOR, OWN_FRICTION
+from modelgen.effects.carried import CARRIED, HIDDEN_ROTOR, OWN_FRICTION, OWN_OFFSET
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
 
 
@@ -16,8 +16,8 @@ class LoadDependentViscousFriction(Effect):
     remedy = "add its term to the friction model; check the lubrication of the gear"
     terms = {"muv": sp.Abs(CARRIED) * SIGNALS.dq}
     linear = (LinearParameter("muv", "s/rad", 0.0, 0.5, "positive"),)
-    nonlinear = (HIDDEN_ROTOR, OWN_FRICTION)
-    typical = {"muv": 0.08, "Iam": 0.0, "own": 0.0}
+    nonlinear = (HIDDEN_ROTOR, OWN_FRICTION, OWN_OFFSET)
+    typical = {"muv": 0.08, "Iam": 0.0, "own": 0.0, "own_offset": 0.0}
     common = False
 
 

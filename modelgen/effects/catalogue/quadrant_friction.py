@@ -2,7 +2,7 @@
 
 import sympy as sp
 
-from modelgen.effects.carried import CARRIED, HIDDEN_ROTOR, OWN_FRICTION
+from modelgen.effects.carried import CARRIED, HIDDEN_ROTOR, OWN_FRICTION, OWN_OFFSET
 from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
 
 load = sp.Abs(CARRIED) * SIGNALS.sign_dq
@@ -31,8 +31,8 @@ class QuadrantFriction(Effect):
         LinearParameter("mu_drive", "-", 0.0, 0.6, "positive"),
         LinearParameter("mu_brake", "-", 0.0, 0.6, "positive"),
     )
-    nonlinear = (HIDDEN_ROTOR, OWN_FRICTION)
-    typical = {"mu_drive": 0.12, "mu_brake": 0.05, "Iam": 0.0, "own": 0.0}
+    nonlinear = (HIDDEN_ROTOR, OWN_FRICTION, OWN_OFFSET)
+    typical = {"mu_drive": 0.12, "mu_brake": 0.05, "Iam": 0.0, "own": 0.0, "own_offset": 0.0}
     common = False
 
 

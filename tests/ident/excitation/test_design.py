@@ -85,6 +85,7 @@ def test_the_slope_of_a_separation_is_that_of_differences(arm, texts, near):
     pair = [term_of(known, text, bounds, motion) for text in texts]
     separation = Separation(known, basis, known.sigma(motion), 0.05 * bounds.dq, pair)
     way = np.random.default_rng(3).normal(size=x.shape)
+    separation(x)  # finds the shapes that imitate; from there on they are followed
     ends = [separation(x + h * way)[0] for h in (1e-5, -1e-5)]
     assert np.sum(separation(x)[1]() * way) == pytest.approx((ends[0] - ends[1]) / 2e-5, rel=near)
 

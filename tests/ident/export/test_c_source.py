@@ -147,7 +147,7 @@ EFFECTS = [
         "fixed": ["wavenumber"],
     },
     {"effect": "hysteresis", "joint": 4, "Fc": 3.0, "width": 0.02},
-    {"effect": "load_dependent_friction", "joint": 2, "mu": 0.05, "Iam": 0.3, "own": 0.4},
+    {"effect": "load_dependent_friction", "joint": 2, "mu": 0.05, "Iam": 0.3, "own": 0.4, "own_offset": 0.7},
     {"effect": "maxwell_slip", "joint": 3, "Wa": 1.0, "Wb": 2.0, "Wc": 0.7, "width": 0.01},
     {"effect": "offset_drift", "joint": 5, "slope": 0.03},
     {"effect": "joint_coupling", "joint": 6, "source_joint": 5, "Fv": 0.4, "Ia": 0.1},
