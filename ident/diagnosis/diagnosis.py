@@ -28,6 +28,7 @@ from ident.diagnosis.findings import (
     in_doubt,
     not_told,
     told_by_checks,
+    told_once,
     unexplained_of,
 )
 from ident.diagnosis.floor import noise_floor
@@ -162,7 +163,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
     notes += (*sized_by_judged(outcome.last, last), *turning_over(working, last))
-    findings = (*told_by_checks(study, mended, checks), *in_doubt(found, checks))
+    findings = told_once(told_by_checks(study, mended, checks), in_doubt(found, checks))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += not_told(outcome, refused)
     told = {j for f in findings for j in f.joints} | {j for u in unexplained for j in u.joints}

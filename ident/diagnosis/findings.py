@@ -319,6 +319,35 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
     return tuple(out)
 
 
+def told_once(by_checks: Sequence[Finding], found: Sequence[Finding]) -> tuple[Finding, ...]:
+    """What checks undid, then what was found; of one torque's factor that a check undid, and of which a
+    remainder was found, the whole. (A gain of 1.09 was told as one of 1.1 and another of 0.990.)"""
+    effects, left, out = catalogue(), list(found), []
+    for f in by_checks:
+        its = effects[f.effect]
+        factor = len(f.parameters) == len(its.linear) == 1 and its.factor(np.ones(1)) != 1.0
+        rest = next((r for r in left if factor and _of_one_torque(f, r)), None)
+        if rest is not None:
+            left.remove(rest)
+            (name,) = f.parameters
+            undone, remaining = f.parameters[name]["value"], rest.parameters[name]
+            std = None if remaining["std"] is None else undone * remaining["std"]
+            whole = {**remaining, "value": undone * remaining["value"], "std": std}
+            f = replace(f, parameters={name: whole}, equivalent=rest.equivalent, picture=rest.picture)
+        out.append(f)
+    return (*out, *left)
+
+
+def _of_one_torque(a: Finding, b: Finding) -> bool:
+    """Whether two findings are the same effect on the same torque, in the same recordings."""
+    return (a.effect, a.joints, a.channel, a.where.get("recording")) == (
+        b.effect,
+        b.joints,
+        b.channel,
+        b.where.get("recording"),
+    )
+
+
 def _map_of(study: Study, signal: str, recording: str) -> Any:
     """The column map of a signal: a recording's own, or the study's."""
     own = [e.columns[signal] for e in study.recordings if e.label == recording and signal in e.columns]

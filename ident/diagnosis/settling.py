@@ -29,7 +29,6 @@ from ident.diagnosis.state import (
 from ident.diagnosis.sufficiency import sufficiency, sufficient
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Equivalent, Weighed, holds, is_physical, main_channel
-from ident.diagnosis.turn_over import TurnOver, is_another
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Place
 
@@ -54,24 +53,14 @@ class Settled:
 
 def refined_together(state: State) -> State:
     """Shapes of all effects found, each beside the others, then the whole settled; again where an effect
-    acts on the model's own torque, or reads the sign of dry friction, until its size, or the turn-over,
-    stays: they answer each other."""
+    acts on the model's own torque, until its size stays: model and size answer each other."""
     for _ in range(ROUNDS):
-        before, turned = _sizes(state), _turns(state)
+        before = _sizes(state)
         state = _refined_once(state)
-        after, turning = _sizes(state), _turns(state)
-        if set(before) != set(after) or set(turned) != set(turning):
-            break
-        stays = all(abs(after[k] - before[k]) < STAYS * abs(after[k]) for k in after)
-        if stays and not any(is_another(turned[j], turning[j]) for j in turned):
+        after = _sizes(state)
+        if set(before) != set(after) or all(abs(after[k] - before[k]) < STAYS * abs(after[k]) for k in after):
             break
     return state
-
-
-def _turns(state: State) -> dict[int, TurnOver]:
-    """Of the joints the sign of whose friction an effect found reads: its column is made with it."""
-    joints = {t.place.joint for t in state.terms if "sign_dq" in t.effect.needs}
-    return {j: turn for j, turn in state.turns.items() if j in joints}
 
 
 def _sizes(state: State) -> dict[tuple, float]:

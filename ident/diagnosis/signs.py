@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Sequence
 from functools import lru_cache
+from typing import Protocol
 
 import numpy as np
 
 from ident.diagnosis.fine import FineSegment
-from ident.diagnosis.recorded import Record
 from ident.diagnosis.rows import Rows
 from ident.signals.dry_friction import TurnOver, mean_sign, slid
+
+
+class How(Protocol):
+    """What is recorded of a joint's sign in a channel: [(N,) of a stretch, ...] -> the same, and what it is a
+    matter of."""
+
+    def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]: ...
+    @property
+    def key(self) -> Hashable: ...
+
 
 Signs = Callable[[TurnOver], list[np.ndarray]]  # of one joint: (N,) smoothed sign of each stretch
 
@@ -49,7 +59,7 @@ class SignColumns:
         self.kept: dict[tuple[int, Hashable, TurnOver], np.ndarray] = {}
 
     def columns(
-        self, segments: Sequence[FineSegment], joint: int, turns: Sequence[TurnOver], record: Record | None
+        self, segments: Sequence[FineSegment], joint: int, turns: Sequence[TurnOver], record: How | None
     ) -> np.ndarray:
         """(M, turns)"""
         signs, how = self._signs(segments, joint), None if record is None else record.key
@@ -81,7 +91,7 @@ def sign_columns(
     joint: int,
     channel: int,
     turns: Sequence[TurnOver],
-    record: Record | None = None,
+    record: How | None = None,
     kept: SignColumns | None = None,
 ) -> np.ndarray:
     """(M, turns) decimated smoothed signs; record: how one is recorded, where the torque comes late."""
@@ -97,7 +107,7 @@ def sign_column(
     joint: int,
     channel: int,
     turn: TurnOver,
-    record: Record | None = None,
+    record: How | None = None,
 ) -> np.ndarray:
     """(M,) of one turn-over."""
     return sign_columns(segments, rows, joint, channel, [turn], record)[:, 0]
@@ -107,7 +117,7 @@ def _decimated(
     segments: Sequence[FineSegment],
     joint: int,
     signs: Iterable[Sequence[np.ndarray]],
-    record: Record | None,
+    record: How | None,
 ) -> np.ndarray:
     """(M, k) of k signs (N,) of each stretch, as they are recorded."""
     each = zip(segments, zip(*(signs if record is None else map(record, signs))))

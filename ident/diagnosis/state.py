@@ -18,6 +18,7 @@ from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record, comes_late, recorders
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.signs import SignColumns, sign_column
+from ident.diagnosis.steps import Stepped, multiplies_sign, steps
 from ident.diagnosis.terms import Scene, Term, columns_of, motion_of
 from ident.diagnosis.turn_over import Dry, TurnOver, settle, with_column, with_turn_overs
 from ident.diagnosis.whitened import Whitener, whiteners
@@ -265,8 +266,9 @@ def turned(state: State, afresh: Collection[int] = (), joint: int | None = None)
         return state
     own = fitted_alone(state)
     design, B, record = _as_recorded(own, dry)
+    design, stepped = _as_stepped(own, dry, design, record)
     turns = settle(
-        own.rows, design, B, own.whiteners, own.segments, dry, state.turns, afresh, record,
+        own.rows, design, B, own.whiteners, own.segments, dry, state.turns, afresh, {**record, **stepped},
         kept=p.signs, motion=state.segments,
     )  # fmt: skip
     if turns == state.turns:
@@ -310,13 +312,13 @@ def fitted_alone(state: State) -> State:
 
 def _as_recorded(
     state: State, dry: Sequence[Dry]
-) -> tuple[Sequence[tuple[np.ndarray, np.ndarray]], int, Mapping[int, Record]]:
+) -> tuple[Sequence[tuple[np.ndarray, np.ndarray]], int, dict[tuple[int, int], Record]]:
     """The design with dry friction's columns as they are recorded, which the columns of what comes late have
-    no more part in, and how a sign is recorded in the channels that come late."""
+    no more part in, and how each joint's sign is recorded in the channels that come late."""
     design, B = state.design
     record = recorders(state.terms, state.model.channels, state.motions)
     if not record:
-        return design, B, record
+        return design, B, {}
     late: dict[int, tuple[int, float]] = {}  # of each channel the first of what comes late: its place, size
     at = state.rows.b
     for f in state.found:
@@ -335,7 +337,44 @@ def _as_recorded(
             values[:, places == where] -= state.beta[place] * (sign[:, None] - values[:, its]) / size
             values[:, its] = sign[:, None]
             made[c] = places, values
-    return made, B, record
+    return made, B, {(d.joint, c): record[c] for d in dry for c, _ in d.places if c in record}
+
+
+def _as_stepped(
+    state: State,
+    dry: Sequence[Dry],
+    design: Sequence[tuple[np.ndarray, np.ndarray]],
+    late: Mapping[tuple[int, int], Record],
+) -> tuple[Sequence[tuple[np.ndarray, np.ndarray]], dict[tuple[int, int], Stepped]]:
+    """The design with all that a joint's sign multiplies in the columns of its dry friction, as it is at the
+    estimate, where effects were found that have a part in it; and what that is. (Not where it comes late.)"""
+    made, out = list(design), dict[tuple[int, int], Stepped]()
+    for d, c in dict.fromkeys((its, c) for its in dry for c, _ in its.places):
+        turn, joint = state.turns.get(d.joint), state.model.channels[c].joint
+        asked = [
+            (number, f.term)
+            for number, f in enumerate(state.found)
+            if f.term is not None and c in f.columns and multiplies_sign(f.term, d.joint)
+        ]
+        if turn is None or not asked or (d.joint, c) in late:
+            continue
+        own = [place for channel, place in d.places if channel == c]
+        heights = [np.full(len(s.t), float(state.beta[own].sum())) for s in state.segments]
+        places, values = made[c][0], made[c][1].copy()
+        for number, term in asked:
+            model, taken = state.but(number).model, []
+            for k, (segment, motion) in enumerate(zip(state.segments, state.motions)):
+                step = steps(term, motion, model)[c]
+                heights[k] += step @ state.found[number].sizes
+                taken.append(segment.decimate(step * motion.sign_dq[:, [d.joint]], joint))
+            at = state.rows.b + sum(len(f.sizes) for f in state.found[:number])
+            its = (places >= at) & (places < at + len(state.found[number].sizes))
+            values[:, its] -= np.concatenate(taken) * state.rows.scale[c][:, None]
+        out[d.joint, c] = Stepped(heights)
+        column = sign_column(state.segments, state.rows, d.joint, c, turn, out[d.joint, c])
+        values[:, np.isin(places, own)] = column[:, None]
+        made[c] = places, values
+    return made, out
 
 
 def _found_dry(state: State) -> tuple[Dry, ...]:

@@ -24,9 +24,8 @@ import numpy as np
 import scipy.linalg
 
 from ident.diagnosis.fine import FineSegment
-from ident.diagnosis.recorded import Record
 from ident.diagnosis.rows import Rows
-from ident.diagnosis.signs import SignColumns, sign_columns
+from ident.diagnosis.signs import How, SignColumns, sign_columns
 from ident.diagnosis.whitened import Whitener
 from ident.signals.dry_friction import TurnOver
 
@@ -125,15 +124,15 @@ def settle(
     dry: Sequence[Dry],
     turns: Mapping[int, TurnOver],
     afresh: Collection[int] = (),
-    record: Mapping[int, Record] = MappingProxyType({}),
+    record: Mapping[tuple[int, int], How] = MappingProxyType({}),
     sweeps: int = 3,
     kept: SignColumns | None = None,
     motion: Sequence[FineSegment] = (),
 ) -> dict[int, TurnOver]:
     """The widths that fit best beside everything in `design` (whose first columns are the rows' base), near
-    `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: {channel:
-    what is recorded of a sign}; kept: columns of an earlier search; motion: all segments, whose range it is,
-    where only some are fitted."""
+    `turns`; those of joints without any, and of the joints `afresh`, from all their range. record: {(joint,
+    channel): what is recorded of a sign}; kept: columns of an earlier search; motion: all segments, whose
+    range it is, where only some are fitted."""
     motion, kept = motion or segments, kept or SignColumns()
     went = {d.joint: ways(motion, d.joint) for d in dry}
     both = {joint: its == 2 for joint, its in went.items()}  # what goes one way starts and stops
@@ -173,7 +172,7 @@ def settle(
             if before is not None:
                 travels = np.array([turn.travel > 0, before.travel > 0])
                 gained = np.subtract(*(explained([turn, before]) - asked["travel"] * travels))
-                moved[d.joint] = gained > CHANCE or is_another(before, turn)
+                moved[d.joint] = gained > CHANCE or _far(before, turn)
                 turn = turn if moved[d.joint] else before
             its = {c: z[:, 0] for c, z in columns([turn]).items()}
             normal = normal.taken(d, its)  # later joints see the new column
@@ -188,13 +187,13 @@ def _columns(
     rows: Rows,
     whiteners: Sequence[Whitener],
     dry: Dry,
-    record: Mapping[int, Record],
+    record: Mapping[tuple[int, int], How],
     kept: SignColumns,
     turns: Sequence[TurnOver],
 ) -> dict[int, np.ndarray]:
     """{channel: (M, turns)} a joint's dry friction as it turns over, whitened."""
     return {
-        c: whiteners[c] @ sign_columns(segments, rows, dry.joint, c, turns, record.get(c), kept)
+        c: whiteners[c] @ sign_columns(segments, rows, dry.joint, c, turns, record.get((dry.joint, c)), kept)
         for c in {c for c, _ in dry.places}
     }
 
@@ -335,8 +334,7 @@ def _climbed(
     return turn
 
 
-def is_another(a: TurnOver, b: TurnOver) -> bool:
-    """Whether some width of the one is another one's."""
+def _far(a: TurnOver, b: TurnOver) -> bool:
     pairs = ((a.rate, b.rate), (a.travel, b.travel))
     return any(abs(np.log(max(x, 1e-12) / max(y, 1e-12))) > 0.1 * np.log(STEPS) for x, y in pairs if x != y)
 

@@ -9,7 +9,8 @@ from modelgen.effects.effect import SIGNALS, Effect, LinearParameter
 class LoadDependentFriction(Effect):
     """Dry friction mu |tau_link| sign(dq). Where the base parameters do not part the rotor's inertia from the
     link's, the torque that the gear carries is known but for Iam ddq, and Iam is found with mu, as are the
-    shares `own` of the joint's other friction and `own_offset` of its constant torque that the gear carries."""
+    shares of the joint's other friction (`own`) and of its constant torque (`own_offset`) that the gear
+    carries."""
 
     name = "load_dependent_friction"
     summary = "dry friction grows with the torque that the gear passes on"

@@ -16,7 +16,7 @@ from ident.diagnosis.candidates import (
     short_list,
 )
 from ident.diagnosis.document import diagnosis_document
-from ident.diagnosis.findings import ESTABLISHED, Finding, in_doubt
+from ident.diagnosis.findings import ESTABLISHED, Finding, in_doubt, told_once
 from ident.diagnosis.outcome import BUDGET, threshold
 from ident.diagnosis.sufficiency import signals_read
 from ident.diagnosis.terms import Term
@@ -103,6 +103,21 @@ def test_a_check_that_leaves_open_which_torque_it_is_is_said_beside_the_finding(
     assert [(a.effect, a.joints, a.log_e) for a in told[0].equivalent] == [("drive_gain_error", (2,), None)]
     assert in_doubt((gain,), (currents,))[0] == told[0]
     assert told[1] == other and in_doubt((gain,), (one,)) == (gain,)
+
+
+def test_a_gain_that_a_check_undid_in_part_is_told_once():
+    value = {"value": 1.1, "std": None, "unit": "-", "at_bound": False}
+    check = Finding(
+        "drive_gain_error", (1,), "tau_m", {}, {"gain": value}, 0, 1.0, 1.0, 0.0, (), "", ESTABLISHED, ""
+    )
+    rest = replace(check, where={"side": "motor"}, parameters={"gain": {**value, "value": 0.99, "std": 0.01}})
+    other = replace(rest, joints=(2,))
+    told = told_once((check,), (rest, other))
+    assert [f.joints for f in told] == [(1,), (2,)] and told[1] is other
+    assert told[0].parameters["gain"]["value"] == pytest.approx(1.089)
+    assert told[0].parameters["gain"]["std"] == pytest.approx(0.011)
+    sign = replace(check, effect="torque_sign", parameters={})
+    assert told_once((sign,), (other,)) == (sign, other)
 
 
 def test_the_screen_puts_the_effect_on_its_list(arm, clean_arm):
