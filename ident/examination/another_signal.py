@@ -70,8 +70,9 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     def gain(its: Changed) -> float:
         return its.explained.fit.gain_over(before.fit)
 
-    best = _best(whole, before, sorted(found, key=gain, reverse=True))
-    if best is None or not _explains(best, before):
+    owns = [Explained.by(whole.of([s]), asked.how) for s in whole.samples]
+    best = _best(before, owns, sorted(found, key=gain, reverse=True))
+    if best is None:
         return
     if any(h.gain > gain(best) for h in told if asked.of_robot(h)):
         return
@@ -93,7 +94,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     }
     told_too = [its for its in once.values() if _explains(its, before)]
     told_too = [its for its in told_too if steadily(before, its.explained, RARE)]
-    told_too = [its for its in told_too if _of_itself(whole, before, its)]
+    told_too = [its for its in told_too if _of_itself(before, owns, its)]
     near = [its for its in (*told_too, *instead) if not steadily(its.explained, best.explained, RARE)]
     every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
     said = [its.words + _where(its, best) for its in every]
@@ -130,27 +131,28 @@ def _where(its: Changed, best: Changed) -> str:
     return f" in {its.recording}" if its.recording else " in all recordings"
 
 
-def _best(whole: Quick, before: Explained, found: Sequence[Changed]) -> Changed | None:
-    """The first of these, most gain first, that its recording bears by itself and that what gains more does
-    not reject: or it is only a part of something else."""
-    for its in found:
-        if _of_itself(whole, before, its):
-            return its if not steadily(its.explained, found[0].explained, RARE) else None
+def _best(before: Explained, owns: Sequence[Explained], found: Sequence[Changed]) -> Changed | None:
+    """The first of these, most gain first, that its recording bears by itself, where it explains enough and
+    what gains more does not reject it: or it is only a part of something else."""
+    enough = [k for k, its in enumerate(found) if _explains(its, before)]
+    for k, its in enumerate(found[: max(enough, default=-1) + 1]):
+        if _of_itself(before, owns, its):
+            bears = k in enough and not steadily(its.explained, found[0].explained, RARE)
+            return its if bears else None
     return None
 
 
-def _of_itself(whole: Quick, before: Explained, its: Changed) -> bool:
-    """Whether a fit of the recording alone explains it no worse than without the cause, and one fit of all
-    recordings explains them about as fits of each do: a signal that is another one contradicts its own
-    recording, too, or fits it as well, and beside nothing else makes one robot's recordings of them.
-    (Of an LWR4+ whose other recording had no gravity in its torques a first position 10 times too small was
-    told, of torques of another run two that look swapped.)"""
+def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bool:
+    """Whether a fit of the recording alone explains it no worse than without the cause (owns: of each
+    recording), and one fit of all recordings explains them about as fits of each do: a signal that is another
+    one contradicts its own recording, too, or fits it as well, and beside nothing else makes one robot's
+    recordings of them. (Of an LWR4+ whose other recording had no gravity in its torques a first position 10
+    times too small was told, of torques of another run two that look swapped.)"""
 
     each = []
-    for s, so in zip(whole.samples, its.explained.quick.samples):
-        own = Explained.by(whole.of([s]), before.how)
-        if its.recording in ("", s.label):
-            changed = Explained.by(whole.of([so]), its.explained.how)
+    for own, so in zip(owns, its.explained.quick.samples):
+        if its.recording in ("", so.label):
+            changed = Explained.by(before.quick.of([so]), its.explained.how)
             if steadily(changed, own, RARE):
                 return False
             own = changed

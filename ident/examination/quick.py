@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.linalg.lapack import dposv
 
 from ident.equations.columns import Columns
 from ident.recordings.recording import RecordingStream
@@ -90,7 +91,8 @@ class Sample:
     def rows(self, pick: slice | np.ndarray) -> Sample:
         """Some of its rows."""
         thin = picked(self.thin, np.arange(len(self.t))[pick])
-        Y, weight, W, late = self.Y[pick], self.weight[pick], self.W[:, pick], self.late[:, pick]
+        Y, weight, late = self.Y[pick], self.weight[pick], self.late[:, pick]
+        W = np.ascontiguousarray(self.W.swapaxes(1, 2)[:, :, pick]).swapaxes(1, 2)
         return replace(self, thin=thin, Y=Y, weight=weight, W=W, late=late)
 
     def beside(self, more: np.ndarray) -> Sample:
@@ -208,12 +210,13 @@ class Normal:
     def of(cls, s: Sample) -> Normal:
         C, _, b = s.W.shape
         G, v = np.zeros((C, b, b)), np.zeros((C, C, b))
+        root = np.sqrt(s.weight)
         for c in range(C):
-            live = np.flatnonzero(s.W[c].any(axis=0))  # a torque feels no link before its joint
-            plain = s.W[c][:, live]
-            W = plain * s.weight[:, c : c + 1]
-            G[c][np.ix_(live, live)] = W.T @ plain
-            v[c][:, live] = s.Y.T @ W
+            columns = s.W[c].T  # (b, N), row after row in memory
+            live = np.flatnonzero(columns.any(axis=1))  # a torque feels no link before its joint
+            W = columns[live] * root[:, c]
+            G[c, live[:, None], live] = W @ W.T
+            v[c][:, live] = (W @ (s.Y * root[:, c : c + 1])).T
         return cls(G, v, s.weight.T @ s.Y**2, s.weight.sum(axis=0))
 
     def right(self, how: Assignment) -> tuple[np.ndarray, np.ndarray]:
@@ -233,7 +236,7 @@ class Normal:
 
     def left(self, chi: np.ndarray, size: np.ndarray, v: np.ndarray) -> np.ndarray:
         """The same of torques with |Y|^2 (C,) and W' Y (C, b)."""
-        left = size - 2 * v @ chi + self.G @ chi @ chi
+        left = size - 2 * v @ chi + (self.G.reshape(-1, len(chi)) @ chi).reshape(-1, len(chi)) @ chi
         seen = (self.rows > 10) & (size > 0)
         return np.where(seen, np.sqrt(np.maximum(left, 0.0) / np.where(seen, size, 1.0)), np.nan)
 
@@ -298,11 +301,17 @@ def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
         length = np.where(live, np.sqrt(np.maximum(own, 0.0)), np.inf)
         normal = G / length / length[:, None]
         normal.ravel()[:: len(own) + 1] += np.where(live, RIDGE, 1.0)
-        chi = np.linalg.solve(normal, scale @ right / length) / length
+        chi = _solved(normal, scale @ right / length) / length
         error = identify.left(chi, size, right)
         if turn < 2:
             scale = np.where(seen, 1.0 / (np.maximum(size, 1e-300) * np.fmax(error, 0.02) ** 2), 0)
     return Fit(chi, error, validate.errors(chi, how) if validate else None, normal, length, scale)
+
+
+def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """(b,) of a symmetric matrix (b, b) that is positive but for rounding."""
+    _, x, failed = dposv(normal.T, right, lower=1)
+    return np.linalg.solve(normal, right) if failed else x
 
 
 def alone(G: np.ndarray, v: np.ndarray, size: np.ndarray) -> np.ndarray:

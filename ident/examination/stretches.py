@@ -6,6 +6,7 @@ Residuals are correlated over a stretch, hardly beyond it, so that stretches cou
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -22,7 +23,7 @@ def all_rows(quick: Quick) -> Quick:
     return quick.of([replace(s, role="identify") for s in quick.samples if s.role != "test"])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Explained:
     """Recordings, a fit of them, and what it took of their torques. recorded: those in which nothing was
     taken from a torque; errors are shares of what there was, or what takes most of a torque away explains
@@ -44,14 +45,26 @@ class Explained:
         error = fit.error * quick.identify.size_beside(recorded.identify, how)
         return cls(quick, replace(fit, error=error), how, recorded)
 
-    def squares(self, s: Sample, c: int) -> np.ndarray:
-        """(N,) squared errors of a channel of one of the recordings, as shares of its mean square."""
-        k, f, its = self.how.order[c], self.how.factor[c], (self.recorded or self.quick).identify
-        size = f * f * its.yy[c, k] / max(its.rows[c], 1.0)
-        return s.weight[:, c] * (f * s.Y[:, k] - s.W[c] @ self.fit.chi) ** 2 / max(size, 1e-300)
+    def predicted(self, s: Sample) -> np.ndarray:
+        """(N, C) N m."""
+        return s.predicted(self.fit.chi)
+
+    @cached_property
+    def stretches(self) -> tuple[np.ndarray, ...]:
+        """(stretches, C) of every recording that is fitted: sums of squared errors, as shares of a torque's
+        mean square."""
+        its = (self.recorded or self.quick).identify
+        k, f, c = list(self.how.order), np.array(self.how.factor), np.arange(len(self.how.order))
+        size = np.maximum(f * f * its.yy[c, k] / np.maximum(its.rows, 1.0), 1e-300)
+        out = []
+        for s in self.quick.fitted:
+            squares = s.weight * (f * s.Y[:, k] - self.predicted(s)) ** 2 / size
+            ends = [len(rows) for rows in pieces(self.quick, s)]
+            out.append(np.add.reduceat(squares, np.cumsum([0, *ends[:-1]]), axis=0))
+        return tuple(out)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ByItself(Explained):
     """The same with parameters of its own for every torque, (C, b): neither its sign nor its factor matters,
     and no other torque."""
@@ -71,9 +84,8 @@ class ByItself(Explained):
         """(C,) relative errors of other recordings."""
         return np.array([sums.errors(chi, self.how)[c] for c, chi in enumerate(self.own)])
 
-    def squares(self, s: Sample, c: int) -> np.ndarray:
-        its = replace(self.fit, chi=self.own[c])
-        return Explained(self.quick, its, self.how).squares(s, c)
+    def predicted(self, s: Sample) -> np.ndarray:
+        return np.stack([W @ chi for W, chi in zip(s.W, self.own)], axis=1)
 
 
 def by_each(G: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -88,14 +100,10 @@ def by_each(G: np.ndarray, v: np.ndarray) -> np.ndarray:
 def stretch_gains(one: Explained, other: Explained) -> np.ndarray:
     """(stretches,) by how much more the other explains of each stretch: falls of the squared errors, in units
     of what the two leave."""
-    out: list[float] = []
-    for s, its in zip(one.quick.fitted, other.quick.fitted):
-        gain = np.zeros(len(s.q))
-        for c, left in enumerate(one.fit.error * other.fit.error):
-            if np.isfinite(left) and left > 0:
-                gain += 0.5 * (one.squares(s, c) - other.squares(its, c)) / left
-        out += [float(gain[rows].sum()) for rows in pieces(one.quick, s)]
-    return np.array(out)
+    left = one.fit.error * other.fit.error
+    seen = np.isfinite(left) & (left > 0)
+    falls = [0.5 * (x - y)[:, seen] / left[seen] for x, y in zip(one.stretches, other.stretches)]
+    return np.concatenate([fall.sum(axis=1) for fall in falls])
 
 
 def agreed(one: Explained, other: Explained, rate: float) -> bool:
@@ -107,18 +115,12 @@ def agreed(one: Explained, other: Explained, rate: float) -> bool:
 def steadily(one: Explained, other: Explained, rate: float) -> bool:
     """The same by logarithms of what is left of every torque in each stretch, so that no stretch says more
     than another: a fault shows all along."""
-    gains = []
-    for s, its in zip(one.quick.fitted, other.quick.fitted):
-        its_rows = pieces(one.quick, s)
-        gain = np.zeros(len(its_rows))
-        for c in np.flatnonzero(np.isfinite(one.fit.error)).tolist():
-            before, after = (
-                [max(x[k].sum(), 1e-300) for k in its_rows]
-                for x in (one.squares(s, c), other.squares(its, c))
-            )
-            gain = gain + 0.5 * np.log(np.divide(before, after))
-        gains.append(gain)
-    return beyond_chance(np.concatenate(gains), rate)
+    seen = np.isfinite(one.fit.error)
+    logs = [
+        0.5 * np.log(np.maximum(x, 1e-300) / np.maximum(y, 1e-300))[:, seen]
+        for x, y in zip(one.stretches, other.stretches)
+    ]
+    return beyond_chance(np.concatenate([gain.sum(axis=1) for gain in logs]), rate)
 
 
 def pieces(quick: Quick, s: Sample) -> list[np.ndarray]:
