@@ -37,6 +37,7 @@ STEPS = 1.5  # ratio of the grid
 CHANCE = 1.0  # of a whitened sum of squares: what any width gains by chance, in the mean
 NEAR = 4.0  # of the same: how far below the summit a parabola is that of the curve
 PARABOLAS = 6
+AROUND = np.array([-1.0, -0.25, 0.25, 1.0])  # steps from a width at which it is asked whether it is the best
 SAMPLES = 2.0  # in which a joint covers what its recording cannot show of a travel
 RIDGE = 1e-10  # of the scaled Gram matrix: directions without data
 ORDERS = (("rate", "travel"), ("travel", "rate"))  # which width first; either can stand in for the other
@@ -151,13 +152,18 @@ def settle(
             before = out.get(d.joint)
             ladders = grids(motion, d.joint, d.shorter)
             asked = {name: number + 2 * np.log(len(grid)) for name, grid in ladders.items()}  # and its choice
+            seen = unseen_travel(motion, d.joint)
+            if before is not None and not (d.joint in afresh and first):
+                moved[d.joint] = not _rests(before, ladders, seen, asked, explained)
+                if not moved[d.joint]:
+                    normal = normal.taken(d, {c: z[:, 0] for c, z in columns([before]).items()})
+                    continue
             orders = ORDERS if d.travels else (("rate",),)
             starts = [] if before is None else [(before, orders[0], False)]
             if before is not None and before.travel > 0:
                 starts.append((replace(before, travel=0.0), orders[0], False))
             if before is None or (d.joint in afresh and first):
                 starts += [(TurnOver(float(ladders["rate"][0])), order, True) for order in orders]
-            seen = unseen_travel(motion, d.joint)
             ends = [_climbed(turn, order, whole, ladders, seen, explained) for turn, order, whole in starts]
             ends += [replace(t, travel=0.0) for t in ends]
             paid = explained(ends) - asked["travel"] * np.array([t.travel > 0 for t in ends])
@@ -305,6 +311,40 @@ class _Normal:
         return _Normal(self.on, tuple(X), self.y, *self.exchanged(dry, columns))
 
 
+def _rests(
+    turn: TurnOver,
+    ladders: Mapping[str, np.ndarray],
+    seen: float,
+    asked: Mapping[str, float],
+    explained: Explained,
+) -> bool:
+    """Whether no width about a turn-over's, and no turn-over without one of its widths, says more than chance
+    beside what each width has to say. These are the same whatever else is in the model, and most joints' stay
+    where they are: a climb from there asks for three times as many that nobody has asked for."""
+    near: list[TurnOver] = [turn]
+    rises: list[float] = []
+    for way in (turn, replace(turn, travel=0.0), replace(turn, rate=0.0)):
+        if not way.rate and way.travel <= seen:  # a friction that no width lets turn over
+            continue
+        near.append(way)
+        for name, grid in ladders.items():
+            now = getattr(way, name)
+            if not now:
+                continue
+            trials = [
+                replace(way, **{name: float(w)}) for w in now * STEPS**AROUND if grid[0] <= w <= grid[-1]
+            ]
+            near += trials
+            if way == turn and len(trials) == len(AROUND):
+                x, y = AROUND[1:-1] * np.log(STEPS), explained([trials[1], turn, trials[2]])
+                rises.append(_promised(np.array([x[0], 0.0, x[1]]), y))
+    price = [
+        asked["travel"] * (t.travel > 0) + asked["rate"] * (t.rate > 0 and t.travel > seen) for t in near
+    ]
+    paid = explained(near) - np.array(price)
+    return bool(paid.max() - paid[0] <= CHANCE and max(rises, default=0.0) <= CHANCE)
+
+
 def _climbed(
     turn: TurnOver,
     order: Sequence[str],
@@ -360,6 +400,12 @@ def _summit(grid: np.ndarray, values: np.ndarray, explained: Callable[[float], f
         x = peak + np.minimum(reach, x[2] - x[1]) * np.array([-1.0, 0.0, 1.0])
         y = np.array([explained(float(w)) for w in np.exp(x)])
     return float(np.exp(peak))
+
+
+def _promised(x: np.ndarray, y: np.ndarray) -> float:
+    """By how much the parabola through three points rises above the middle one."""
+    peak, bend = _vertex(x, y)
+    return float(-0.5 * bend * (peak - x[1]) ** 2)
 
 
 def _vertex(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
