@@ -153,12 +153,12 @@ def settle(
             ladders = grids(motion, d.joint, d.shorter)
             asked = {name: number + 2 * np.log(len(grid)) for name, grid in ladders.items()}  # and its choice
             seen = unseen_travel(motion, d.joint)
+            orders = ORDERS if d.travels else (("rate",),)
             if before is not None and not (d.joint in afresh and first):
-                moved[d.joint] = not _rests(before, ladders, seen, asked, explained)
+                moved[d.joint] = not _rests(before, orders[0], ladders, seen, asked, explained)
                 if not moved[d.joint]:
                     normal = normal.taken(d, {c: z[:, 0] for c, z in columns([before]).items()})
                     continue
-            orders = ORDERS if d.travels else (("rate",),)
             starts = [] if before is None else [(before, orders[0], False)]
             if before is not None and before.travel > 0:
                 starts.append((replace(before, travel=0.0), orders[0], False))
@@ -313,6 +313,7 @@ class _Normal:
 
 def _rests(
     turn: TurnOver,
+    names: Sequence[str],
     ladders: Mapping[str, np.ndarray],
     seen: float,
     asked: Mapping[str, float],
@@ -327,15 +328,12 @@ def _rests(
         if not way.rate and way.travel <= seen:  # a friction that no width lets turn over
             continue
         near.append(way)
-        for name, grid in ladders.items():
-            now = getattr(way, name)
-            if not now:
-                continue
-            trials = [
-                replace(way, **{name: float(w)}) for w in now * STEPS**AROUND if grid[0] <= w <= grid[-1]
-            ]
+        for name in names:
+            grid, now = ladders[name], getattr(way, name)
+            widths = now * STEPS**AROUND if now else grid
+            trials = [replace(way, **{name: float(w)}) for w in widths if grid[0] <= w <= grid[-1]]
             near += trials
-            if way == turn and len(trials) == len(AROUND):
+            if way == turn and now and len(trials) == len(AROUND):
                 x, y = AROUND[1:-1] * np.log(STEPS), explained([trials[1], turn, trials[2]])
                 rises.append(_promised(np.array([x[0], 0.0, x[1]]), y))
     price = [
