@@ -33,7 +33,7 @@ def test_a_torque_by_itself_is_explained_whatever_its_sign_and_factor_are(tmp_pa
         its, together = ByItself.by(whole, whole.plain()), whole.fit(whole.plain())
         assert (its.fit.error <= together.error * 1.001).all()
         errors.append(its.fit.error)
-        squares = [sum(its.squares(s, c).sum() for s in whole.samples) for c in range(3)]
+        squares = sum(its.stretches).sum(axis=0)
         assert np.allclose(np.sqrt(np.array(squares) / whole.identify.rows), its.fit.error, rtol=1e-6)
     assert np.allclose(*errors, rtol=1e-6)
 
