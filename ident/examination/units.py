@@ -1,8 +1,9 @@
-"""Positions in another unit than rad: all of them in degrees, one times a number, one of a motor's turns."""
+"""Positions in another unit than rad: all of them in one, one times a number, one of a motor's turns."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 POSITION_FACTORS = (0.1, 0.5, 2.0, 2 * np.pi, 10.0, 180 / np.pi)  # turns are 2 pi
 DEGREES, HALF = np.pi / 180, 0.5
+UNITS = {"degrees": DEGREES, "gon": np.pi / 200}  # the usual one first
 NEXT, LEAST = 1.18, 0.1  # of factors of a position: the next one, and rad that it leaves at least
 FINE, NORMAL = 1.01, 1.96  # steps of what a factor may be, and standard deviations of that to either side
 
@@ -39,7 +41,7 @@ def scaled_positions(asked: Asked) -> Iterator[Hypothesis]:
                     asked.line({f"q{label}": {"scale": factor}}),
                 )
 
-            moved = asked.quick.moved(factor=np.where(np.arange(len(asked.joints)) == j, factor, 1.0))
+            moved = taken(asked, np.arange(len(asked.joints)) == j, factor)
             for its in asked.along(moved, told, f"q{label} is {times_too(1 / factor)}"):
                 yield from smooth.less_than(its)
 
@@ -53,29 +55,69 @@ def geared(asked: Asked) -> Iterator[Hypothesis]:
             yield from _geared(asked, np.arange(len(asked.joints)) == j, f"q{label}", reach)
 
 
+@dataclass(frozen=True, slots=True)
+class Factor:
+    """What positions `its` (n,) bool are to be multiplied by: the best, the least and the largest that
+    stretch by stretch are not rejected beside it, and what the best explains."""
+
+    asked: Asked
+    its: np.ndarray
+    best: float
+    low: float
+    high: float
+    explained: Explained
+
+    @classmethod
+    def of(cls, asked: Asked, its: np.ndarray, factors: Iterable[float]) -> Factor:
+        """The best of some, and between its neighbours."""
+
+        def gain(factor: float) -> float:
+            return taken(asked, its, factor).fit(asked.how).gain_over(asked.fit)
+
+        gains = {f: gain(f) for f in factors}
+        for step in (NEXT ** (1 / 3), NEXT ** (1 / 9), NEXT ** (1 / 27)):
+            at = max(gains, key=lambda f: gains[f])
+            gains |= {f: gain(f) for f in (at / step, at * step)}
+        best = max(gains, key=lambda f: gains[f])
+        made = cls(asked, its, best, best, best, _explained(asked, its, best))
+        ends = []
+        for step in (1 / FINE, FINE):
+            factor = best
+            while abs(np.log(factor / best)) < 3 * np.log(NEXT) and made.allows(factor * step):
+                factor *= step
+            ends.append(factor)
+        low, high = sorted(ends)
+        return replace(made, low=low, high=high)
+
+    def allows(self, factor: float) -> bool:
+        """Whether it is not rejected beside the best one."""
+        return not steadily(_explained(self.asked, self.its, factor), self.explained, RARE)
+
+    @property
+    def unit(self) -> str:
+        """The first that is allowed beside the best number, or the one that explains hardly less, or none."""
+        told = next((name for name, size in UNITS.items() if self.allows(size)), "")
+        if told:
+            return told
+        each = [(name, _explained(self.asked, self.its, size).fit) for name, size in UNITS.items()]
+        behind, nearest = min((self.explained.fit.gain_over(fit), name) for name, fit in each)
+        return nearest if behind < CLEARLY else ""
+
+
+def taken(asked: Asked, its: np.ndarray, factor: float) -> Quick:
+    """The recordings with positions `its` (n,) bool times a factor."""
+    return asked.quick.moved(factor=np.where(its, factor, 1.0))
+
+
+def _explained(asked: Asked, its: np.ndarray, factor: float) -> Explained:
+    return Explained.by(all_rows(taken(asked, its, factor)), asked.how)
+
+
 def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[Hypothesis]:
-    def taken(factor: float) -> Quick:
-        return asked.quick.moved(factor=np.where(its, factor, 1.0))
-
-    def explained(factor: float) -> Explained:
-        return Explained.by(all_rows(taken(factor)), asked.how)
-
-    gains = {f: taken(f).fit(asked.how).gain_over(asked.fit) for f in _ratios(reach)}
-    for step in (NEXT ** (1 / 3), NEXT ** (1 / 9), NEXT ** (1 / 27)):
-        at = max(gains, key=lambda f: gains[f])
-        gains |= {f: taken(f).fit(asked.how).gain_over(asked.fit) for f in (at / step, at * step)}
-    best = max(gains, key=lambda f: gains[f])
-    one = explained(best)
-    if not steadily(explained(DEGREES), one, RARE):  # which `degrees` tells
+    factor = Factor.of(asked, its, [sign * f for f in _ratios(reach) for sign in (1, -1)])
+    if factor.allows(DEGREES):  # which `degrees` tells
         return
-    ends = []  # factors that stretch by stretch are not rejected beside the best one
-    for step in (1 / FINE, FINE):
-        factor = best
-        while abs(np.log(factor / best)) < 3 * np.log(NEXT) and not steadily(
-            explained(factor * step), one, RARE
-        ):
-            factor *= step
-        ends.append(abs(factor))
+    best, ends = factor.best, sorted(abs(x) for x in (factor.low, factor.high))
     sign = " and has the other sign" if best < 0 else ""
     said = f"{name} is {1 / abs(best):.3g} times too large ({1 / ends[1]:.3g} to {1 / ends[0]:.3g}){sign}"
     change = {"scale": float(f"{abs(best):.4g}")} | ({"sign": -1} if best < 0 else {})
@@ -89,7 +131,7 @@ def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[
             spread=(ends[1] - ends[0]) / (2 * NORMAL * abs(best)),
         )
 
-    yield from asked.along(taken(best), told, said)
+    yield from asked.along(taken(asked, its, best), told, said)
 
 
 def reach_of(asked: Asked) -> np.ndarray:
@@ -98,48 +140,65 @@ def reach_of(asked: Asked) -> np.ndarray:
 
 
 def _ratios(reach: float) -> list[float]:
-    """Factors that leave a joint a turn at most and a tenth of a radian at least, of both signs, so close
-    that no angle differs by more than a radian between two of them."""
+    """Factors that leave a joint a turn at most and a tenth of a radian at least, so close that no angle
+    differs by more than a radian between two of them."""
     count = int(np.ceil(np.log(2 * np.pi / LEAST) / np.log(NEXT)))
-    factors = 2 * np.pi / reach * NEXT ** -np.arange(count + 1.0)
-    return [float(sign * f) for f in factors for sign in (1, -1)]
+    return [float(f) for f in 2 * np.pi / reach * NEXT ** -np.arange(count + 1.0)]
 
 
 def degrees(asked: Asked) -> Iterator[Hypothesis]:
-    """All positions in degrees, or those of the joints that go beyond two turns; all in turns."""
+    """All positions in degrees or another unit, or those that go beyond two turns; all in turns. Degrees are
+    told where these torques allow them beside the number that explains most. (Of six arms whose positions
+    were in gon they were told for that.)"""
     quick, fit = asked.quick, asked.fit
     turning = np.array([joint not in quick.columns.model.prismatic for joint in asked.joints])
     reach = reach_of(asked)
     if reach[turning].max(initial=0.0) < 2 * np.pi:
         names = [f"q{j}" for j, turns in zip(asked.joints, turning) if turns]
         line = asked.line({name: {"scale": 6.28319} for name in names})
-        moved = quick.moved(factor=np.where(turning, 2 * np.pi, 1.0))
         words = "the positions are in turns"
 
         def in_turns(other: Fit) -> Check:
             return Check("angle_unit", tuple(names), f"{words}: taken so, {falls(fit, other)}", line)
 
         if len(names) > 1 and reach[turning].max() < 2.0:
-            yield from asked.along(moved, in_turns, words)
+            yield from asked.along(taken(asked, turning, 2 * np.pi), in_turns, words)
         return
     far = turning & (reach > TURNS)
-    for which in (turning, far) if far.any() and (far != turning).any() else (turning,):
-        names = [f"q{j}" for j, turns in zip(asked.joints, which) if turns]
-        subject = "the positions" if which is turning else listed(names)
-        gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
+    every = Factor.of(asked, turning, _ratios(reach[turning].max()))
+    if not far.any() or (far == turning).all():
+        yield from _of_one_unit(every, "the positions")
+        return
+    some = Factor.of(asked, far, _ratios(reach[far].max()))
+    yield from _of_one_unit(some)
+    if steadily(some.explained, every.explained, RARE):  # or the others, which hardly move then, are right
+        yield from _of_one_unit(every, "the positions")
 
-        def told(other: Fit, names: list = names, subject: str = subject, gear: str = gear) -> Check:
-            verb = "are" if len(names) > 1 else "is"
-            return Check(
-                "angle_unit",
-                tuple(names),
-                f"{subject} {verb} in degrees{gear}: taken so, {falls(fit, other)}",
-                "write " + asked.line({name: {"scale": 0.0174533} for name in names}),
-                outcome="refused",
-            )
 
-        moved = quick.moved(factor=np.where(which, DEGREES, 1.0))
-        after = moved.fit(asked.how)
-        halved = after.gain_over(fit) > -np.log(HALF) * np.isfinite(fit.error).sum()
-        if halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error):
-            yield from asked.along(moved, told, least=CLEARLY)
+def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
+    asked, which, fit = factor.asked, factor.its, factor.asked.fit
+    names = [f"q{j}" for j, turns in zip(asked.joints, which) if turns]
+    unit = factor.unit
+    scale = UNITS.get(unit, float(f"{factor.best:.3g}"))
+    if len(names) == 1 and scale != DEGREES:  # which `geared` tells
+        return
+    after = taken(asked, which, scale).fit(asked.how)
+    halved = after.gain_over(fit) > -np.log(HALF) * np.isfinite(fit.error).sum()
+    if not (halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error)):
+        return
+    gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
+    known = f"{1 / factor.high:.3g} to {1 / factor.low:.3g}"
+    said = f"in {unit}{gear} ({1 / scale:.3g} to a rad, {known} by these torques)"
+    said = said if unit else f"{1 / scale:.3g} times too large ({known}), in a unit that is not told"
+
+    def told(other: Fit) -> Check:
+        return Check(
+            "angle_unit",
+            tuple(names),
+            f"{subject or listed(names)} {'are' if len(names) > 1 else 'is'} {said}: "
+            f"taken so, {falls(fit, other)}",
+            f"write {asked.line({name: {'scale': float(f'{scale:.6g}')} for name in names})}",
+            outcome="refused",
+        )
+
+    yield from asked.along(taken(asked, which, scale), told, least=CLEARLY)

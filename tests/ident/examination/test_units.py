@@ -4,12 +4,13 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
-from planted import ON_RECORDINGS, measured, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 from two_links import TWO_LINKS
 
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
+from ident.examination.units import degrees
 from ident.twin import simulate
 
 
@@ -89,3 +90,33 @@ def test_measured_positions_in_turns(tmp_path, joints):
     assert (said.check, said.signals) == ("angle_unit", tuple(f"q{j}" for j in joints))
     scales = [its["scale"] for its in yaml.safe_load(said.remedy)["columns"].values()]
     assert scales == pytest.approx([2 * np.pi] * len(scales), rel=1e-5)
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(
+    ("robot", "to_a_rad", "joints", "words"),
+    [
+        ("ur10e", 200 / np.pi, range(1, 7), "the positions are in gon (63.7 to a rad, "),
+        ("ur10e", 180 / np.pi, range(1, 7), "the positions are in degrees (57.3 to a rad, "),
+        ("barrett_wam_2dof", 1800 / np.pi, range(1, 3), "in a unit that is not told"),
+        ("dualarm_v2_7dof", 200 / np.pi, [2], ""),  # the others hardly move beside it, or are in that unit
+    ],
+)
+def test_measured_positions_in_a_unit(tmp_path, robot, to_a_rad, joints, words):
+    """Of gon degrees were told, and of the last one that all positions are in them."""
+    names = {f"{d}q{j}" for j in joints for d in ("", "d")}
+    change = lambda c: {k: to_a_rad * v if k in names else v for k, v in c.items()}  # noqa: E731
+    study, (first, second, *_) = measured(robot), measured(robot).recordings
+    if robot == "dualarm_v2_7dof":
+        runs = first, second.model_copy(update={"use": "validate"})
+        sensors = tuple(f"tau_l{j}" for j in range(1, 5))
+        study = study.with_(model="B", drive_gains=None, channels=sensors, recordings=runs)
+    study = planted(tmp_path, change, study)
+    if robot == "ur10e":
+        study = parted(study.with_(recordings=(first,)), 30.0, 45.0)
+    told = [h.check for h in degrees(asked_of(study))]
+    assert len(told) == bool(words) and all(words in check.message for check in told)
+    for check in told:
+        scale = float(check.remedy.split("scale: ")[1].split("}")[0])
+        assert scale * to_a_rad == pytest.approx(1.0, rel=1e-4 if "rad" in words else 0.15)
