@@ -1,4 +1,8 @@
-"""Whether an axis of the robot file's table is turned."""
+"""Whether an axis of the robot file's table is turned, or its columns stand a row too high.
+
+The second is a table of the other Denavit-Hartenberg convention, in which a row's alpha and d are those of
+the next joint: one and the same table is read otherwise, and every axis behind the first one is another.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.bodies import Parts, beyond_own, by_own, errors, gain, parts_of
+from ident.examination.bodies import SAMPLES, Parts, beyond_own, by_own, errors, gain, parts_of
 from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
-from ident.examination.hypothesis import BAD, Hypothesis, explains
+from ident.examination.hypothesis import BAD, Hypothesis
 from ident.examination.quick import Assignment, Sample
 
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
@@ -28,12 +32,15 @@ def joint_axes(
     how: Assignment,
     prior: float = 0.0,
 ) -> Iterator[Hypothesis]:
-    """One entry of the table wrong by a quarter or half turn, or one axis reversed."""
+    """One entry of the table wrong by a quarter or half turn, or one axis reversed; or alpha, or it and d, of
+    every row a row too high. prior: what has to be gained; of the second also less, as long as these
+    recordings may not tell it from what gains that. (Of a UR10e and an LWR4+ with such a table the joints
+    were told to be in another order, of an AIRBOT one position to be a sum of two.)"""
     fitted = [s for s in samples if s.role == "identify"]
     held_out = [s for s in samples if s.role == "validate"]
 
-    def parts(other: Any) -> Parts:
-        its = parts_of(other, columns, fitted, how, AXES_SAMPLES, False)
+    def parts(other: Any, most: int = AXES_SAMPLES) -> Parts:
+        its = parts_of(other, columns, fitted, how, most, False)
         assert its is not None
         return its
 
@@ -44,43 +51,41 @@ def joint_axes(
     table = replace(table, gravity=tuple(float(g) for g in gravity))
     as_told = parts(table)
     plain, held = errors(as_told, None, gravity)[0], judged(table, as_told)
-    found: list[tuple[float, str, np.ndarray, np.ndarray]] = []
-    labels = iter(str(j) for j in columns.need.joints)
-    for j, row in enumerate(table.rows):
-        label = next(labels) if row.sigma != 2 else ""
-        for key, turn in product(("alpha", "theta"), (1, -1, 2)):
-            if key == "theta" and row.sigma == 0 and turn == 2 and j == 0:
-                continue
-            other = replace(table, rows=_turned(table.rows, j, key, turn))
-            identify = parts(other)
-            now = errors(identify, None, gravity)[0]
-            if not gain(plain, now) > CLEARLY or not _by_several(plain, now):
-                continue
-            after = judged(other, identify)
-            predicts = after is None or np.nanmax(after) < 1.0
-            if predicts and gain(held, after) > 0.5 * CLEARLY:
-                words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
-                text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
-                found.append((gain(plain, now), text, now, by_own(identify, gravity)))
+    found: list[tuple[float, str, np.ndarray, Parts, Any]] = []
+    moved = dict(_moved(table.rows))
+    for text, rows in (*_one_turned(table.rows, [str(j) for j in columns.need.joints]), *moved.items()):
+        other = replace(table, rows=rows)
+        identify = parts(other)
+        now = errors(identify, None, gravity)[0]
+        if not gain(plain, now) > CLEARLY or not _by_several(plain, now):
+            continue
+        after = judged(other, identify)
+        predicts = after is None or np.nanmax(after) < 1.0
+        if predicts and gain(held, after) > 0.5 * CLEARLY:
+            found.append((gain(plain, now), text, now, identify, other))
     if not found:
         return
-    best = max(found, key=lambda item: item[0])
-    if best[0] < prior or not explains(plain, best[2], BAD) or beyond_own(best[2], best[3]).any():
+    value, told, now, identify, other = max(found, key=lambda item: item[0])
+    if value < (prior - 2 * CLEARLY if told in moved else prior) or not np.nanmin(now) <= BAD:
+        return
+    more = parts(other, SAMPLES)  # of few samples a torque's own bodies explain too much
+    if beyond_own(errors(more, None, gravity)[0], by_own(more, gravity)).any():
         return  # something else is missing
-    equal = [text for value, text, _, _ in found if value > 0.97 * best[0] and text != best[1]]
+    equal = [its[1] for its in found if its[0] > 0.97 * value and its[1] != told]
     also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""
     yield Hypothesis(
-        best[0],
+        value,
         how,
         Check(
             "joint_axis",
             (),
-            f"the robot file seems wrong: {best[1]}{also}; so turned, the errors of the torques fall "
+            f"the robot file seems wrong: {told}{also}; so turned, the errors of the torques fall "
             f"from {span(plain)} "
-            f"to {span(best[2])}",
-            "correct the row in the robot file",
+            f"to {span(now)}",
+            f"correct the row{'s' if told in moved else ''} in the robot file",
         ),
-        each=gain(by_own(as_told, gravity), best[3]),
+        words=f"the robot file's {told}" if told in moved else "",
+        each=gain(by_own(as_told, gravity), by_own(identify, gravity)),
     )
 
 
@@ -92,6 +97,30 @@ def _by_several(before: np.ndarray, after: np.ndarray) -> bool:
     gains = gains[np.isfinite(gains)]
     gained = gains[gains > 0].sum()
     return bool(-gains.min() < KEPT * max(gained, CLEARLY) and gains.sum() - gains.max() > 0.5 * CLEARLY)
+
+
+def _one_turned(rows: tuple[Any, ...], joints: Sequence[str]) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Tables with one entry turned, in words."""
+    labels = iter(joints)
+    for j, row in enumerate(rows):
+        label = next(labels) if row.sigma != 2 else ""
+        for key, turn in product(("alpha", "theta"), (1, -1, 2)):
+            if key == "theta" and row.sigma == 0 and turn == 2 and j == 0:
+                continue
+            words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
+            text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
+            yield text, _turned(rows, j, key, turn)
+
+
+def _moved(rows: tuple[Any, ...]) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Tables of a chain with columns a row lower."""
+    if any(row.antecedent != j - 1 for j, row in enumerate(rows)):
+        return
+    for words, keys in (("alpha", ("c_alpha", "s_alpha")), ("alpha and d", ("c_alpha", "s_alpha", "d"))):
+        each = zip(rows, rows[-1:] + rows[:-1])
+        lower = tuple(replace(row, **{key: getattr(before, key) for key in keys}) for row, before in each)
+        if lower != rows:
+            yield f"{words} of every row belong{'s' if words == 'alpha' else ''} a row lower", lower
 
 
 def _turned(rows: tuple[Any, ...], j: int, key: str, quarters: int) -> tuple[Any, ...]:

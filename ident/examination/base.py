@@ -144,6 +144,7 @@ def base_orientation(
             f"fall from {span(plain)} to {span(now)}",
             line,
         ),
+        words=f"gravity is {turned}",
         each=gain(by_own(identify, assumed), each),
     )
 

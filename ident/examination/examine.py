@@ -210,19 +210,26 @@ def sentences(check: str, texts: Iterable[str]) -> tuple[Check, ...]:
 
 def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypothesis]:
     """Hypotheses, and everyday faults that were no hypothesis of their own, that stretch by stretch are not
-    rejected beside the best one. (Of a TX40 whose third position held the second one's in one recording, it
+    rejected beside the best one; of a table that is read otherwise, whose fits are others, those that explain
+    about as much. (Of a TX40 whose third position held the second one's in one recording, it
     was told to do so in all.)"""
-    blamed = best.how != asked.how or best.quick is not None
-    if not blamed or not best.words or best.own or not np.isfinite(best.gain):
+    if not best.words or best.own or not np.isfinite(best.gain):
         return []
+    tables = [h for h in told if h.check.check == "joint_axis" and h.words]
+    of_robot = [h for h in told if asked.of_robot(h) and h.words]
+    either = of_robot if best in tables else tables
+    robots = [h for h in either if h is not best and h.gain > best.gain - CLEARLY]
+    if asked.of_robot(best):
+        signals = [h for h in told if not asked.of_robot(h) and h.words] if best in tables else []
+        return robots + [h for h in signals if h.gain > best.gain - CLEARLY]
     whole = all_rows(asked.quick)
 
     def explained(h: Hypothesis) -> Explained:
         return Explained.by(all_rows(h.quick or asked.quick), h.how)
 
     its = explained(best)
-    others = [h for h in told if h.words not in ("", best.words)]
-    near = [h for h in others if not steadily(explained(h), its, RARE)]
+    others = [h for h in told if h.words not in ("", best.words) and not asked.of_robot(h)]
+    near = robots + [h for h in others if not steadily(explained(h), its, RARE)]
     pool = rivals(whole, asked.how, asked.currents)
     also = alike((r for r in pool if not _same(r.explained, its)), Explained.by(whole, asked.how), its)
     silent = replace(best.check, remedy="")

@@ -37,7 +37,19 @@ def swapped(asked: Asked) -> Iterator[Hypothesis]:
 
 
 def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
-    """Two positions in each other's place."""
+    """Two positions in each other's place, or all of them counted from the tip or from the next joint. (Of an
+    LWR4+ with its positions moved by one, as where they are counted from 0, two pairs were told.)"""
+    same, labels = list(range(len(asked.joints))), asked.joints
+    for order in regular_orders(same) if len(same) > 2 else ():
+        theirs, names = ([f"q{labels[k]}" for k in its] for its in (order, same))
+        said = f"the positions look recorded in another order, {', '.join(theirs)} where {', '.join(names)}"
+        line = asked.line({name: {"of": its} for name, its in zip(names, theirs) if name != its})
+
+        def moved(other: Fit, said: str = said, names: Sequence[str] = names, line: str = line) -> Check:
+            message = f"{said} are meant; so taken, {falls(asked.fit, other)}"
+            return Check("swapped_signals", tuple(names), message, line)
+
+        yield from asked.along(asked.quick.moved(order), moved, f"{said} are meant")
     for a, b in combinations(range(len(asked.joints)), 2):
         j, k = asked.joints[a], asked.joints[b]
 
@@ -46,6 +58,11 @@ def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
 
         order = exchanged(len(asked.joints), a, b)
         yield from asked.along(asked.quick.moved(order), told, f"q{j} and q{k} look swapped")
+
+
+def regular_orders(which: list[int]) -> list[list[int]]:
+    """All moved by one either way, or reversed."""
+    return [which[1:] + which[:1], which[-1:] + which[:-1], which[::-1]]
 
 
 def exchanged(n: int, a: int, b: int) -> list[int]:
@@ -71,7 +88,7 @@ def other_torques(asked: Asked) -> Iterator[Hypothesis]:
         mine = [c for c in asked.seen if columns.need.channels[c].side == side]
         if len(mine) < 3:
             continue
-        regular = [_placed(asked, mine, o) for o in (mine[::-1], mine[1:] + mine[:1], mine[-1:] + mine[:-1])]
+        regular = [_placed(asked, mine, order) for order in regular_orders(mine)]
         found = [order for order in (*regular, _assigned(asked, mine)) if _gains(asked, order)]
         if not found:
             continue
@@ -131,7 +148,7 @@ def other_orders(asked: Asked) -> Iterator[Hypothesis]:
     """Joints in another order, positions and torques alike: two exchanged, all reversed, all moved by one."""
     columns, n, labels = asked.quick.columns, len(asked.joints), asked.joints
     same = list(range(n))
-    orders = [same[1:] + same[:1], same[-1:] + same[:-1], same[::-1]] if n > 2 else []
+    orders = regular_orders(same) if n > 2 else []
     orders += [exchanged(n, a, b) for a, b in combinations(same, 2)]
     for order in orders:
         source = along(columns, order)

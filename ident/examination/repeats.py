@@ -107,24 +107,39 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
 
 
 def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """Torques that come down to zero again and again and never below it."""
+    """Torques that come down to zero again and again and never below it; beside them those that have one sign
+    as well, which may be what the same logger made of torques that do not come down to zero. (Of a Franka's
+    magnitudes three were told, and of the others that two positions are exchanged.)"""
+    told, beside = [], []
     for k in range(columns.n, len(columns.signals)):
         x = excerpt.column(k)
-        if x.min() < 0 and x.max() > 0:
+        if x.min() < 0 < x.max() or excerpt.fewer(k, FEW):
             continue
         size = np.abs(x) / max(np.abs(x).max(), 1e-300)
         state = np.where(size < NEAR_ZERO, 0, np.where(size > AWAY, 1, -1))
         visits = state[state >= 0]
         count = int(((visits[:-1] == 1) & (visits[1:] == 0)).sum())
-        if count >= VISITS and not excerpt.fewer(k, FEW):
-            name = columns.signals[k]
-            yield Check(
-                "unsigned_torque",
-                (name,),
-                f"{name} comes down to zero {count} times and never changes its sign: a magnitude, or a "
-                "sensor of one direction",
-                f"record it with its sign, or leave it out with {columns.without([name])}",
-            )
+        name = columns.signals[k]
+        if count < VISITS:
+            beside.append(name)
+            continue
+        told.append(name)
+        yield Check(
+            "unsigned_torque",
+            (name,),
+            f"{name} comes down to zero {count} times and never changes its sign: a magnitude, or a "
+            "sensor of one direction",
+            f"record it with its sign, or leave it out with {columns.without([name])}",
+        )
+    if told and beside:
+        verb, what = ("have", "magnitudes") if len(beside) > 1 else ("has", "a magnitude")
+        yield Check(
+            "unsigned_torque",
+            tuple(beside),
+            f"{listed(beside)} {verb} one sign throughout, too, as {listed(told)}: {what}, or kept on one "
+            "side by a load",
+            "record all torques with their signs",
+        )
 
 
 def noise_alone(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:

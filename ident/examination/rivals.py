@@ -1,7 +1,7 @@
 """What may be there in place of a fault that a check names: everyday faults that one number describes.
 
     a torque takes up a share of another one, drifts, is larger in one recording or from an instant on, or has
-    another zero there or from then on
+    another zero there or from then on, or is recorded as a power of itself
     a joint's friction changes with its load
     a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, or holds that of the joint before it
@@ -29,6 +29,7 @@ STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how fa
 STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
 HALF = 0.5  # of what is told, from which something else may be there in its place
 FACTORS, FINER = np.geomspace(1e-3, 1e3, 25), 3  # of torques of another unit; finer so often
+POWERS = {0.5: "the square", 2.0: "the root"}  # by which it is what it should be
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
 Motion = dict[str, Any]  # what `Quick.moved` takes
 Signal = Callable[[int, Sample], np.ndarray]  # (N,) of a recording, by its number
@@ -69,7 +70,8 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     fit = whole.fit(how)
     for c in np.flatnonzero(whole.identify.rows > 10).tolist():
         yield from _of_torque(whole, fit, how, c, currents)
-    yield from _units(whole, fit, how, currents)
+        yield from _powers(whole, how, c, signal_of(whole.columns, c, currents))
+    yield from _units(whole, how, currents)
     yield from _positions(whole, fit, how)
     for words, recording, moved in held_too(whole):
         yield Rival(words, Explained.by(moved, how), recording, bool(recording))
@@ -126,6 +128,36 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
                 yield max(later, key=lambda each: each[0])[1]
 
 
+def _powers(whole: Quick, how: Assignment, c: int, name: str) -> Iterator[Rival]:
+    """A torque that is recorded as a power of itself, with its sign, times the number that explains most."""
+    own = how.order[c]
+    for power, words in POWERS.items():
+        samples, v, yy = [], whole.identify.v.copy(), whole.identify.yy.copy()
+        v[c, own], yy[c, own] = 0.0, 0.0
+        for s in whole.samples:
+            Y = s.Y.copy()
+            Y[:, own] = np.sign(Y[:, own]) * np.abs(Y[:, own]) ** power
+            w = s.weight[:, c] * Y[:, own]
+            v[c, own], yy[c, own] = v[c, own] + w @ s.W[c], yy[c, own] + w @ Y[:, own]
+            samples.append(replace(s, Y=Y))
+        made = replace(whole, samples=tuple(samples), identify=replace(whole.identify, v=v, yy=yy))
+        factor = best_factor(lambda f, made=made: made.fit(how.times([c], f)))  # type: ignore[misc]
+        explained = Explained.by(made, how.times([c], factor))
+        yield Rival(f"{name} is recorded as {words} of itself", explained, beside=True)
+
+
+def best_factor(fit: Callable[[float], Fit]) -> float:
+    """The number with which torques are explained best."""
+    factors = FACTORS
+    for _ in range(FINER):
+        fits = [fit(f) for f in factors]
+        gains = [its.gain_over(fits[0]) for its in fits]
+        best = int(np.argmax(gains))
+        low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
+        factors = np.geomspace(low, high, 7)
+    return float(factors[3])
+
+
 def _after(r: int, at: float, place: int | None) -> Signal:
     """What stands in a place of recording r after an instant [s]; None: one."""
 
@@ -135,17 +167,12 @@ def _after(r: int, at: float, place: int | None) -> Signal:
     return signal
 
 
-def _units(whole: Quick, fit: Fit, how: Assignment, currents: bool) -> Iterator[Rival]:
+def _units(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     """Torques of the first joints, two at least, a number times those of two at least behind them. (Of a
     UR10e with half of its torques in kgf m the fourth was told as ten times too large.)"""
     seen = np.flatnonzero(whole.identify.rows > 10).tolist()
     for k in range(2, len(seen) - 1):
-        factors = FACTORS
-        for _ in range(FINER):
-            best = int(np.argmax([whole.fit(how.times(seen[:k], f)).gain_over(fit) for f in factors]))
-            low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
-            factors = np.geomspace(low, high, 7)
-        factor = float(factors[3])
+        factor = best_factor(lambda f, k=k: whole.fit(how.times(seen[:k], f)))  # type: ignore[misc]
         names = ", ".join(signal_of(whole.columns, c, currents) for c in seen[:k])
         size, word = (factor, "small") if factor > 1 else (1 / factor, "large")
         yield Rival(

@@ -1,4 +1,4 @@
-"""Torques in another order than the joints."""
+"""Torques, or positions, in another order than the joints."""
 
 import pyarrow as pa
 import pytest
@@ -11,17 +11,18 @@ from ident.examination.examine import examine_fit
 from ident.twin import simulate
 
 
-@pytest.mark.parametrize("order", [(2, 3, 1), (3, 1, 2)])
-def test_torques_moved_by_one_place(tmp_path, order):
+@pytest.mark.parametrize(("kind", "order"), [("tau_m", (2, 3, 1)), ("tau_m", (3, 1, 2)), ("q", (2, 3, 1))])
+def test_moved_by_one_place(tmp_path, kind, order):
+    """Of an LWR4+'s positions two pairs were told."""
     (tmp_path / "small.yaml").write_text(ARM)
     runs = []
     for its in simulate(tmp_path / "small.yaml", seed=5).recordings:
-        moved = {f"tau_m{j}": its.columns[f"tau_m{k}"] for j, k in zip((1, 2, 3), order)}
+        moved = {f"{kind}{j}": its.columns[f"{kind}{k}"] for j, k in zip((1, 2, 3), order)}
         runs.append(ident.Recording(pa.table(dict(its.columns) | moved), its.use, name=its.label))
     study = ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs)
     (check,) = [c for c in ident.fit(study).checks if c.check != "poor_excitation"]
-    assert check.check == "swapped_signals" and check.signals == ("tau_m1", "tau_m2", "tau_m3")
-    mended = study.with_(columns={f"tau_m{j}": f"tau_m{order.index(j) + 1}" for j in (1, 2, 3)})
+    assert check.check == "swapped_signals" and check.signals == tuple(f"{kind}{j}" for j in (1, 2, 3))
+    mended = study.with_(columns={f"{kind}{j}": f"{kind}{order.index(j) + 1}" for j in (1, 2, 3)})
     lines = ", ".join(f"{name}: {its.column}" for name, its in mended.columns.items())
     assert check.remedy == f"columns: {{{lines}}}"
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from planted import ON_RECORDINGS, changed, planted, refused, rows, tables
+from planted import ON_RECORDINGS, changed, measured, planted, refused, rows, tables
 
 from ident.equations.prepared import prepare_study
-from ident.examination.examine import examine_fit
+from ident.examination.examine import examine_fit, examine_tables
 from ident.examination.spikes import dropouts
 
 pytestmark = ON_RECORDINGS
@@ -44,6 +44,17 @@ def test_a_signal_that_is_held_over_ten_rows(tmp_path, signal):
 def test_a_torque_without_its_sign(tmp_path):
     said = {(c.check, c.signals) for c in tables(planted(tmp_path, changed("i2", np.abs)))}
     assert said == {("unsigned_torque", ("i2",))}
+
+
+def test_torques_that_are_all_magnitudes(tmp_path):
+    """Most of a Franka's do not come down to zero: two of its positions were told to be exchanged."""
+    names = [f"tau_l{j}" for j in range(1, 8)]
+    study = planted(tmp_path, lambda c: c | {k: np.abs(c[k]) for k in names}, measured("franka_panda"))
+    prepared = prepare_study(study)
+    said = [c for c in examine_tables(prepared) if c.recording == study.recordings[0].label]
+    assert {c.check for c in said} == {"unsigned_torque"}
+    assert sorted(name for c in said for name in c.signals) == names
+    assert not examine_fit(prepared)
 
 
 def test_torques_in_whole_units_are_coarse_where_they_are_small(tmp_path):

@@ -3,11 +3,12 @@
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, parted, planted, ur10e
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, ur10e
 from scipy.signal import butter, lfilter, lfilter_zi
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
+from ident.examination.scales import scales
 
 pytestmark = ON_RECORDINGS
 
@@ -18,6 +19,13 @@ def _said(study):
 
 def _half(t):
     return t > 0.5 * (t[0] + t[-1])
+
+
+def test_a_square_is_no_factor(tmp_path):
+    """3.4 was told of a Franka's first torque."""
+    square = lambda c: c | {"tau_l1": c["tau_l1"] * np.abs(c["tau_l1"])}  # noqa: E731
+    told = scales(asked_of(planted(tmp_path, square, measured("franka_panda"))))
+    assert all("or tau_l1 is recorded as the square of itself" in its.check.message for its in told)
 
 
 @pytest.mark.parametrize(
