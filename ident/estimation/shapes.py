@@ -32,6 +32,8 @@ from modelgen.geometry.place import Layout
 
 TURNS = 40
 STILL = 1e-3  # of a standard deviation: a step below it is none
+NEARLY = 0.03  # the same on strided signals, whose point is where the search of all samples begins
+AWAKE = 0.1  # of a size: what columns of shapes are off by, and a step with them, where it is not made anew
 HELD = 1_500_000  # samples of the identify recordings that are held, strided, while searching
 WORTH = 1e-4  # of weighted squares that a step must gain: a hundredth of a standard deviation
 IDLE = 2  # turns without gain that a search goes on where effects read the model
@@ -231,7 +233,8 @@ class _Search:
                 self.terms = _moved(self.columns, self.terms, point.estimate.chi)
                 return point, ()
             aim = np.clip(point.estimate.chi, self.low, self.high)
-            far = np.abs(aim - point.x) > STILL * np.maximum(point.estimate.std, 1e-300)
+            still = STILL if self.fine is None else NEARLY
+            far = np.abs(aim - point.x) > still * np.maximum(point.estimate.std, 1e-300)
             b = len(self.model.chi)
             if not far[b:].any() and not (reads and far[:b].any()):
                 return point, ()
@@ -247,7 +250,8 @@ class _Search:
         (A shape without a size has none; with a size of the other sign a counterbalance's search went uphill,
         and ended at 9 % of error where 0.7 are left.)"""
         sizes = np.clip(np.where(self.curved, point.x, point.sizes), self.low, self.high)
-        if not self.curved.any() or np.array_equal(sizes, point.x):
+        b = len(self.model.chi)  # of which a term's columns are not made
+        if not self.curved.any() or (np.abs(sizes - point.x) <= AWAKE * np.abs(sizes))[b:].all():
             return point
         return self._evaluate(_moved(self.columns, self.terms, sizes), self.model)
 
