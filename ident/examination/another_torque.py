@@ -5,7 +5,7 @@ Only right-hand sides of one recording's sums change, so that each of some hundr
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ident.examination.hypothesis import SWAPPED, Asked
-from ident.examination.quick import Assignment, Fit, Normal, Quick, gain_of, solve
+from ident.examination.quick import Assignment, Fit, Normal, Quick, gain_of, least_squares
 from ident.examination.scales import SCALED
 from ident.examination.units import times_too
 
@@ -48,12 +48,15 @@ class Sums:
     def of(cls, whole: Quick, how: Assignment) -> Sums:
         return cls(whole.each, whole.identify, how)
 
-    def fit(self, k: int, source: Sequence[int], factor: np.ndarray) -> Fit:
-        """Of all recordings, with torques of recording k in other places and times a factor."""
-        own, order = self.each[k], list(source)
-        v = self.total.v - own.v + own.v[:, order] * factor[:, None]
-        yy = self.total.yy - own.yy + own.yy[:, order] * factor**2
-        return solve(replace(self.total, v=v, yy=yy), None, self.how)
+    def fits(self, k: int, read: Iterable[tuple[Sequence[int], np.ndarray]]) -> list[Fit]:
+        """Of all recordings, with torques of recording k in other places and times a factor each time."""
+        own, torques = self.each[k], []
+        for source, factor in read:
+            order = list(source)
+            v = self.total.v - own.v + own.v[:, order] * factor[:, None]
+            yy = self.total.yy - own.yy + own.yy[:, order] * factor**2
+            torques.append(replace(self.total, v=v, yy=yy).right(self.how))
+        return least_squares(self.total, torques)
 
     def least_errors(self, k: int) -> tuple[np.ndarray, np.ndarray]:
         """(C,) relative errors below which no fit of several channels comes: as recorded, and with recording
@@ -79,8 +82,9 @@ def _least_error(G: np.ndarray, v: np.ndarray, size: np.ndarray) -> float:
 def readings(asked: Asked, sums: Sums, k: int, before: Fit) -> Iterator[tuple[float, Reading]]:
     """What recording k's torques may be, each with the gain over `before` that all recordings then show. A
     number is not looked for where none gains enough to be told."""
-    for its in (*_turned(asked), *_exchanged(asked)):
-        yield sums.fit(k, its.source, np.array(its.factor)).gain_over(before), its
+    all_told = [*_turned(asked), *_exchanged(asked)]
+    for fit, its in zip(sums.fits(k, [(its.source, np.array(its.factor)) for its in all_told]), all_told):
+        yield fit.gain_over(before), its
     every = [c for c in asked.seen if c not in asked.quick.columns.gain_columns]
     plain, times = sums.least_errors(k)
     for channels in [[c] for c in asked.seen] + ([every] if len(every) > 1 else []):
@@ -118,16 +122,19 @@ def _scaled(asked: Asked, sums: Sums, k: int, before: Fit, channels: Sequence[in
     order = asked.how.order
     same, own = tuple(range(len(order))), np.isin(np.arange(len(order)), [order[c] for c in channels])
 
-    def gain(by: float) -> float:
-        return sums.fit(k, same, np.where(own, by, 1.0)).gain_over(before)
+    def gains(factors: np.ndarray) -> list[float]:
+        fits = sums.fits(k, [(same, np.where(own, by, 1.0)) for by in factors])
+        return [fit.gain_over(before) for fit in fits]
 
-    absurd = max(gain(by) for by in FACTORS[[0, -1]])
     factors = FACTORS
+    gained = gains(factors)
+    absurd = max(gained[0], gained[-1])
     for _ in range(TIMES):
-        best = int(np.argmax([gain(by) for by in factors]))
+        best = int(np.argmax(gained))
         low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, FINER)
-    most, by = max((gain(by), float(by)) for by in factors)
+        gained = gains(factors)
+    most, by = max(zip(gained, factors.tolist()))
     names, size = asked.names(channels), float(f"{by:.3g}")
     plain = f"{names[0]} is" if len(names) == 1 else "all torques are"
     words = f"{plain} {times_too(1 / by)}"

@@ -71,10 +71,9 @@ Told = tuple[Carried, Explained, Explained]  # what fits all recordings with it 
 def _scales(asked: Asked, whole: Quick) -> Iterator[Told]:
     quick, fit, how = asked.quick, asked.fit, asked.how
     for c in asked.seen:
-        tried = []
-        for factor in (sign * f for f in np.geomspace(1 / ABSURD, ABSURD, 61) for sign in (1, -1)):
-            other = quick.fit(how.times([c], factor))
-            tried.append((carried(fit.error, other.error, fit.validate, other.validate), factor))
+        factors = [sign * f for f in np.geomspace(1 / ABSURD, ABSURD, 61) for sign in (1, -1)]
+        others = zip(quick.fits([how.times([c], f) for f in factors]), factors)
+        tried = [(carried(fit.error, its.error, fit.validate, its.validate), f) for its, f in others]
         value, factor = max(tried)
         taken = how.times([c], factor)
         alone = max(its[0] for its in tried if abs(its[1]) in (ABSURD, 1 / ABSURD))  # as if no other felt it

@@ -261,6 +261,10 @@ class Quick:
     def fit(self, how: Assignment) -> Fit:
         return solve(self.identify, self.validate, how)
 
+    def fits(self, hows: Sequence[Assignment]) -> list[Fit]:
+        """One under each of these hypotheses about torques."""
+        return solve_each(self.identify, self.validate, hows)
+
     def of(self, samples: Sequence[Sample]) -> Quick:
         """Other samples; most hypotheses change one, and the sums of the others are known."""
         return _summed(self.columns, samples, list(zip(self.samples, self.each)))
@@ -291,21 +295,40 @@ def added(normals: Sequence[Normal]) -> Normal:
 
 def solve(identify: Normal, validate: Normal | None, how: Assignment) -> Fit:
     """Least squares of all channels, weighted three times by what it leaves."""
-    size, right = identify.right(how)
-    seen = (identify.rows > 10) & (size > 0)
-    scale = np.where(seen, 1.0 / np.maximum(size, 1e-300), 0.0)
+    return solve_each(identify, validate, [how])[0]
+
+
+def solve_each(identify: Normal, validate: Normal | None, hows: Sequence[Assignment]) -> list[Fit]:
+    """The same under several hypotheses about torques."""
+    fits = least_squares(identify, [identify.right(how) for how in hows])
+    if validate is not None:
+        fits = [replace(fit, validate=validate.errors(fit.chi, how)) for fit, how in zip(fits, hows)]
+    return fits
+
+
+def least_squares(sums: Normal, torques: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[Fit]:
+    """The same of several torques with |Y|^2 (C,) and W' Y (C, b): a product for all of them."""
+    C, b, _ = sums.G.shape
+    size, right = (np.stack(each) for each in zip(*torques))  # (K, C), (K, C, b)
+    seen = (sums.rows > 10) & (size > 0)
+    size = np.maximum(size, 1e-300)
+    scale = np.where(seen, 1.0 / size, 0.0)
     for turn in range(3):
-        G = (scale @ identify.G.reshape(len(scale), -1)).reshape(identify.G.shape[1:])
-        own = G.diagonal()
-        live = own > 1e-20 * own.max()  # a joint at rest shows nothing of itself
+        G = (scale @ sums.G.reshape(C, -1)).reshape(-1, b, b)
+        own = G.diagonal(axis1=1, axis2=2)
+        live = own > 1e-20 * own.max(axis=1, keepdims=True)  # a joint at rest shows nothing of itself
         length = np.where(live, np.sqrt(np.maximum(own, 0.0)), np.inf)
-        normal = G / length / length[:, None]
-        normal.ravel()[:: len(own) + 1] += np.where(live, RIDGE, 1.0)
-        chi = _solved(normal, scale @ right / length) / length
-        error = identify.left(chi, size, right)
+        G /= length[:, None]
+        G /= length[:, :, None]
+        G.reshape(len(G), -1)[:, :: b + 1] += np.where(live, RIDGE, 1.0)
+        aim = (scale[:, None] @ right)[:, 0] / length
+        chi = np.stack([_solved(*each) for each in zip(G, aim)]) / length
+        along = (sums.G.reshape(-1, b) @ chi.T).reshape(C, b, -1)
+        left = size - 2 * (right @ chi[:, :, None])[:, :, 0] + np.einsum("cbk,kb->kc", along, chi)
+        error = np.where(seen, np.sqrt(np.maximum(left, 0.0) / size), np.nan)
         if turn < 2:
-            scale = np.where(seen, 1.0 / (np.maximum(size, 1e-300) * np.fmax(error, 0.02) ** 2), 0)
-    return Fit(chi, error, validate.errors(chi, how) if validate else None, normal, length, scale)
+            scale = np.where(seen, 1.0 / (size * np.fmax(error, 0.02) ** 2), 0.0)
+    return [Fit(x, e, None, *its) for x, e, *its in zip(chi, error, G, length, scale)]
 
 
 def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:

@@ -141,18 +141,17 @@ def _powers(whole: Quick, how: Assignment, c: int, name: str) -> Iterator[Rival]
             v[c, own], yy[c, own] = v[c, own] + w @ s.W[c], yy[c, own] + w @ Y[:, own]
             samples.append(replace(s, Y=Y))
         made = replace(whole, samples=tuple(samples), identify=replace(whole.identify, v=v, yy=yy))
-        factor = best_factor(lambda f, made=made: made.fit(how.times([c], f)))  # type: ignore[misc]
+        factor = best_factor(made, how, [c])
         explained = Explained.by(made, how.times([c], factor))
         yield Rival(f"{name} is recorded as {words} of itself", explained, beside=True)
 
 
-def best_factor(fit: Callable[[float], Fit]) -> float:
-    """The number with which torques are explained best."""
+def best_factor(whole: Quick, how: Assignment, channels: Sequence[int]) -> float:
+    """The number times these torques with which all are explained best."""
     factors = FACTORS
     for _ in range(FINER):
-        fits = [fit(f) for f in factors]
-        gains = [its.gain_over(fits[0]) for its in fits]
-        best = int(np.argmax(gains))
+        fits = whole.fits([how.times(channels, f) for f in factors])
+        best = int(np.argmax([its.gain_over(fits[0]) for its in fits]))
         low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
         factors = np.geomspace(low, high, 7)
     return float(factors[3])
@@ -172,7 +171,7 @@ def _units(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     UR10e with half of its torques in kgf m the fourth was told as ten times too large.)"""
     seen = np.flatnonzero(whole.identify.rows > 10).tolist()
     for k in range(2, len(seen) - 1):
-        factor = best_factor(lambda f, k=k: whole.fit(how.times(seen[:k], f)))  # type: ignore[misc]
+        factor = best_factor(whole, how, seen[:k])
         names = ", ".join(signal_of(whole.columns, c, currents) for c in seen[:k])
         size, word = (factor, "small") if factor > 1 else (1 / factor, "large")
         yield Rival(

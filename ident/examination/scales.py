@@ -103,26 +103,27 @@ def _alike(plain: Explained, told: Explained, other: Explained) -> bool:
 
 def _best_factor(whole: Quick, how: Assignment, c: int) -> Scale:
     before = whole.fit(how)
-    best = max(GRID, key=lambda f: whole.fit(how.times([c], f)).gain_over(before))
-    return allowed(whole, how, c, float(best))
+    gains = [fit.gain_over(before) for fit in whole.fits([how.times([c], f) for f in GRID])]
+    return allowed(whole, how, c, float(GRID[np.argmax(gains)]))
 
 
 def _scaled(asked: Asked, c: int, most: float) -> tuple[float, Fit] | None:
     """The factor of a channel's torque that explains most, with its fit, where it gains enough over none and
     over any that is absurd; most: what no factor gains more than."""
 
-    def by(factor: float) -> Fit:
-        return asked.quick.fit(asked.how.times([c], factor))
+    def by(factors: np.ndarray) -> tuple[list[Fit], np.ndarray]:
+        fits = asked.quick.fits([asked.how.times([c], f) for f in factors])
+        return fits, np.array([fit.gain_over(asked.fit) for fit in fits])
 
-    if any(most - by(f).gain_over(asked.fit) < SCALED for f in GRID[[0, -1]]):
+    if (most - by(GRID[[0, -1]])[1] < SCALED).any():
         return None
-    gains = np.array([by(f).gain_over(asked.fit) for f in GRID])
+    gains = by(GRID)[1]
     best = int(np.argmax(gains))
     if not 0 < best < len(GRID) - 1:
         return None
     fine = np.geomspace(GRID[best - 1], GRID[best + 1], 41)
-    fits = [by(f) for f in fine]
-    place = int(np.argmax([other.gain_over(asked.fit) for other in fits]))
+    fits, its_gains = by(fine)
+    place = int(np.argmax(its_gains))
     other = fits[place]
     if other.gain_over(asked.fit) - max(gains[0], gains[-1], 0.0) < SCALED:
         return None
@@ -165,7 +166,8 @@ def allowed(whole: Quick, how: Assignment, c: int, factor: float, span: float = 
     """A torque's factor about a first one. (Of a rokae's first seven seconds 6.2 was told of a torque that is
     5 times too large; they allow 4 to 8.)"""
     factors = factor * np.geomspace(1 / span, span, 61)
-    tried = [Explained.by(whole, how.times([c], f)) for f in factors]
+    hows = [how.times([c], f) for f in factors]
+    tried = [Explained(whole, fit, its) for fit, its in zip(whole.fits(hows), hows)]
     before = whole.fit(how)
     best = max(range(len(tried)), key=lambda k: tried[k].fit.gain_over(before))
     rejected = [agreed(its, tried[best], ODD / 2) for its in tried]  # on either side

@@ -27,7 +27,7 @@ def test_no_number_times_a_torque_leaves_less_than_is_said_to_be_left(tmp_path):
     for c in range(3):
         own = np.arange(3) == c
         for factor in [-1.0, *np.geomspace(0.1, 10.0, 61), 1 / 1.5]:
-            error = sums.fit(0, (0, 1, 2), np.where(own, factor, 1.0)).error
+            error = sums.fits(0, [((0, 1, 2), np.where(own, factor, 1.0))])[0].error
             assert (error >= np.where(own, times, plain) - 1e-9).all()
-    undone = sums.fit(0, (0, 1, 2), np.array([1.0, 1 / 1.5, 1.0])).error
+    undone = sums.fits(0, [((0, 1, 2), np.array([1.0, 1 / 1.5, 1.0]))])[0].error
     assert undone[1] < 1.2 * times[1] < 0.2 * plain[1]
