@@ -74,6 +74,7 @@ def test_catalogue_columns_explain_what_the_exam_puts_in(name: str) -> None:
         "sign_dq": sign,
         "tau_link": run.tau[:, joint],
         "friction": np.zeros(len(run.t)),
+        "offset": np.zeros(len(run.t)),
         "tau": tau,
         "dtau": np.gradient(tau, run.t),
     }

@@ -74,8 +74,8 @@ def test_gradients_are_those_of_differences(arm, name):
         (("asymmetric_friction:2", "quadratic_friction:2"), 1e-3),
         (
             ("quadratic_friction:2", "load_dependent_friction:2", "hysteresis:2"),
-            1e-3,
-        ),  # of all joints, the past
+            1e-2,
+        ),  # of all joints, the past; differences over 1e-5 to 1e-7 differ by 1 %, as |load| bends at samples
         (("joint_elasticity:2", "quadratic_friction:2"), 1e-2),  # its columns go with its size
     ],
 )
