@@ -20,7 +20,6 @@ from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.left_over import leftovers
-from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.settling import (
@@ -38,13 +37,13 @@ from ident.diagnosis.settling import (
 from ident.diagnosis.state import Found, State, solved, with_found
 from ident.diagnosis.still_a_load import still_holds
 from ident.diagnosis.sufficiency import (
+    Short,
     explained_share,
     margin,
     move_alike,
+    short_of,
     short_of_fitted,
     signals_read,
-    sufficiency,
-    sufficient,
 )
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighed_again import pruned, reconsidered
@@ -175,22 +174,22 @@ def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: f
         late = in_time(state, library.places, late_at, tau, alpha)
         if late is not None and not late.evidence.given and late.evidence.log_e > evidence.log_e:
             return _settled(late, late.tried)
-    flex = sufficiency(state, weighed.metric, best, c, tau)
-    if flex is not None and not sufficient(best.term, evidence, flex, tau):
+    short = short_of(state, weighed.metric, best, evidence, c, tau)
+    if short is not None:
         afresh = settled_in(state, weighed, best, c, tau, alpha)
         if afresh is not None:
             return _settled(afresh, could_stand(weighed, best, tau))
-        alike = move_alike(flex, tau)
-        if alike or _pair(state, weighed, best, flex, tau, alpha) is None:
+        flex, alike = short.flex, move_alike(short.flex, tau)
+        if alike or _pair(state, weighed, best, short, tau, alpha) is None:
             what = Unnamed(
                 c,
                 flex.variables,
                 flex.evidence.log_e,
                 flex.evidence.gain,
                 explained_share(state, c, flex.column),
-                Equivalent(best.term, evidence.log_e),
+                Equivalent(best.term, short.own.log_e),
                 alike=alike,
-                on_fitted=short_of_fitted(best.term, evidence, flex, tau),
+                on_fitted=short_of_fitted(best.term, short.own, flex, tau),
             )
             function = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
             return Taken(with_found(state, function), what)
@@ -278,13 +277,13 @@ def _ended(state: State, r: Refined, e: Evidence) -> Taken:
 
 
 def _pair(
-    state: State, weighed: Weighed, best: Refined, flex: Flexible, tau: float, alpha: float
+    state: State, weighed: Weighed, best: Refined, short: Short, tau: float, alpha: float
 ) -> Refined | None:
     """Another effect on the channel beside which the best one is sufficient after all."""
     for other, _ in weighed.all:
         if other.term.key == best.term.key or not set(other.columns) & set(best.columns):
             continue
-        together = weigh(weighed.metric, side_by_side(best, other))
+        together, flex = weigh(short.metric, side_by_side(best, other)), short.flex
         more = margin(max(best.term.free, other.term.free), tau)
         judged, fitted = together.log_e - flex.evidence.log_e, together.gain - flex.fitted
         if min(judged, fitted) > more and together.supported(alpha):

@@ -26,7 +26,7 @@ from ident.diagnosis.state import (
     with_found,
     without,
 )
-from ident.diagnosis.sufficiency import sufficiency, sufficient
+from ident.diagnosis.sufficiency import short_of
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Equivalent, Weighed, holds, is_physical, main_channel
 from modelgen.effects.effect import Effect
@@ -239,7 +239,7 @@ def _holding(
     if not (told.log_e > tau and is_physical(state, whole, told, tau)):
         return None
     c = main_channel(own, whole.term, others)
-    if not sufficient(whole.term, own, sufficiency(others, m, whole, c, tau), tau):
+    if short_of(others, m, whole, own, c, tau) is not None:
         return None
     return Settled(whole, told, trial)
 

@@ -14,7 +14,7 @@ from ident.diagnosis.parameters_apart import spoken
 from ident.diagnosis.settling import place_of, refined_together
 from ident.diagnosis.state import Found, State, solved, with_found, without
 from ident.diagnosis.still_a_load import still_holds
-from ident.diagnosis.sufficiency import sufficiency, sufficient
+from ident.diagnosis.sufficiency import short_of
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Weighed, compared, main_channel, rivals_of, simplest
 
@@ -41,8 +41,8 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
         if best.term.key == f.term.key:
             steps[at] = replace(steps[at], equivalent=rivals)
             continue
-        flex = sufficiency(others, weighed.metric, best, main_channel(evidence, best.term, others), tau)
-        if not sufficient(best.term, evidence, flex, tau):
+        c = main_channel(evidence, best.term, others)
+        if short_of(others, weighed.metric, best, evidence, c, tau) is not None:
             continue
         steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
         found = list(state.found)

@@ -7,13 +7,27 @@ import numpy as np
 import pytest
 from small_arm import ARM
 
+from ident.diagnosis.evidence import weigh
+from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.nameless import Flexible, _ridge, flexible, imitation, wave_peaks
 from ident.diagnosis.opening import opened
-from ident.diagnosis.sufficiency import explained_share, heard, move_alike, short_of_fitted, sufficient
+from ident.diagnosis.outcome import threshold
+from ident.diagnosis.refine import refine
+from ident.diagnosis.sufficiency import (
+    explained_share,
+    heard,
+    move_alike,
+    short_of,
+    short_of_fitted,
+    sufficiency,
+    sufficient,
+)
+from ident.diagnosis.terms import Term
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from ident.twin.trajectories import Motion
+from modelgen.effects import catalogue
 
 
 def asked(state, c, wanted=5.0, only=None):
@@ -175,3 +189,27 @@ def test_a_friction_that_follows_a_position_is_imitated_by_its_rate_and_a_copy_o
 
     assert left(1, 1) < 0.01 < 0.3 < left(1, None)
     assert left(0, 1) > 0.3
+
+
+def wave_of_drag(columns):
+    """Viscous friction of joint 2 that is a wave of its position."""
+    q, t = columns["q2"], columns["t"]
+    columns["tau_m2"] = columns["tau_m2"] + 0.3 * np.sin(11 * q - 1.2) * np.gradient(q, t)
+
+
+@pytest.mark.parametrize("right", [False, True])
+def test_noise_that_has_swallowed_a_law_and_what_it_is_not_tells_neither(arm, right):
+    """Dry friction by position says 14 nats of the wave, and functions nothing, where both count as noise."""
+    planted = "position_dependent_friction:2:F=0.3,wavenumber=11"
+    begun = opened(prepare_study(arm(planted) if right else arm(change=wave_of_drag)))
+    state, effect = begun.state, catalogue()["position_dependent_friction"]
+    place = next(place for place in effect.places(begun.layout) if place.joint == 1)
+    r = refine(state.metric, state.scene, Term(effect, place, {"wavenumber": 11.0}))
+    m = leading_metric(state, [r])
+    r = refine(m, state.scene, r.term, turns=2)
+    own, tau = weigh(m, r.columns), threshold(0.01)
+    assert own.log_e > tau and sufficient(r.term, own, sufficiency(state, m, r, 1, tau), tau)
+    short = short_of(state, m, r, own, 1, tau)
+    assert (short is None) is right
+    if short is not None:
+        assert short.flex.variables == ("q2", "dq2") and short.own.gain < 0.5 * short.flex.fitted
