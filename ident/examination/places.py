@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from itertools import combinations
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.check import Check
+from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
-from ident.examination.quick import FLOOR, Fit, alone
+from ident.examination.quick import FLOOR, Assignment, Fit, alone
+from ident.examination.signs import MOST_SIGNS
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 
@@ -23,17 +25,39 @@ def swapped(asked: Asked) -> Iterator[Hypothesis]:
         source = list(range(len(asked.how.order)))
         source[a], source[b] = b, a
         placed = asked.how.placed(source, asked.gains)
-        best, gain, signs, other = placed, -np.inf, (1, 1), asked.fit
-        for pair in ((1, 1), (1, -1), (-1, 1), (-1, -1)):  # other signs have to gain by themselves
-            turned = placed.times([a], pair[0]).times([b], pair[1])
+        best, gain, other = placed, -np.inf, asked.fit
+        for pair in ([], [b], [a], [a, b]):  # other signs have to gain by themselves
+            turned = placed.times(pair, -1.0)
             tried = asked.quick.fit(turned)
-            if tried.gain_over(asked.fit) > gain + (0.0 if pair == (1, 1) else CLEARLY):
-                best, gain, signs, other = turned, tried.gain_over(asked.fit), pair, tried
-        if asked.better(other, SWAPPED if signs == (1, 1) else 2 * SWAPPED):  # another place, another sign
+            if tried.gain_over(asked.fit) > gain + (CLEARLY if pair else 0.0):
+                best, gain, other = turned, tried.gain_over(asked.fit), tried
+        if asked.better(other, SWAPPED if best == placed else 2 * SWAPPED):  # another place, another sign
+            best = best if best == placed else _fewest_turned(asked, placed, best)
+            other = asked.quick.fit(best)
             names = (asked.name(a), asked.name(b))
             which = f"{columns.channels[a][5:]} and {columns.channels[b][5:]}"
-            check = _swap_check(asked, names, which, "torques", other, signs)
+            signs = [int(np.sign(x / y)) for x, y in zip(best.factor, placed.factor)]
+            check = _swap_check(asked, names, which, "torques", other, dict(zip(_all_names(asked), signs)))
             yield Hypothesis(gain, best, check, words=f"{names[0]} and {names[1]} look swapped")
+
+
+def _all_names(asked: Asked) -> tuple[str, ...]:
+    return asked.names(range(len(asked.how.order)))
+
+
+def _fewest_turned(asked: Asked, placed: Assignment, turned: Assignment) -> Assignment:
+    """Of all signs those with which about as much is explained as with any and the fewest torques are turned.
+    (Of a rokae with its second and third torque exchanged and the fourth one turned, the two were told to be
+    turned.)"""
+    if len(asked.seen) > MOST_SIGNS:
+        return turned
+    patterns = [
+        [c for c, its in zip(asked.seen, bits) if its] for bits in product((0, 1), repeat=len(asked.seen))
+    ]
+    ways = [placed.times(which, -1.0) for which in patterns]
+    gains = np.array([asked.quick.fit(way).gain_over(asked.fit) for way in ways])
+    near = np.flatnonzero(gains > gains.max() - 0.5 * CLEARLY).tolist()
+    return ways[min(near, key=lambda k: (len(patterns[k]), -gains[k]))]
 
 
 def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
@@ -172,10 +196,18 @@ def other_orders(asked: Asked) -> Iterator[Hypothesis]:
 
 
 def _swap_check(
-    asked: Asked, names: tuple[str, str], which: str, what: str, other: Fit, signs: tuple[int, int] = (1, 1)
+    asked: Asked,
+    names: tuple[str, str],
+    which: str,
+    what: str,
+    other: Fit,
+    signs: Mapping[str, int] | None = None,
 ) -> Check:
-    turned = [name for name, sign in zip(names, signs) if sign < 0]
-    also = f", {' and '.join(turned)} with the other sign" if turned else ""
+    """signs: of every signal that has one to be told."""
+    turned = [name for name, sign in (signs or {}).items() if sign < 0]
+    also = f", {listed(turned)} with the other sign" if turned else ""
     message = f"the {what} of joints {which} look swapped{also}; exchanged, {falls(asked.fit, other)}"
-    changes = {a: {"of": b, "sign": sign} for a, b, sign in zip(names, names[::-1], signs)}
-    return Check("swapped_signals", names, message, asked.line(changes))
+    changes: dict[str, dict[str, Any]] = {a: {"of": b} for a, b in zip(names, names[::-1])}
+    for name in turned:
+        changes.setdefault(name, {})["sign"] = -1
+    return Check("swapped_signals", tuple(changes), message, asked.line(changes))
