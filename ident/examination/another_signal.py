@@ -85,8 +85,9 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     pool = list(rivals(whole, asked.how, asked.currents))
     if any(agreed(best.explained, its.explained, ODD / len(pool)) for its in pool):
         return
-    same = alike((its for its in pool if not its.recording), before, best.explained)
-    everywhere = [Changed("", (), "", its.words, "", its.explained) for its in same]
+    same = alike((its for its in pool if its.zero or not its.recording), before, best.explained)
+    whose = [best.recording if its.recording else "" for its in same]  # that of words which say it themselves
+    everywhere = [Changed(its, (), "", r.words, "", r.explained) for r, its in zip(same, whose)]
     if any(gain(its) > gain(best) for its in everywhere):
         return
     once = {

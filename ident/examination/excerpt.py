@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -29,6 +30,13 @@ class Excerpt:
         if len(self.pieces) > PIECES:
             self.pieces = self.pieces[::2]
             self.every *= 2
+
+    def stretches(self, k: int, j: int) -> Iterator[Block]:
+        """Rows, t and two columns (N, 2) of the pieces, those that follow each other as one."""
+        x = np.stack([self.column(k), self.column(j)], axis=1)
+        rows, t = (np.concatenate([piece[i] for piece in self.pieces]) for i in (0, 1))
+        ends = np.flatnonzero(np.diff(rows) != 1) + 1
+        yield from zip(*(np.split(part, ends) for part in (rows, t, x)))
 
     def column(self, k: int) -> np.ndarray:
         """(N,) of all pieces, as taken up to the first question; not to be written into."""

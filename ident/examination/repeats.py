@@ -72,15 +72,15 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
         j = int(columns.joint[k])
         low, high = (f(excerpt.column(k)) for f in (np.min, np.max))
         reach, lengths, found = np.ptp(excerpt.column(j)), [], []
-        for rows, t, values in excerpt.pieces:
-            begin, length = _runs(values[:, k])
+        for rows, t, values in excerpt.stretches(k, j):
+            begin, length = _runs(values[:, 0])
             lengths.append(length)
             for at in np.flatnonzero(length >= STILL_ROWS):
                 own = slice(begin[at], begin[at] + length[at])
-                moved = np.ptp(values[own, j]) > max(TRAVEL * reach, 1e-3)
-                x = values[own, k][0]
-                sides = values[[max(own.start - 1, 0), min(own.stop, len(values) - 1)], k]
-                usual = np.quantile(np.abs(np.diff(values[:, k])), 0.95)
+                moved = np.ptp(values[own, 1]) > max(TRAVEL * reach, 1e-3)
+                x = values[own, 0][0]
+                sides = values[[max(own.start - 1, 0), min(own.stop, len(values) - 1)], 0]
+                usual = np.quantile(np.abs(np.diff(values[:, 0])), 0.95)
                 inside = low < x < high or np.abs(sides - x).max() > 5 * usual
                 if moved and inside and t[own][-1] - t[own][0] > STILL_S:
                     found.append((int(length[at]), int(rows[own][0]) + 1, int(rows[own][-1]) + 1, float(x)))

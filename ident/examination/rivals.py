@@ -44,6 +44,7 @@ class Rival:
     words: str
     explained: Explained
     recording: str = ""  # that alone it is about
+    zero: bool = False  # where a torque starts from another one there
     beside: bool = False  # asked elsewhere: here only what may be there in place of another one
 
 
@@ -74,7 +75,7 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     yield from _units(whole, how, currents)
     yield from _positions(whole, fit, how)
     for words, recording, moved in held_too(whole):
-        yield Rival(words, Explained.by(moved, how), recording, bool(recording))
+        yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
     for c in felt(whole):
         words = f"{signal_of(whole.columns, c, currents)} does not feel gravity"
         yield Rival(words, Explained.by(without_gravity(whole, [c]), how))
@@ -113,7 +114,7 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
             zero, rival = found(_after(r, -np.inf, None))
             if rival:
                 words = f"{name} of {sample.label} starts from another zero, {zero:.2g} off"
-                yield replace(rival, words=words, recording=sample.label)
+                yield replace(rival, words=words, recording=sample.label, zero=True)
         instants = np.linspace(sample.t[0], sample.t[-1], INSTANTS + 1)[1:-1]
         for constant in (False, True):
             later: list[tuple[float, Rival]] = []

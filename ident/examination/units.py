@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -57,29 +57,31 @@ def geared(asked: Asked) -> Iterator[Hypothesis]:
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """What positions `its` (n,) bool are to be multiplied by: the best, the least and the largest that
-    stretch by stretch are not rejected beside it, and what the best explains."""
+    """What positions `its` (n,) bool are to be multiplied by, and torques `own` divided by: the best, the
+    least and the largest that stretch by stretch are not rejected beside it, and what the best explains."""
 
     asked: Asked
     its: np.ndarray
+    own: tuple[int, ...]
     best: float
     low: float
     high: float
     explained: Explained
 
     @classmethod
-    def of(cls, asked: Asked, its: np.ndarray, factors: Iterable[float]) -> Factor:
+    def of(cls, asked: Asked, its: np.ndarray, factors: Iterable[float], own: tuple[int, ...] = ()) -> Factor:
         """The best of some, and between its neighbours."""
 
         def gain(factor: float) -> float:
-            return taken(asked, its, factor).fit(asked.how).gain_over(asked.fit)
+            how = asked.how.times(own, 1 / factor)
+            return taken(asked, its, factor).fit(how).gain_over(asked.fit)
 
         gains = {f: gain(f) for f in factors}
         for step in (NEXT ** (1 / 3), NEXT ** (1 / 9), NEXT ** (1 / 27)):
             at = max(gains, key=lambda f: gains[f])
             gains |= {f: gain(f) for f in (at / step, at * step)}
         best = max(gains, key=lambda f: gains[f])
-        made = cls(asked, its, best, best, best, _explained(asked, its, best))
+        made = cls(asked, its, own, best, best, best, _explained(asked, its, best, own))
         ends = []
         for step in (1 / FINE, FINE):
             factor = best
@@ -91,7 +93,8 @@ class Factor:
 
     def allows(self, factor: float) -> bool:
         """Whether it is not rejected beside the best one."""
-        return not steadily(_explained(self.asked, self.its, factor), self.explained, RARE)
+        its = _explained(self.asked, self.its, factor, self.own)
+        return not steadily(its, self.explained, RARE)
 
     @property
     def unit(self) -> str:
@@ -99,7 +102,7 @@ class Factor:
         told = next((name for name, size in UNITS.items() if self.allows(size)), "")
         if told:
             return told
-        each = [(name, _explained(self.asked, self.its, size).fit) for name, size in UNITS.items()]
+        each = [(name, _explained(self.asked, self.its, size, ()).fit) for name, size in UNITS.items()]
         behind, nearest = min((self.explained.fit.gain_over(fit), name) for name, fit in each)
         return nearest if behind < CLEARLY else ""
 
@@ -109,29 +112,42 @@ def taken(asked: Asked, its: np.ndarray, factor: float) -> Quick:
     return asked.quick.moved(factor=np.where(its, factor, 1.0))
 
 
-def _explained(asked: Asked, its: np.ndarray, factor: float) -> Explained:
-    return Explained.by(all_rows(taken(asked, its, factor)), asked.how)
+def _explained(asked: Asked, its: np.ndarray, factor: float, own: Sequence[int]) -> Explained:
+    return Explained.by(all_rows(taken(asked, its, factor)), asked.how.times(own, 1 / factor))
 
 
 def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[Hypothesis]:
-    factor = Factor.of(asked, its, [sign * f for f in _ratios(reach) for sign in (1, -1)])
-    if factor.allows(DEGREES):  # which `degrees` tells
+    """The position alone, or with its torque, which a gear makes smaller by what it makes the position
+    larger. (Of an LWR4+'s second joint on the motor's side of a gear of 100, the position was told to be 258
+    times too large with the other sign, and the fourth torque 347 times.)"""
+    own = tuple(np.flatnonzero(its[np.array(asked.quick.columns.joint_of, int)]).tolist())
+    ratios = [sign * f for f in _ratios(reach) for sign in (1, -1)]
+    alone, factor = (Factor.of(asked, its, ratios, torques) for torques in ((), own))
+    if not steadily(alone.explained, factor.explained, RARE):
+        factor = alone
+    if factor.allows(DEGREES) and not factor.own:  # which `degrees` tells
         return
     best, ends = factor.best, sorted(abs(x) for x in (factor.low, factor.high))
+    torques = asked.names(factor.own)
+    small = f" and {listed(torques)} as many times too small" if torques else ""
     sign = " and has the other sign" if best < 0 else ""
-    said = f"{name} is {1 / abs(best):.3g} times too large ({1 / ends[1]:.3g} to {1 / ends[0]:.3g}){sign}"
-    change = {"scale": float(f"{abs(best):.4g}")} | ({"sign": -1} if best < 0 else {})
+    known = f"({1 / ends[1]:.3g} to {1 / ends[0]:.3g})"
+    said = f"{name} is {1 / abs(best):.3g} times too large {known}{sign}{small}"
+    turned = {"sign": -1} if best < 0 else {}
+    changes = {name: {"scale": float(f"{abs(best):.4g}")} | turned}
+    changes |= {torque: {"scale": float(f"{1 / abs(best):.4g}")} | turned for torque in torques}
+    why = "the motor's side of the gear" + ("" if torques else ", or another unit")
 
     def told(other: Fit) -> Check:
         return Check(
             "angle_unit",
-            (name,),
-            f"{said}: the motor's side of the gear, or another unit; so taken, {falls(asked.fit, other)}",
-            asked.line({name: change}),
+            (name, *torques),
+            f"{said}: {why}; so taken, {falls(asked.fit, other)}",
+            asked.line(changes),
             spread=(ends[1] - ends[0]) / (2 * NORMAL * abs(best)),
         )
 
-    yield from asked.along(taken(asked, its, best), told, said)
+    yield from asked.along(taken(asked, its, best), told, said, asked.how.times(factor.own, 1 / best))
 
 
 def reach_of(asked: Asked) -> np.ndarray:

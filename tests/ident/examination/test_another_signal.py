@@ -5,11 +5,12 @@ from contextlib import nullcontext
 import numpy as np
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, measured, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 from small_arm import ARM
 
 import ident
 from ident.equations.prepared import prepare_study
+from ident.examination.another_signal import another_signal
 from ident.examination.examine import examine_fit, mended_study
 from ident.twin import PlannedRun, simulate
 
@@ -214,3 +215,16 @@ def test_a_position_that_was_not_recorded_is_no_other_one(tmp_path):
     study = planted(tmp_path, stands, measured("kuka_lwr4plus"))
     signals = [s for c in examine_fit(prepare_study(study)) for s in c.signals]
     assert set(signals) <= {"q4"}
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_torque_zeroed_at_the_start_of_each_run_is_not_without_gravity(tmp_path):
+    """Of a TX40's that was told of the run that judges."""
+
+    def change(c):
+        later = c["t"] > 2.8
+        return c | {"tau_m2": c["tau_m2"] - np.where(later, c["tau_m2"][later][0], c["tau_m2"][0])}
+
+    study = parted(planted(tmp_path, change, measured("staubli_tx40")), 2.8, 3.9)
+    assert "gravity_compensated" not in {c.check for c in another_signal(asked_of(study), ())}

@@ -2,12 +2,13 @@
 
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, measured, planted
+from planted import ON_RECORDINGS, asked_of, measured, planted
 from small_arm import ARM
 
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
+from ident.examination.places import swapped
 from ident.twin import simulate
 
 
@@ -46,3 +47,13 @@ def test_of_a_measured_robot(tmp_path, robot, order):
     said = [c for c in examine_fit(prepare_study(planted(tmp_path, change, study))) if not c.hint]
     lines = [f"{kind}{k}: {kind}{j}" for j, k in sorted(zip(joints, other), key=lambda its: its[1]) if j != k]
     assert [c.remedy for c in said] == [f"columns: {{{', '.join(lines)}}}"]
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_two_torques_exchanged_beside_a_turned_one(tmp_path):
+    """Of a rokae the two were told to be turned, and the third one not."""
+    change = lambda c: c | {"tau_l2": c["tau_l3"], "tau_l3": c["tau_l2"], "tau_l4": -c["tau_l4"]}  # noqa: E731
+    asked = asked_of(planted(tmp_path, change, measured("rokae_xmate3pro")))
+    best = max(swapped(asked), key=lambda h: h.gain)
+    assert best.check.remedy == "columns: {tau_l2: tau_l3, tau_l3: tau_l2, tau_l4: {sign: -1}}"

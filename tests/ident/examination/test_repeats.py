@@ -31,6 +31,13 @@ def test_a_torque_that_stands_still_for_a_second_is_warned_of(tmp_path):
     assert set(said) == {("dead_channel", "warned", ("i2",))}
 
 
+def test_a_torque_that_dies_in_a_fast_log(tmp_path):
+    """At 5 kHz no piece of the table that is looked at was longer than it: of a TX40 nothing was said."""
+    change = changed("tau_m3", lambda x: rows(x, slice(7000, 14000), 0.0))
+    text, checks = refused(planted(tmp_path, change, measured("staubli_tx40")))
+    assert "tau_m3 stands still at 0" in text and checks == {"dead_channel"}
+
+
 @pytest.mark.parametrize("signal", ["i2", "q2"])
 def test_a_signal_that_is_held_over_ten_rows(tmp_path, signal):
     def change(c):

@@ -10,7 +10,7 @@ from two_links import TWO_LINKS
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.units import degrees
+from ident.examination.units import degrees, geared
 from ident.twin import simulate
 
 
@@ -77,6 +77,21 @@ def test_a_measured_position_of_the_motors_side(tmp_path, robot, joint, ratio):
     assert (said.check, said.signals) == ("angle_unit", (f"q{joint}",))
     told = yaml.safe_load(said.remedy)["columns"][f"q{joint}"]
     assert told["scale"] * told.get("sign", 1) * ratio == pytest.approx(1.0, abs=4 * said.spread)
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(("robot", "torque"), [("barrett_wam_2dof", "tau_m2"), ("kuka_lwr4plus", "tau_l2")])
+def test_a_measured_joint_of_the_motors_side(tmp_path, robot, torque):
+    """Of an LWR4+ its position was told as 258 times too large and turned, another torque as 347 times."""
+    factors = {"q2": 100.0, "dq2": 100.0, torque: 0.01}
+    change = lambda c: {k: factors.get(k, 1.0) * v for k, v in c.items()}  # noqa: E731
+    asked = asked_of(planted(tmp_path, change, measured(robot)))
+    (told,) = (h.check for h in geared(asked))
+    assert told.signals == ("q2", torque) and "too large" in told.message
+    columns = yaml.safe_load(told.remedy)["columns"]
+    assert columns["q2"]["scale"] * 100 == pytest.approx(1.0, abs=4 * told.spread)
+    assert columns[torque]["scale"] * columns["q2"]["scale"] == pytest.approx(1.0, rel=1e-3)
 
 
 @ON_RECORDINGS[0]
