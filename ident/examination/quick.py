@@ -16,7 +16,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dposv
 
 from ident.equations.columns import Columns
 from ident.recordings.recording import RecordingStream
@@ -322,19 +321,13 @@ def least_squares(sums: Normal, torques: Sequence[tuple[np.ndarray, np.ndarray]]
         G /= length[:, :, None]
         G.reshape(len(G), -1)[:, :: b + 1] += np.where(live, RIDGE, 1.0)
         aim = (scale[:, None] @ right)[:, 0] / length
-        chi = np.stack([_solved(*each) for each in zip(G, aim)]) / length
+        chi = np.linalg.solve(G, aim[:, :, None])[:, :, 0] / length
         along = (sums.G.reshape(-1, b) @ chi.T).reshape(C, b, -1)
         left = size - 2 * (right @ chi[:, :, None])[:, :, 0] + np.einsum("cbk,kb->kc", along, chi)
         error = np.where(seen, np.sqrt(np.maximum(left, 0.0) / size), np.nan)
         if turn < 2:
             scale = np.where(seen, 1.0 / (size * np.fmax(error, 0.02) ** 2), 0.0)
     return [Fit(x, e, None, *its) for x, e, *its in zip(chi, error, G, length, scale)]
-
-
-def _solved(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """(b,) of a symmetric matrix (b, b) that is positive but for rounding."""
-    _, x, failed = dposv(normal.T, right, lower=1)
-    return np.linalg.solve(normal, right) if failed else x
 
 
 def alone(G: np.ndarray, v: np.ndarray, size: np.ndarray) -> np.ndarray:

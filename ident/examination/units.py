@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
+from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import Fit, Quick
 from ident.examination.signals import TURNS
 from ident.examination.smooth_torques import SmoothTorques
@@ -18,6 +18,7 @@ POSITION_FACTORS = (0.1, 0.5, 2.0, 2 * np.pi, 10.0, 180 / np.pi)  # turns are 2 
 DEGREES, HALF = np.pi / 180, 0.5
 UNITS = {"degrees": DEGREES, "gon": np.pi / 200}  # the usual one first
 NEXT, LEAST = 1.18, 0.1  # of factors of a position: the next one, and rad that it leaves at least
+DOUBLE = (1, 2, 4, 8, 16, 32)
 FINE, NORMAL = 1.01, 1.96  # steps of what a factor may be, and standard deviations of that to either side
 
 
@@ -57,39 +58,47 @@ def geared(asked: Asked) -> Iterator[Hypothesis]:
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """What positions `its` (n,) bool are to be multiplied by, and torques `own` divided by: the best, the
-    least and the largest that stretch by stretch are not rejected beside it, and what the best explains."""
+    """What positions `its` (n,) bool are to be multiplied by, and torques `own` divided by: the best number,
+    and what it explains."""
 
     asked: Asked
     its: np.ndarray
     own: tuple[int, ...]
     best: float
-    low: float
-    high: float
     explained: Explained
 
     @classmethod
-    def of(cls, asked: Asked, its: np.ndarray, factors: Iterable[float], own: tuple[int, ...] = ()) -> Factor:
-        """The best of some, and between its neighbours."""
+    def each(
+        cls, asked: Asked, its: np.ndarray, factors: Iterable[float], owns: Sequence[tuple[int, ...]] = ((),)
+    ) -> list[Factor]:
+        """The best of some, and between its neighbours; with each of these torques."""
 
-        def gain(factor: float) -> float:
-            how = asked.how.times(own, 1 / factor)
-            return taken(asked, its, factor).fit(how).gain_over(asked.fit)
+        def gains(factor: float) -> list[float]:
+            hows = [asked.how.times(own, 1 / factor) for own in owns]
+            return [fit.gain_over(asked.fit) for fit in taken(asked, its, factor).fits(hows)]
 
-        gains = {f: gain(f) for f in factors}
-        for step in (NEXT ** (1 / 3), NEXT ** (1 / 9), NEXT ** (1 / 27)):
-            at = max(gains, key=lambda f: gains[f])
-            gains |= {f: gain(f) for f in (at / step, at * step)}
-        best = max(gains, key=lambda f: gains[f])
-        made = cls(asked, its, own, best, best, best, _explained(asked, its, best, own))
-        ends = []
+        known, out = {f: gains(f) for f in factors}, []
+        for k, own in enumerate(owns):
+            for step in (NEXT ** (1 / 3), NEXT ** (1 / 9), NEXT ** (1 / 27)):
+                at = max(known, key=lambda f: known[f][k])
+                known |= {f: gains(f) for f in (at / step, at * step)}
+            best = max(known, key=lambda f: known[f][k])
+            out.append(cls(asked, its, own, best, _explained(asked, its, best, own)))
+        return out
+
+    def ends(self) -> tuple[float, float]:
+        """The least and the largest by size that stretch by stretch are not rejected beside the best one,
+        three neighbours off at most: by steps that double, then halve, down to FINE."""
+        each = []
         for step in (1 / FINE, FINE):
-            factor = best
-            while abs(np.log(factor / best)) < 3 * np.log(NEXT) and made.allows(factor * step):
-                factor *= step
-            ends.append(factor)
-        low, high = sorted(ends)
-        return replace(made, low=low, high=high)
+            kept, most = 0, round(3 * np.log(NEXT) / np.log(FINE))
+            beyond = next((n for n in (*DOUBLE, most) if not self.allows(self.best * step**n)), most + 1)
+            kept = max((n for n in (0, *DOUBLE, most) if n < beyond), default=0)
+            while beyond - kept > 1:
+                middle = (kept + beyond) // 2
+                kept, beyond = (middle, beyond) if self.allows(self.best * step**middle) else (kept, middle)
+            each.append(abs(self.best * step**kept))
+        return each[0], each[1]
 
     def allows(self, factor: float) -> bool:
         """Whether it is not rejected beside the best one."""
@@ -122,16 +131,20 @@ def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[
     times too large with the other sign, and the fourth torque 347 times.)"""
     own = tuple(np.flatnonzero(its[np.array(asked.quick.columns.joint_of, int)]).tolist())
     ratios = [sign * f for f in _ratios(reach) for sign in (1, -1)]
-    alone, factor = (Factor.of(asked, its, ratios, torques) for torques in ((), own))
+    alone, factor = Factor.each(asked, its, ratios, ((), own))
     if not steadily(alone.explained, factor.explained, RARE):
         factor = alone
     if factor.allows(DEGREES) and not factor.own:  # which `degrees` tells
         return
-    best, ends = factor.best, sorted(abs(x) for x in (factor.low, factor.high))
+    best, how = factor.best, asked.how.times(factor.own, 1 / factor.best)
+    moved = taken(asked, its, best)
+    if not asked.better(moved.fit(how), SWAPPED):
+        return
+    low, high = factor.ends()
     torques = asked.names(factor.own)
     small = f" and {listed(torques)} as many times too small" if torques else ""
     sign = " and has the other sign" if best < 0 else ""
-    known = f"({1 / ends[1]:.3g} to {1 / ends[0]:.3g})"
+    known = f"({1 / high:.3g} to {1 / low:.3g})"
     said = f"{name} is {1 / abs(best):.3g} times too large {known}{sign}{small}"
     turned = {"sign": -1} if best < 0 else {}
     changes = {name: {"scale": float(f"{abs(best):.4g}")} | turned}
@@ -144,10 +157,10 @@ def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[
             (name, *torques),
             f"{said}: {why}; so taken, {falls(asked.fit, other)}",
             asked.line(changes),
-            spread=(ends[1] - ends[0]) / (2 * NORMAL * abs(best)),
+            spread=(high - low) / (2 * NORMAL * abs(best)),
         )
 
-    yield from asked.along(taken(asked, its, best), told, said, asked.how.times(factor.own, 1 / best))
+    yield from asked.along(moved, told, said, how)
 
 
 def reach_of(asked: Asked) -> np.ndarray:
@@ -181,11 +194,11 @@ def degrees(asked: Asked) -> Iterator[Hypothesis]:
             yield from asked.along(taken(asked, turning, 2 * np.pi), in_turns, words)
         return
     far = turning & (reach > TURNS)
-    every = Factor.of(asked, turning, _ratios(reach[turning].max()))
+    (every,) = Factor.each(asked, turning, _ratios(reach[turning].max()))
     if not far.any() or (far == turning).all():
         yield from _of_one_unit(every, "the positions")
         return
-    some = Factor.of(asked, far, _ratios(reach[far].max()))
+    (some,) = Factor.each(asked, far, _ratios(reach[far].max()))
     yield from _of_one_unit(some)
     if steadily(some.explained, every.explained, RARE):  # or the others, which hardly move then, are right
         yield from _of_one_unit(every, "the positions")
@@ -203,7 +216,8 @@ def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
     if not (halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error)):
         return
     gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
-    known = f"{1 / factor.high:.3g} to {1 / factor.low:.3g}"
+    low, high = factor.ends()
+    known = f"{1 / high:.3g} to {1 / low:.3g}"
     said = f"in {unit}{gear} ({1 / scale:.3g} to a rad, {known} by these torques)"
     said = said if unit else f"{1 / scale:.3g} times too large ({known}), in a unit that is not told"
 
