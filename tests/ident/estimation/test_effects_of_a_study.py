@@ -63,7 +63,7 @@ def test_a_size_is_told_from_zero_by_the_deviation_that_is_told(folder):
     assert spring.p_told > spring.p_value
 
 
-@pytest.mark.parametrize("gain", [0.1, 0.7, 5.0, 20.0])
+@pytest.mark.parametrize("gain", [0.1, 20.0])
 def test_a_gain_is_found_however_large_it_is_with_what_acts_before_it(tmp_path, gain):
     """Sizes and the model are one product: both are what they are without the gain."""
     columns, _ = recording("A", seconds=40, rate=250)

@@ -33,13 +33,7 @@ def test_an_elbow_that_is_counted_from_the_base(tmp_path, sign, line, drives):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
-@pytest.mark.parametrize(
-    ("robot", "j", "i", "sign"),
-    [
-        ("ur10e", 3, 2, -1),
-        ("airbot_play", 3, 2, 1),
-    ],
-)
+@pytest.mark.parametrize(("robot", "j", "i", "sign"), [("ur10e", 3, 2, -1)])
 def test_of_a_measured_robot(tmp_path, robot, j, i, sign):
     """q2 looked ten times too large, of the difference q3 twice."""
 

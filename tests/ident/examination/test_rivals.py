@@ -141,7 +141,7 @@ def test_a_share_of_a_large_torque_in_a_small_one_is_no_drift(tmp_path):
     assert "tau_l1 takes up 0.3 of tau_l2" in check.message and "drifts" not in check.message
 
 
-@pytest.mark.parametrize(("joint", "zero"), [(2, 0.2), (3, -0.5)])
+@pytest.mark.parametrize(("joint", "zero"), [(2, 0.2)])
 def test_a_zero_that_only_validate_shows_is_no_other_signal(tmp_path, joint, zero):
     moved = lambda x: x | {f"q{joint}": x[f"q{joint}"] + zero}  # noqa: E731
     (check,) = _said(parted(planted(tmp_path, moved, measured("rokae_xmate3pro")), 7.0, 9.7))

@@ -37,7 +37,7 @@ def test_what_a_joint_shares_with_others_tells_its_torque_from_its_position(tmp_
     ) and "not tell which" not in said.message
 
 
-@pytest.mark.parametrize("signal", ["tau_m6", "q6"])
+@pytest.mark.parametrize("signal", ["q6"])
 def test_where_a_joint_shares_nothing_both_are_named(tmp_path, signal):
     study = _five_seconds(_turned(tmp_path, "kuka_kr300", signal))
     (said,) = examine_fit(prepare_study(study))
@@ -46,7 +46,7 @@ def test_where_a_joint_shares_nothing_both_are_named(tmp_path, signal):
     assert examine_fit(prepare_study(mended_study(study, [said]))) == ()
 
 
-@pytest.mark.parametrize(("signal", "check"), [("tau_m1", "torque_sign"), ("q1", "position_sign")])
+@pytest.mark.parametrize(("signal", "check"), [("q1", "position_sign")])
 def test_a_first_position_turned_is_not_its_torque(tmp_path, signal, check):
     (said,) = examine_fit(prepare_study(_turned(tmp_path, "airbot_play", signal)))
     assert (said.check, said.signals) == (check, (signal,))

@@ -37,7 +37,7 @@ def test_a_spring_is_no_position_in_another_unit(arm, joint, stiffness):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
-@pytest.mark.parametrize(("joint", "factor"), [(2, 2.0), (3, 0.5)])
+@pytest.mark.parametrize(("joint", "factor"), [(2, 2.0)])
 def test_a_measured_position_in_another_unit_is_told(tmp_path, joint, factor):
     names = {f"{d}q{joint}" for d in ("", "d", "dd")}
     study = planted(tmp_path, lambda c: {k: factor * v if k in names else v for k, v in c.items()})
@@ -47,7 +47,7 @@ def test_a_measured_position_in_another_unit_is_told(tmp_path, joint, factor):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
-@pytest.mark.parametrize(("joint", "factor", "long"), [(4, 2.0, True), (4, 2.0, False), (3, 0.5, True)])
+@pytest.mark.parametrize(("joint", "factor", "long"), [(4, 2.0, False), (3, 0.5, True)])
 def test_a_measured_position_in_another_unit_in_one_run(tmp_path, joint, factor, long):
     """Of the fourth one nothing was said, fitted or judged; of the third one that it is so in all."""
     names = {f"{d}q{joint}" for d in ("", "d", "dd")}
@@ -61,18 +61,12 @@ def test_a_measured_position_in_another_unit_in_one_run(tmp_path, joint, factor,
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
-@pytest.mark.parametrize(
-    ("robot", "joint", "ratio"),
-    [("ur10e", 2, 101.0), ("kuka_lwr4plus", 4, -30.0)],
-)
+@pytest.mark.parametrize(("robot", "joint", "ratio"), [("kuka_lwr4plus", 4, -30.0)])
 def test_a_measured_position_of_the_motors_side(tmp_path, robot, joint, ratio):
-    """Of the second robot's it was told that two positions look exchanged."""
+    """It was told that two positions look exchanged."""
     names = {f"{d}q{joint}" for d in ("", "d", "dd")}
     change = lambda c: {k: ratio * v if k in names else v for k, v in c.items()}  # noqa: E731
     study = measured(robot)
-    if robot == "ur10e":
-        keep = ("excite_a_50s", "excite_c_30s")
-        study = study.with_(recordings=tuple(e for e in study.recordings if e.label in keep))
     (said,) = examine_fit(prepare_study(planted(tmp_path, change, study)))
     assert (said.check, said.signals) == ("angle_unit", (f"q{joint}",))
     told = yaml.safe_load(said.remedy)["columns"][f"q{joint}"]
