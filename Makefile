@@ -3,13 +3,17 @@ PYTHON ?= python3
 VENV   ?= .venv
 BIN     = $(VENV)/bin
 
-.PHONY: demo test reliability lint regenerate bench docs notebooks picture clean
+.PHONY: demo test long reliability lint regenerate bench docs notebooks picture clean
 
 demo: $(VENV)/.installed
 	$(BIN)/ident demo
 
 test: $(VENV)/.installed-test
 	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist worksteal
+
+# All of them: also those that look a second time at what another test asks, on measured robots.
+long: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist worksteal --long
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

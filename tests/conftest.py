@@ -11,9 +11,20 @@ for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 sys.path.insert(0, str(Path(__file__).parent / "support"))
 
 
-def pytest_collection_modifyitems(items):
-    """The slow ones first: at the end one process would wait for the other's."""
+def pytest_addoption(parser):
+    parser.addoption("--long", action="store_true", help="also the tests that `make long` runs")
+
+
+def pytest_collection_modifyitems(config, items):
+    """The slow ones first: at the end one process would wait for the other's. Second looks at what another
+    test asks, on measured robots, are left to `make long`: with them `make test` takes more than a quarter of
+    an hour."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
+    if not config.getoption("--long"):
+        later = pytest.mark.skip(reason="`make long` runs it: ten seconds of a processor or more")
+        for item in items:
+            if item.get_closest_marker("long"):
+                item.add_marker(later)
 
 
 @pytest.fixture(autouse=True, scope="module")

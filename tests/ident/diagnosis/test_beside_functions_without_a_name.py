@@ -70,6 +70,7 @@ def test_what_leans_on_strange_structure_is_refused_and_what_does_not_stays(tiny
     assert all(kept)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "franka_panda").is_dir(), reason="the recordings of measured robots are not here"
 )
@@ -91,6 +92,7 @@ recordings:
     assert all(u["depends_on"] for u in strange)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "airbot_play").is_dir(), reason="the recordings of measured robots are not here"
 )

@@ -85,6 +85,7 @@ def test_runs_of_other_parameters_are_said_to_differ(tiny):
     assert given_fitted(m, m.both, {0: z}, weigh(m, {0: z}).sizes).differ > 8
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "franka_panda").is_dir(), reason="the recordings of measured robots are not here"
 )

@@ -139,6 +139,7 @@ def test_15_ms_of_one_joint_that_dry_friction_takes_up(tmp_path):
     assert (finding["effect"], finding["joints"]) == ("time_delay", [4])
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "rokae_xmate3pro").is_dir(), reason="the recordings of measured robots are not here"
 )

@@ -205,6 +205,7 @@ def test_a_weight_is_one_though_the_models_parameters_follow_its_fast_part(tmp_p
     assert (place.start, place.stop) == (None, None)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "franka_panda").is_dir(), reason="the recordings of measured robots are not here"
 )

@@ -54,6 +54,7 @@ def test_a_load_on_the_run_that_judges(arm, tmp_path, request_, sizes):
         assert again[role] == pytest.approx(errors)
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_five_degrees_on_the_fitted_run_of_a_measured_robot(tmp_path):

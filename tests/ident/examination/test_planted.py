@@ -53,6 +53,7 @@ def test_a_base_that_two_parallel_axes_do_not_show_is_said_to_be_unseen(gravity)
     assert check.check == "poor_excitation" and "do not show how the base is mounted" in check.message
 
 
+@pytest.mark.long
 def test_sensors_of_the_dual_arm_have_mixed_signs():
     """tau_l1 and tau_l3 are turned: no drive gains agree with them, and a fit that fails says what the
     examination found. The currents say the same: each rises with its own dry friction, so it has its joint's
@@ -72,6 +73,7 @@ def test_sensors_of_the_dual_arm_have_mixed_signs():
             assert friction > 0.5 and sign * slope > 0.1
 
 
+@pytest.mark.long
 def test_signs_beside_unknown_drive_gains(tmp_path):
     turned = {"tau_l1", "tau_l3", "i2"}
     study = planted(tmp_path, lambda c: {k: -v if k in turned else v for k, v in c.items()}, live_arm())
@@ -479,6 +481,7 @@ def test_a_joint_at_rest_is_not_said_to_have_anothers_velocity(tmp_path):
     assert {c.check for c in tables(study)} == {"angle_unit"}
 
 
+@pytest.mark.long
 def test_two_sensors_exchanged_of_which_one_was_turned(tmp_path):
     """tau_l1 and tau_l3 of the arm are turned; so they are told back, each with its own sign."""
     exchange = {"tau_l2": "tau_l3", "tau_l3": "tau_l2"}
@@ -629,6 +632,7 @@ def test_another_zero_in_all_recordings_is_no_late_sensor_of_one(tmp_path):
     assert "channel_delay" not in {c.check for c in examine_fit(prepare_study(parted(study, 7, 9.7)))}
 
 
+@pytest.mark.long
 def test_a_weight_that_looks_like_another_zero_is_told_as_none(tmp_path):
     """A point mass half-way along a rokae's second link, in the second half of its seconds: no signal of any
     recording is blamed for it. (Another zero explains about as much, and was told with the load.)"""

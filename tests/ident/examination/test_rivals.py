@@ -214,6 +214,7 @@ def _lwr4plus(study):
     return study.with_(recordings=tuple(runs), filter=type(study.filter)())
 
 
+@pytest.mark.long
 def test_positions_that_are_smoothed_are_no_torque_that_is_early(tmp_path):
     """Of all positions of an LWR4+ 0.11 s late the fourth torque, the most exact one, was told as early."""
 

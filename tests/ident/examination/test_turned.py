@@ -63,6 +63,7 @@ def test_a_joint_that_turns_the_other_way(tmp_path):
     assert examine_fit(prepare_study(mended_study(study, [said]))) == ()
 
 
+@pytest.mark.long
 def test_a_position_turned_is_not_two_exchanged_ones(tmp_path):
     """Joints of an LWR4+ follow one signal; its last torque, hardly any, refused the right answer."""
     study = _turned(tmp_path, "kuka_lwr4plus", "q4")

@@ -1,6 +1,7 @@
 """A torque that changes its sign on the way is told where one arm is then left."""
 
 import numpy as np
+import pytest
 from planted import ON_RECORDINGS, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
@@ -46,6 +47,7 @@ def test_of_three_seconds_two_torques_exchanged_and_a_position_turned_are_no_sig
     assert not [c for c in told if c.check == "torque_sign"]
 
 
+@pytest.mark.long
 def test_of_positions_of_the_motors_side_no_torque_changes_its_sign(tmp_path):
     """Of a rokae's two were told to, by the fitted recording alone."""
     gears = {f"q{j}": ratio for j, ratio in enumerate((101, -100, 80, -81, 60, 50, -51), 1)}
