@@ -8,12 +8,14 @@ BIN     = $(VENV)/bin
 demo: $(VENV)/.installed
 	$(BIN)/ident demo
 
+TEST = $(BIN)/python -m pytest -n logical --maxprocesses 4 --dist worksteal
+
 test: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist worksteal
+	$(TEST)
 
 # All of them: also those that look a second time at what another test asks, on measured robots.
 long: $(VENV)/.installed-test
-	$(BIN)/python -m pytest -n logical --maxprocesses 4 --dist worksteal --long
+	$(TEST) --long
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

@@ -157,7 +157,6 @@ def settle(
             if before is not None and not (d.joint in afresh and first):
                 moved[d.joint] = not _rests(before, orders[0], ladders, seen, asked, explained)
                 if not moved[d.joint]:
-                    normal = normal.taken(d, {c: z[:, 0] for c, z in columns([before]).items()})
                     continue
             starts = [] if before is None else [(before, orders[0], False)]
             if before is not None and before.travel > 0:

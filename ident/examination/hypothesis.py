@@ -173,10 +173,10 @@ def bad(fit: Fit) -> bool:
     return bool(error.max() > BAD or np.median(error) > BAD_TOGETHER)
 
 
-def explains(before: np.ndarray, after: np.ndarray, most: float = EXPLAINED) -> bool:
+def explains(before: np.ndarray, after: np.ndarray) -> bool:
     """Whether of torques with these errors some are explained, and all but those that are hardly touched.
     (The last torque of an LWR4+ is mostly noise; for it no gravity was missed in the other six.)"""
-    done = after <= most
+    done = after <= EXPLAINED
     untouched = np.abs(np.log(np.maximum(after, 1e-9) / np.maximum(before, 1e-9))) < np.log(SAME)
     seen = np.isfinite(after)
     return bool(done.any() and (done | untouched)[seen].all())

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,7 @@ from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis
 from ident.examination.quick import FLOOR
-from ident.examination.signs import MOST_SIGNS
+from ident.examination.signs import MOST_SIGNS, sign_patterns
 from ident.examination.smooth_torques import with_smooth_torques
 from ident.examination.stretches import RARE, ByItself, Explained, all_rows, steadily
 
@@ -74,9 +74,9 @@ def signed(each: ByItself) -> Explained | None:
     seen = np.flatnonzero(np.isfinite(each.fit.error)).tolist()
     if not 0 < len(seen) <= MOST_SIGNS:
         return None
-    signs = product((False, True), repeat=len(seen) - 1)
-    ways = [how.times([c for c, its in zip(seen[1:], turned) if its], -1.0) for turned in signs]
-    return max((Explained.by(quick, way) for way in ways), key=lambda its: its.fit.gain_over(each.fit))
+    ways = [how.times(which, -1.0) for which in sign_patterns(seen[1:])]
+    told = (Explained(quick, fit, way) for fit, way in zip(quick.fits(ways), ways))
+    return max(told, key=lambda its: its.fit.gain_over(each.fit))
 
 
 def _moves(asked: Asked, plain: ByItself, its: Motion) -> bool:

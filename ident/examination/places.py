@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from ident.equations.columns import Columns
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import FLOOR, Assignment, Fit, alone
-from ident.examination.signs import MOST_SIGNS
+from ident.examination.signs import MOST_SIGNS, sign_patterns
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 
@@ -51,11 +51,9 @@ def _fewest_turned(asked: Asked, placed: Assignment, turned: Assignment) -> Assi
     turned.)"""
     if len(asked.seen) > MOST_SIGNS:
         return turned
-    patterns = [
-        [c for c, its in zip(asked.seen, bits) if its] for bits in product((0, 1), repeat=len(asked.seen))
-    ]
+    patterns = sign_patterns(asked.seen)
     ways = [placed.times(which, -1.0) for which in patterns]
-    gains = np.array([asked.quick.fit(way).gain_over(asked.fit) for way in ways])
+    gains = np.array([fit.gain_over(asked.fit) for fit in asked.quick.fits(ways)])
     near = np.flatnonzero(gains > gains.max() - 0.5 * CLEARLY).tolist()
     return ways[min(near, key=lambda k: (len(patterns[k]), -gains[k]))]
 

@@ -231,11 +231,14 @@ class Normal:
 
     def errors(self, chi: np.ndarray, how: Assignment) -> np.ndarray:
         """(C,) relative; NaN where nothing is seen."""
-        return self.left(chi, *self.right(how))
+        size, v = self.right(how)
+        return self.left(chi[None], size[None], v[None])[0]
 
     def left(self, chi: np.ndarray, size: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """The same of torques with |Y|^2 (C,) and W' Y (C, b)."""
-        left = size - 2 * v @ chi + (self.G.reshape(-1, len(chi)) @ chi).reshape(-1, len(chi)) @ chi
+        """(K, C), the same by each of chi (K, b) of torques with |Y|^2 (K, C) and W' Y (K, C, b)."""
+        C, b, _ = self.G.shape
+        along = (self.G.reshape(-1, b) @ chi.T).reshape(C, b, -1)
+        left = size - 2 * (v @ chi[:, :, None])[:, :, 0] + np.einsum("cbk,kb->kc", along, chi)
         seen = (self.rows > 10) & (size > 0)
         return np.where(seen, np.sqrt(np.maximum(left, 0.0) / np.where(seen, size, 1.0)), np.nan)
 
@@ -310,8 +313,7 @@ def least_squares(sums: Normal, torques: Sequence[tuple[np.ndarray, np.ndarray]]
     C, b, _ = sums.G.shape
     size, right = (np.stack(each) for each in zip(*torques))  # (K, C), (K, C, b)
     seen = (sums.rows > 10) & (size > 0)
-    size = np.maximum(size, 1e-300)
-    scale = np.where(seen, 1.0 / size, 0.0)
+    scale = np.where(seen, 1.0 / np.maximum(size, 1e-300), 0.0)
     for turn in range(3):
         G = (scale @ sums.G.reshape(C, -1)).reshape(-1, b, b)
         own = G.diagonal(axis1=1, axis2=2)
@@ -322,11 +324,9 @@ def least_squares(sums: Normal, torques: Sequence[tuple[np.ndarray, np.ndarray]]
         G.reshape(len(G), -1)[:, :: b + 1] += np.where(live, RIDGE, 1.0)
         aim = (scale[:, None] @ right)[:, 0] / length
         chi = np.linalg.solve(G, aim[:, :, None])[:, :, 0] / length
-        along = (sums.G.reshape(-1, b) @ chi.T).reshape(C, b, -1)
-        left = size - 2 * (right @ chi[:, :, None])[:, :, 0] + np.einsum("cbk,kb->kc", along, chi)
-        error = np.where(seen, np.sqrt(np.maximum(left, 0.0) / size), np.nan)
+        error = sums.left(chi, size, right)
         if turn < 2:
-            scale = np.where(seen, 1.0 / (size * np.fmax(error, 0.02) ** 2), 0.0)
+            scale = np.where(seen, 1.0 / (np.maximum(size, 1e-300) * np.fmax(error, 0.02) ** 2), 0.0)
     return [Fit(x, e, None, *its) for x, e, *its in zip(chi, error, G, length, scale)]
 
 

@@ -7,7 +7,7 @@ inertia is positive. Both are linear in the parameters, so they have a standard 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -95,6 +95,12 @@ def all_signs(asked: Asked) -> Hypothesis | None:
     return Hypothesis(np.inf, asked.how.times(which, -1.0), check, words=words)
 
 
+def sign_patterns(channels: Sequence[int]) -> list[list[int]]:
+    """All choices of channels that may be turned, none first."""
+    each = product((0, 1), repeat=len(channels))
+    return [[c for c, turned in zip(channels, bits) if turned] for bits in each]
+
+
 def several_signs(asked: Asked) -> Iterator[Hypothesis]:
     """Two torques or more with the other sign: turning one alone may only move the contradiction.
 
@@ -103,10 +109,8 @@ def several_signs(asked: Asked) -> Iterator[Hypothesis]:
     seen, quick, how = asked.seen, asked.quick, asked.how
     if not 3 <= len(seen) <= MOST_SIGNS:
         return
-    patterns = [
-        [c for c, turned in zip(seen[1:], bits) if turned] for bits in product((0, 1), repeat=len(seen) - 1)
-    ]
-    fits = [quick.fit(how.times(which, -1.0)) for which in patterns]
+    patterns = sign_patterns(seen[1:])
+    fits = quick.fits([how.times(which, -1.0) for which in patterns])
     gains = np.array([other.gain_over(asked.fit) for other in fits])
     best = int(np.argmax(gains))
     other, which = fits[best], patterns[best]
