@@ -20,7 +20,7 @@ import numpy as np
 
 from ident.cores import in_order
 from ident.diagnosis.evidence import Evidence, Metric, weigh
-from ident.diagnosis.fine import FineSegment
+from ident.equations.fine import FineSegment
 
 LAMBDAS = np.geomspace(1e-4, 1e6, 41)
 HATS = 13

@@ -14,16 +14,16 @@ from functools import partial
 
 import numpy as np
 
-from ident.diagnosis.fine import FineKeeper, FineSegment, bytes_of
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.presliding import shortest_travels, told_as_effects
 from ident.diagnosis.room import Room, room_for
 from ident.diagnosis.rows import Rows, rows_of
 from ident.diagnosis.state import Found, Problem, State, first_state, settled
-from ident.diagnosis.stretches import Cut, cut_out, cuts
+from ident.diagnosis.stretches import cut_out, cuts
 from ident.diagnosis.terms import Term
 from ident.diagnosis.turn_over import Dry
 from ident.equations.build import build
+from ident.equations.fine import Cut, FineKeeper, FineSegment, bytes_of
 from ident.equations.observation import RecordingSystem, stack
 from ident.equations.placing import layout_of, terms_of
 from ident.equations.prepared import Prepared
@@ -85,7 +85,7 @@ class Source:
     def read(self) -> tuple[Rows, tuple[FineSegment, ...]]:
         """Those of all recordings, opened again."""
         systems, keeper = self.built()
-        return self.looked_at(systems, keeper.segments([its.label for its in systems], self.cuts))
+        return self.looked_at(systems, keeper.segments(systems, self.cuts))
 
 
 def diagnosis_cutoff(prepared: Prepared) -> float:
@@ -123,7 +123,7 @@ def opened(
     chosen = cuts(systems, room.rows, partial(_left, systems, prepared))
     thinned = sum(cut.stop - cut.start for cut in chosen) < sum(len(p.t) for s in systems for p in s.segments)
     source = replace(source, cuts=tuple(chosen), thinned=thinned)
-    rows, segments = source.looked_at(systems, keeper.segments([its.label for its in systems], chosen))
+    rows, segments = source.looked_at(systems, keeper.segments(systems, chosen))
     del keeper, systems
     n = len(columns.need.joints)
     low = np.min([s.q.min(axis=0) for s in segments], axis=0)

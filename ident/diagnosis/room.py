@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.diagnosis.fine import stride_of
+from ident.equations.fine import stride_of
 from ident.equations.prepared import Prepared
 from ident.errors import IdentError
 from ident.progress import Progress

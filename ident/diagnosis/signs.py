@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.rows import Rows
+from ident.equations.fine import FineSegment
 from ident.signals.dry_friction import TurnOver, mean_sign, slid
 
 

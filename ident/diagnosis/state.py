@@ -14,15 +14,15 @@ import numpy as np
 import scipy.sparse
 
 from ident.diagnosis.evidence import Metric, acting, metric, orthonormal, stacked
-from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.recorded import Record, comes_late, recorders
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.signs import SignColumns, sign_column
 from ident.diagnosis.steps import Stepped, multiplies_sign, steps
-from ident.diagnosis.terms import Scene, Term, columns_of, motion_of
+from ident.diagnosis.terms import Scene, Term, columns_of
 from ident.diagnosis.turn_over import Dry, TurnOver, settle, with_column, with_turn_overs
 from ident.diagnosis.whitened import Whitener, whiteners
 from ident.equations.columns import Columns
+from ident.equations.fine import FineSegment
 from ident.equations.fitted import FittedModel
 from ident.equations.terms import late_by
 from modelgen.effects.place import Motion
@@ -171,7 +171,7 @@ def first_state(problem: Problem, rows: Rows, segments: Sequence[FineSegment]) -
         )
         for u in rows.use
     )
-    motions = tuple(motion_of(s) for s in segments)
+    motions = tuple(s.motion for s in segments)
     state = State(problem, rows, tuple(segments), motions, {}, (), plain, np.zeros(rows.b))
     return settled(state, 3)
 
@@ -287,7 +287,7 @@ def _turning(
             made = {c: sign_column(segments, rows, d.joint, c, turns[d.joint]) for c, _ in d.places}
             rows = with_column(rows, d, made)
     segments = with_turn_overs(segments, turns)
-    motions = tuple(motion_of(s) for s in segments)
+    motions = tuple(s.motion for s in segments)
     return replace(state, rows=rows, segments=segments, motions=motions)
 
 

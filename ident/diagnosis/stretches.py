@@ -9,11 +9,12 @@ loudest of them, at the scatter of all, are looked at too (at most a third of th
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import scipy.stats
 
+from ident.equations.fine import Cut
 from ident.equations.observation import DecimatedSegment, RecordingSystem
 
 STRETCH_S = 20.0  # s
@@ -22,16 +23,6 @@ BLOCK_S = 2.0  # s whose residuals are compared
 LOUD = 1 / 3  # of the rows, at most
 EDGE = 3  # rows: what the decimation's response reaches beyond a stretch
 CHANCE = 1e-3  # that the loudest of all blocks is taken for more
-
-
-@dataclass(frozen=True, slots=True)
-class Cut:
-    """Rows of one stretch of one recording: systems[system].segments[segment], rows start to stop."""
-
-    system: int
-    segment: int
-    start: int
-    stop: int
 
 
 def cuts(

@@ -8,8 +8,8 @@ from itertools import count
 
 import numpy as np
 
-from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.rows import Rows
+from ident.equations.fine import FineSegment
 from ident.equations.fitted import FittedModel
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Motion, Place
@@ -112,21 +112,6 @@ class Scene:
             at += s.rows
             out.append(np.concatenate([piece, np.full(len(s.t) - len(piece), np.nan)]))
         return out
-
-
-def motion_of(segment: FineSegment) -> Motion:
-    """A stretch of fine signals as effects see it."""
-    return Motion(
-        segment.label,
-        segment.payload,
-        segment.t - segment.begun,
-        segment.q,
-        segment.dq,
-        segment.ddq,
-        segment.sign_dq,
-        segment.measured,
-        segment.rate_hz,
-    )
 
 
 def columns_of(

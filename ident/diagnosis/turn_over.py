@@ -23,10 +23,10 @@ from types import MappingProxyType
 import numpy as np
 import scipy.linalg
 
-from ident.diagnosis.fine import FineSegment
 from ident.diagnosis.rows import Rows
 from ident.diagnosis.signs import How, SignColumns, sign_columns
 from ident.diagnosis.whitened import Whitener
+from ident.equations.fine import FineSegment
 from ident.signals.dry_friction import TurnOver
 
 SLOWEST, HIGHEST = 1e-4, 0.3  # of the top rate: least and largest width; of the travel: largest presliding

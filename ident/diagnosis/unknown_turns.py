@@ -14,7 +14,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.diagnosis.fine import FineSegment
+from ident.equations.fine import FineSegment
 from ident.signals.dry_friction import TurnOver, mean_sign
 from modelgen.effects.states import reversals
 

@@ -24,7 +24,7 @@ from ident.equations.observation import (
 )
 from ident.equations.terms import Chain, Term, places_of, tangent
 from ident.recordings.recording import RecordingStream
-from ident.signals.decimation import Decimator, folded, kept_every
+from ident.signals.decimation import Decimator, kept_every
 from ident.signals.filtering import FilterBank, FilteredBlock, LowPass, filter_stream
 from ident.signals.neighbours import by_segment, first_samples, wide_blocks
 from modelgen.geometry.place import Motion
@@ -45,39 +45,23 @@ def attach(
 
 def attach_fine(
     systems: Sequence[RecordingSystem],
-    fine: Mapping[str, Sequence[FineSegment]],
-    streams: Streams,
+    fine: Sequence[FineSegment],
     model: FittedModel,
     terms: Sequence[Term],
 ) -> tuple[RecordingSystem, ...]:
-    """`attach` from strided signals that are held in memory: fast, and nearly the same."""
+    """`attach` from fine signals of every stretch that has rows: fast, and nearly the same."""
     place, joint_of = places_of(model.columns, terms), model.columns.joint_of
-    out = []
+    out, rest = [], iter(fine)
     for system in systems:
         chain, segments, entries = Chain(model, terms), [], np.zeros((0, 2), int)
-        for part in fine[system.label]:
-            rows = _rows(fine_motion(part, streams[part.recording][0]), chain, place)
-            entries, certain = rows.entries, part.certain.T
+        for own, its in zip(system.segments, rest):
+            rows = _rows(its.motion, chain, place)
+            entries, certain = rows.entries, its.certain.T
             weighted = [rows.values * certain[joint_of[entries[:, 0]]], rows.known * certain[joint_of]]
-            done = folded(np.vstack(weighted).T, part.number, part.filter, part.every, len(part.rows.t))
-            segments.append(_extended(part.rows, done.T, entries, chain.factors()[system.channel]))
+            done = its.decimate(np.vstack(weighted).T)
+            segments.append(_extended(own, done.T, entries, chain.factors()[system.channel]))
         out.append(_with_entries(system, segments, entries))
     return tuple(out)
-
-
-def fine_motion(segment: FineSegment, stream: RecordingStream) -> Motion:
-    """A stretch of fine signals as effects see it."""
-    return Motion(
-        segment.recording,
-        segment.payload,
-        segment.t - stream.survey.segments[0].start,
-        segment.q,
-        segment.dq,
-        segment.ddq,
-        segment.sign,
-        segment.torque,
-        segment.rate_hz,
-    )
 
 
 def motion_of(stream: RecordingStream, block: FilteredBlock, columns: Columns) -> Motion:

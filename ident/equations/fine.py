@@ -1,134 +1,232 @@
-"""Filtered signals at a finer rate than the equations' rows, and columns made of them put on those rows.
+"""Filtered signals at a rate fine enough to make columns of, and columns put on the equations' rows.
 
-A candidate column (what some effect would add to a torque) is made where the motion is still whole, at the
-fine rate, and only then decimated: a column of sign(dq) that is decimated is not the sign of a decimated dq.
-`decimate` gives each fine sample the weight that the equations' own decimation gives that sample, so that a
-column passed through it stands beside the equations' columns at the same instants.
+A candidate column is made where the motion is still whole and only then decimated: a column of sign(dq)
+that is decimated is not the sign of a decimated dq. Kept is every s-th sample of a stretch, s a divisor of
+the distance of its rows, so the impulse response of the equations' own decimation, sampled at s, puts a
+column on the very instants of the rows (each row rescaled to unit gain, as there).
 
-Memory: 8 (1 + 5 n + C) bytes for each fine sample of n joints and C channels, half of that for recordings
-that are long: 7 joints at 200 Hz are 4 MB a minute, an hour is 120 MB.
-"""
+Memory: 8 (1 + 6 n + C) bytes for each fine sample of n joints and C channels, half of that for stretches that
+are long. An hour of 7 joints at 200 Hz would be 290 MB: where only parts of long recordings are looked at
+they wait on disk, until it is known which."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.equations.observation import DecimatedSegment, RecordingSystem
+from ident.equations.observation import RecordingSystem
 from ident.equations.prepared import Prepared
+from ident.equations.spilled import SpilledRows, Spool, joined
 from ident.recordings.recording import RecordingStream
-from ident.signals.decimation import folded, kept_every, means_about
+from ident.signals.decimation import kept_every, means_about, response_terms
 from ident.signals.filtering import FilteredBlock, LowPass
+from modelgen.geometry.place import Motion
 
-LEAST_HZ = 200.0  # of the fine rate
-PER_CUTOFF = 25.0  # fine samples a second and Hz of cut-off
-LONG = 400_000  # fine samples of a recording held in double precision
+FINE_HZ = 200.0
+LONG = 400_000  # fine samples of a stretch that is held in double precision
+TAIL = 1e-5  # of the impulse response's peak
+SIGNALS = 8  # decimated at a time
+FRAME = 12  # rows of one product
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """Rows of one stretch of one recording: systems[system].segments[segment], rows start to stop."""
+
+    system: int
+    segment: int
+    start: int
+    stop: int
 
 
 @dataclass(frozen=True, slots=True)
 class FineSegment:
-    """One uninterrupted stretch: every `stride`-th filtered sample and the rows it belongs to.
+    """One uninterrupted stretch of a recording. N fine samples, n joints, C channels.
 
-    t (N,) s, q, dq, ddq, sign, certain (N, n), torque (N, C) Y as recorded, uniform at rate_hz; certain and
-    torque are means over the stride. vs (n,) the speed from which a sign is certain. number (N,) counts the
-    stretch's samples at the recording's own rate; rows are the equations' decimated rows of the same stretch.
-    """
+    recording: the number of its system; t (N,) [s] of the recording's own time, begun (s): the recording's
+    first; q, dq, ddq, sign_dq (N, n), speed (N, n) whose sign it is, certain (N, n) 0..1 and measured (N, C),
+    Y as recorded, both means of the samples about each; rate_hz of the fine samples; every: fine samples from
+    one row to the next; vs (n,) the speed from which a sign is certain."""
 
-    recording: str
-    role: str
+    recording: int
+    label: str
     payload: str | None
-    index: int
+    begun: float
     t: np.ndarray
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-    sign: np.ndarray
+    sign_dq: np.ndarray
+    speed: np.ndarray
     certain: np.ndarray
-    torque: np.ndarray
-    vs: np.ndarray
+    measured: np.ndarray
     rate_hz: float
-    number: np.ndarray
     filter: LowPass
     every: int
-    joint_of: np.ndarray
-    rows: DecimatedSegment
+    vs: np.ndarray
+
+    @property
+    def rows(self) -> int:
+        return len(self.t) // self.every
+
+    @property
+    def motion(self) -> Motion:
+        """The stretch as effects see it."""
+        moving = self.q, self.dq, self.ddq, self.sign_dq
+        return Motion(self.label, self.payload, self.t - self.begun, *moving, self.measured, self.rate_hz)
+
+    def decimate(self, columns: np.ndarray, joint: int | None = None) -> np.ndarray:
+        """(N, k), weighted by a joint's certainty as its rows are -> (rows, k)."""
+        weight = None if joint is None else self.certain[:, joint]
+        made = _strided(self.filter, columns, self.every, weight)
+        made /= _unit(self.filter, self.every, len(columns))[:, None]
+        return made
+
+
+@lru_cache(maxsize=16)
+def _taps(filter: LowPass) -> np.ndarray:
+    p, c, d = response_terms(filter)
+    length = int(np.ceil(np.log(TAIL) / np.log(np.abs(p).max())))
+    n = np.abs(np.arange(-length, length + 1))
+    h = (p[None, :] ** n[:, None] @ c).real
+    h[length] += d
+    return h
+
+
+@lru_cache(maxsize=16)
+def _frame(filter: LowPass, every: int) -> np.ndarray:
+    """(W, FRAME): what W samples on end add to FRAME rows on end, the taps once for each row."""
+    taps = _taps(filter)
+    out = np.zeros(((FRAME - 1) * every + len(taps), FRAME))
+    for row in range(FRAME):
+        out[row * every : row * every + len(taps), row] = taps
+    return out
+
+
+@lru_cache(maxsize=256)
+def _unit(filter: LowPass, every: int, length: int) -> np.ndarray:
+    """What becomes of ones: the gain that is left near the ends."""
+    return _strided(filter, np.ones((length, 1)), every)[:, 0]
+
+
+def _strided(filter: LowPass, x: np.ndarray, every: int, weight: np.ndarray | None = None) -> np.ndarray:
+    """(N, k), samples weighted (N,) -> (N // every, k): convolution with symmetric taps (L,), at every
+    so-manieth sample alone.
+
+    FRAME rows at a time are one matrix product of the samples that reach them. Frames overlap; every c-th
+    one does not, so c views of the same samples hold them all and nothing is copied."""
+    frame, half = _frame(filter, every), len(_taps(filter)) // 2
+    width, hop = len(frame), FRAME * every
+    rows, views = len(x) // every, -(-width // hop)
+    count = -(-rows // (FRAME * views))  # frames of a view
+    before = half - (every - 1)  # zeros ahead of the first sample; negative: samples that no row reaches
+    ahead = max(before, 0)
+    padded = np.zeros((min(SIGNALS, x.shape[1]), (count + 1) * views * hop))
+    reach = slice(max(-before, 0), max(-before, 0) + padded.shape[1] - ahead)
+    x, weight = x[reach], np.ones(1) if weight is None else weight[reach]
+    one, step = padded.strides
+    out = np.empty((rows, x.shape[1]))
+    for begin in range(0, x.shape[1], SIGNALS):
+        part = x[:, begin : begin + SIGNALS].T
+        np.multiply(part, weight, out=padded[: len(part), ahead : ahead + len(x)])
+        shape, strides = (views, len(part), count, width), (hop * step, one, views * hop * step, step)
+        made = np.lib.stride_tricks.as_strided(padded, shape, strides, writeable=False) @ frame
+        out[:, begin : begin + SIGNALS] = made.transpose(2, 0, 3, 1).reshape(-1, len(part))[:rows]
+    return out
 
 
 class FineKeeper:
-    """An observer of `build` that keeps strided blocks; `segments` joins them to the systems built."""
+    """An observer of `equations.build` that keeps strided samples of every block, on disk where they are
+    many; least_hz: of the fine rate."""
 
-    def __init__(self, prepared: Prepared, cutoff_hz: float, rate_hz: float | None = None) -> None:
-        self.columns: Columns = prepared.columns
-        self.order, self.cutoff_hz = prepared.study.filter.order, cutoff_hz
-        self.rate_hz = rate_hz or max(LEAST_HZ, PER_CUTOFF * cutoff_hz)
+    def __init__(
+        self, columns: Columns, cutoff_hz: float, order: int, on_disk: bool = False, least_hz: float = FINE_HZ
+    ) -> None:
+        self.columns, self.cutoff_hz, self.order, self.least_hz = columns, cutoff_hz, order, least_hz
+        self.t: dict[tuple[str, int], list[np.ndarray]] = {}
+        self.parts: dict[tuple[str, int], list[np.ndarray | SpilledRows]] = {}
         self.streams: dict[str, RecordingStream] = {}
-        self.blocks: dict[tuple[str, int], list[tuple[np.ndarray, ...]]] = {}
-        self.vs: dict[str, np.ndarray] = {}
         self.seen: dict[tuple[str, int], int] = {}
+        self.vs: dict[str, np.ndarray] = {}
+        self.spool = Spool() if on_disk else None
 
     def __call__(self, stream: RecordingStream, index: int, block: FilteredBlock) -> None:
-        key, stride = (stream.label, index), self.stride(stream)
-        self.streams[stream.label], self.vs[stream.label] = stream, block.vs
+        key, (_, step) = (stream.label, index), self._steps(stream)
         seen = self.seen.get(key, 0)
+        pick = slice((step - 1 - seen) % step, None, step)
         self.seen[key] = seen + len(block.t)
-        pick = slice(-seen % stride, None, stride)
-        at = np.arange(len(block.t))[pick]
-        kind = np.float64 if stream.survey.rows / stride < LONG else np.float32
-        parts = [part[pick] for part in (block.q, block.dq, block.ddq, block.sign_dq)]
-        parts += [means_about(x, at, stride) for x in (block.certain, self.columns.torque(block))]
-        kept = tuple(part.astype(kind) for part in parts)
-        self.blocks.setdefault(key, []).append((block.t[pick], *kept, seen + at))
+        self.streams[stream.label], self.vs[stream.label] = stream, block.vs
+        speed = block.dq if block.speed is None else block.speed
+        signals = [part[pick].T for part in (block.q, block.dq, block.ddq, block.sign_dq, speed)]
+        # at a turn it falls and rises within few samples: one of them taken for all puts rows 6 % off
+        about = np.arange(len(block.t))[pick]
+        signals += [means_about(part, about, step).T for part in (block.certain, self.columns.torque(block))]
+        kind = np.float64 if stream.survey.rows / step < LONG else np.float32
+        kept = np.vstack(signals).astype(kind)
+        self.t.setdefault(key, []).append(block.t[pick].copy())
+        self.parts.setdefault(key, []).append(kept if self.spool is None else self.spool.append(kept))
 
-    def stride(self, stream: RecordingStream) -> int:
-        return max(1, int(stream.rate_hz / self.rate_hz + 1e-9))
+    def segments(
+        self, systems: Sequence[RecordingSystem], cuts: Sequence[Cut] | None = None
+    ) -> tuple[FineSegment, ...]:
+        """One a cut, in the order of the cuts; None: of every stretch that has rows. What was kept is handed
+        over."""
+        whole = (
+            Cut(k, s, 0, len(rows.t)) for k, its in enumerate(systems) for s, rows in enumerate(its.segments)
+        )
+        return tuple(self._segment(systems[cut.system], cut) for cut in (whole if cuts is None else cuts))
 
-    def segments(self, systems: Sequence[RecordingSystem]) -> dict[str, tuple[FineSegment, ...]]:
-        """{recording: its stretches}, those that have rows; what was kept is handed over."""
-        out = {}
-        for system in systems:
-            out[system.label] = tuple(
-                self._segment((system.label, rows.index), rows) for rows in system.segments
-            )
-        return out
-
-    def _segment(self, key: tuple[str, int], rows: DecimatedSegment) -> FineSegment:
-        stream = self.streams[key[0]]
-        t, q, dq, ddq, sign, certain, torque, number = (
-            np.concatenate(parts) for parts in zip(*self.blocks.pop(key))
+    def _segment(self, system: RecordingSystem, cut: Cut) -> FineSegment:
+        key, stream = (system.label, system.segments[cut.segment].index), self.streams[system.label]
+        every, step = self._steps(stream)
+        t, whole = np.concatenate(self.t[key]), joined(self.parts[key])
+        self.t[key], self.parts[key] = [t], [whole]
+        each = every // step
+        pick = slice(cut.start * each, len(t) if cut.stop >= len(t) // each else cut.stop * each)
+        n = len(self.columns.need.joints)
+        ends = np.arange(1, 7) * n
+        kind = np.float64 if len(t[pick]) < LONG else np.float32
+        q, dq, ddq, sign, speed, certain, measured = (
+            np.array(part.T, kind, order="C") for part in np.split(whole[:, pick], ends)
         )
         return FineSegment(
-            recording=stream.label,
-            role=stream.role,
-            payload=stream.payload,
-            index=key[1],
-            t=t,
-            q=q,
-            dq=dq,
-            ddq=ddq,
-            sign=sign,
-            certain=certain,
-            torque=torque,
-            vs=self.vs[stream.label],
-            rate_hz=stream.rate_hz / self.stride(stream),
-            number=number,
-            filter=LowPass(self.cutoff_hz, stream.rate_hz, self.order),
-            every=kept_every(self.cutoff_hz, stream.rate_hz),
-            joint_of=self.columns.joint_of,
-            rows=rows,
+            cut.system,
+            stream.label,
+            stream.payload,
+            stream.survey.segments[0].start,
+            t[pick].copy(),
+            q,
+            dq,
+            ddq,
+            sign,
+            speed,
+            certain,
+            measured,
+            stream.rate_hz / step,
+            LowPass(self.cutoff_hz, stream.rate_hz / step, self.order),
+            each,
+            self.vs[stream.label],
         )
 
+    def _steps(self, stream: RecordingStream) -> tuple[int, int]:
+        """Samples from one row to the next, and from one fine sample to the next."""
+        every = kept_every(self.cutoff_hz, stream.rate_hz)
+        return every, stride_of(every, stream.rate_hz, self.least_hz)
 
-def decimate(fine: FineSegment, columns: np.ndarray, channel: int | None = None) -> np.ndarray:
-    """Columns (N, k) made of a stretch's fine signals -> (m, k) at the instants of its rows.
 
-    For a channel its samples weigh as they do in the channel's rows (`certain`), and rows that do not count
-    are zero; None weighs all alike.
-    """
-    if channel is None:
-        return folded(columns, fine.number, fine.filter, fine.every, len(fine.rows.t))
-    weighted = columns * fine.certain[:, fine.joint_of[channel], None]
-    out = folded(weighted, fine.number, fine.filter, fine.every, len(fine.rows.t))
-    return np.asarray(out * fine.rows.used[channel][:, None])
+def bytes_of(prepared: Prepared, cutoff_hz: float) -> float:
+    """What the fine signals of a study take in double precision."""
+    wide = 1 + 6 * len(prepared.columns.need.joints) + len(prepared.columns.channels)
+    return sum(
+        8 * wide * stream.survey.rows / stride_of(kept_every(cutoff_hz, stream.rate_hz), stream.rate_hz)
+        for stream in prepared.streams
+    )
+
+
+def stride_of(every: int, rate_hz: float, least_hz: float = FINE_HZ) -> int:
+    """The largest divisor of `every` that leaves such a rate."""
+    return max((s for s in range(1, every + 1) if every % s == 0 and rate_hz / s >= least_hz), default=1)

@@ -9,7 +9,7 @@ torque) its columns follow the estimate until both stand still.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -115,7 +115,7 @@ def extend(
     if open_starts and fine is not None:
         trials = (
             _Search(study, fitted, streams, model, start, cutoff_hz, fine)
-            for start in started(study, fitted, fine, streams, model, terms)
+            for start in started(study, fitted, fine, model, terms)
         )
         search = _best(trials, progress)
     else:
@@ -190,7 +190,7 @@ class _Search:
         model: FittedModel,
         terms: Sequence[Term],
         cutoff_hz: float,
-        fine: Mapping[str, Sequence[FineSegment]] | None,
+        fine: Sequence[FineSegment] | None,
     ) -> None:
         self.study, self.fine = study, fine
         self.fitted, self.streams, self.model, self.cutoff_hz = fitted, streams, model, cutoff_hz
@@ -274,7 +274,7 @@ class _Search:
     def _evaluate(self, terms: tuple[Term, ...], model: FittedModel) -> _Point:
         """Go to a point: (b,) where it is, its loss, the estimate about it with bounds in force."""
         if self.fine is not None:
-            systems = attach_fine(self.fitted, self.fine, self.streams, model, terms)
+            systems = attach_fine(self.fitted, self.fine, model, terms)
         else:
             systems = attach(self.fitted, self.streams, model, terms, self.cutoff_hz)
         held = _held(self.columns, terms)

@@ -7,14 +7,14 @@ best start need not lie in the valley of the best fit: several are handed over.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from ident.equations.attaching import Streams, factors_of, fine_motion
+from ident.equations.attaching import Streams, factors_of
 from ident.equations.columns import Columns
-from ident.equations.fine import FineKeeper, FineSegment, decimate
+from ident.equations.fine import FINE_HZ, FineKeeper, FineSegment
 from ident.equations.fitted import FittedModel
 from ident.equations.observation import RecordingSystem, stack
 from ident.equations.prepared import Prepared
@@ -26,15 +26,17 @@ from ident.signals.filtering import filter_stream
 from ident.signals.neighbours import first_samples
 from modelgen.geometry.place import Motion
 
+PER_CUTOFF = 25.0  # fine samples a second and Hz of cut-off
 CANDIDATES = 48  # starts that are screened together
 SEVERAL = 5  # starts of an effect that are handed over
 
 
 def fine_signals(
     prepared: Prepared, fitted: Sequence[RecordingSystem], streams: Streams, cutoff_hz: float
-) -> dict[str, tuple[FineSegment, ...]]:
-    """{recording: its stretches of fine signals}, of as much of each as its system holds."""
-    keeper = FineKeeper(prepared, cutoff_hz)
+) -> tuple[FineSegment, ...]:
+    """One a stretch that has rows, in the order of the systems, of as much of each as its system holds."""
+    least = max(FINE_HZ, PER_CUTOFF * cutoff_hz)
+    keeper = FineKeeper(prepared.columns, cutoff_hz, prepared.study.filter.order, least_hz=least)
     for system in fitted:
         stream, bank = streams[system.label]
         for index, block in first_samples(filter_stream(stream, bank), system.samples):
@@ -45,18 +47,15 @@ def fine_signals(
 def started(
     study: Study,
     fitted: Sequence[RecordingSystem],
-    fine: Mapping[str, Sequence[FineSegment]],
-    streams: Streams,
+    fine: Sequence[FineSegment],
     model: FittedModel,
     terms: Sequence[Term],
 ) -> list[tuple[Term, ...]]:
     """Terms with a start for every shape: given ones as they are, the others the best of the effect's own
     starts, one term after the other, on fine signals of the identify recordings. Behind them the same terms
     with another start in the place of one."""
-    motions = [
-        (segment, fine_motion(segment, streams[s.label][0])) for s in fitted for segment in fine[s.label]
-    ]
-    residuals = [segment.torque - model.torque(motion) for segment, motion in motions]
+    motions = [(segment, segment.motion) for segment in fine]
+    residuals = [segment.measured - model.torque(motion) for segment, motion in motions]
     systems = tuple(fitted)
     out: list[Term] = []
     others: list[tuple[int, Term]] = []
@@ -178,16 +177,18 @@ def _with_entries(
     first: int,
 ) -> list[RecordingSystem]:
     """Systems whose rows have the columns of a term's sizes from number `first` on, with the old factors."""
-    rows = {(segment.recording, segment.index): (segment, motion) for segment, motion in motions}
+    rest = iter(motions)
     use = [k for k, name in enumerate(term.linear) if name in term.unknown]
     out = []
     for system in systems:
         segments, places = [], []
-        for part in system.segments:
-            segment, motion = rows[(system.label, part.index)]
+        for part, (segment, motion) in zip(system.segments, rest):
             found = _columns(term, motion, model)
             places = [(channel, first + k) for channel in sorted(found) for k in range(len(use))]
-            values = [decimate(segment, found[channel][:, use], channel).T for channel in sorted(found)]
+            values = [
+                segment.decimate(found[c][:, use], int(model.columns.joint_of[c])).T * part.used[c]
+                for c in sorted(found)
+            ]
             segments.append(replace(part, values=np.vstack([part.values, *values]).astype(part.values.dtype)))
         new = np.array(places, int).reshape(-1, 2)
         out.append(

@@ -16,7 +16,6 @@ of a segment, where the response is cut off, each row is only rescaled to unit g
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from functools import lru_cache
 
@@ -136,19 +135,6 @@ def decimate(values: np.ndarray, rate_hz: float, cutoff_hz: float, order: int = 
     decimator = Decimator(LowPass(cutoff_hz, rate_hz, order), kept_every(cutoff_hz, rate_hz), values.shape[1])
     parts: Iterator[np.ndarray | None] = iter((decimator.push(values.T), decimator.finish()))
     return np.concatenate([part.T for part in parts if part is not None])
-
-
-def folded(values: np.ndarray, number: np.ndarray, filter: LowPass, every: int, kept: int) -> np.ndarray:
-    """Columns of values (N, m) at some samples only, `number` (N,) of the segment's -> (kept, m).
-
-    Each sample has the weight that `Decimator` gives it; the rows are rescaled to unit gain as there.
-    """
-    decimator = Decimator(filter, every, values.shape[1])
-    bounds = np.searchsorted(number, np.arange(kept + 2) * every)
-    for start, stop in itertools.pairwise(bounds):
-        weights = decimator.weights[number[start:stop] % every]
-        decimator.sums.append(np.vstack([values[start:stop].T @ weights, weights.sum(axis=0)]))
-    return decimator._give(kept).T
 
 
 def means_about(values: np.ndarray, kept: np.ndarray, step: int) -> np.ndarray:

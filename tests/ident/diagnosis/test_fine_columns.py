@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ident.diagnosis.fine import FINE_HZ, SIGNALS, FineSegment, _strided, _taps, stride_of
-from ident.diagnosis.terms import Scene, motion_of
+from ident.diagnosis.terms import Scene
+from ident.equations.fine import FINE_HZ, SIGNALS, FineSegment, _strided, _taps, stride_of
 from ident.signals.decimation import decimate, kept_every, means_about
 from ident.signals.filtering import LowPass
 
@@ -113,7 +113,7 @@ def test_fine_rows_are_the_rows_of_the_equations(clean_arm):
 
 def test_back_gives_every_row_to_its_samples(clean_arm):
     state = clean_arm.state
-    scene = Scene(state.rows, state.segments, tuple(motion_of(s) for s in state.segments), state.model)
+    scene = Scene(state.rows, state.segments, tuple(s.motion for s in state.segments), state.model)
     number = np.arange(float(len(state.rows.t)))
     back = scene.back(0, number, np.ones(len(number), bool))
     assert [len(b) for b in back] == [len(s.t) for s in state.segments]

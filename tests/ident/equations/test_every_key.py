@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 from small_arm import ARM
 
 import generated
-from ident.diagnosis.terms import motion_of
 from ident.equations.build import build
 from ident.equations.fitted import FittedModel
 from ident.equations.placing import terms_of
@@ -189,7 +188,7 @@ def test_fit_and_diagnosis_start_from_the_same_rows(folder, keys):
     rigid = np.linspace(-1.0, 1.5, b)
     rigid[list(problem.columns.gain_columns.values())] = 0.0
     model = FittedModel(problem.columns, problem.robot, rigid, {s.label: s.vs for s in segments})
-    torque = [model.torque(motion_of(s)) for s in segments]
+    torque = [model.torque(s.motion) for s in segments]
     if keys.get("positions") == "joint":
         return  # a stretch holds one position a joint: rotors go with it there
     for c, (places, values) in enumerate(rows.base):
