@@ -6,7 +6,7 @@
 Robots of two to four joints, simulated apart from ident (exam/): Pinocchio's torques, dry friction as Dahl's
 law or a smooth sign, quantised positions, slow and ordinary motions at 50 to 1,000 Hz, one to four runs.
 Their torques have noise of one of the kinds below, 0.3 to 3 times the usual size. A row a kind of noise:
-studies, those in which an effect is named or a check blames the data (of poor motion it may), those with
+studies, those in which an effect is named or a check blames the data (poor or coarse they may be), those with
 something unexplained, those with no answer; and the largest share of blamed ones that so many studies are
 compatible with (Clopper and Pearson, 95 %).
 """
@@ -38,6 +38,7 @@ USES = (
     ["identify", "identify", "validate"],
     ["identify", "identify", "identify", "validate"],
 )
+QUALITY = ("poor_excitation", "coarse_signal")  # slow motion in steps of what positions are read in
 RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)
 
 
@@ -182,9 +183,9 @@ def told(answer: dict[str, Any]) -> str:
 
 
 def blamed(document: dict[str, Any]) -> list[str]:
-    """The effects that are named, and the checks that say more than that the motion is poor."""
+    """The effects that are named, and the checks that say something else than how well the data show it."""
     effects = [f"{f['effect']} {f['joints']}" for f in document["findings"]]
-    return effects + [c["check"] for c in document["checks"] if c["check"] != "poor_excitation"]
+    return effects + [c["check"] for c in document["checks"] if c["check"] not in QUALITY]
 
 
 def table(answers: list[dict[str, Any]]) -> str:
