@@ -13,6 +13,7 @@ from ident.diagnosis.last_fit import _vague, first_extended
 from ident.equations.observation import ChannelFactor, stack
 from ident.estimation.least_squares import weighted_least_squares
 from ident.report.diagnosis_words import unexplained_sentence
+from modelgen.effects import catalogue
 
 
 def fit(error, cutoff):
@@ -48,7 +49,7 @@ def test_the_study_s_own_cutoff_where_the_finer_one_predicts_worse(monkeypatch, 
 
 
 def found(p_told, replaces=False, size=1.0, std=0.1, factor=1.0):
-    effect = SimpleNamespace(replaces=replaces, size_names=("Fs",), factor=lambda size: factor)
+    effect = SimpleNamespace(replaces=replaces, size_names=("Fs",), linear=(), factor=lambda size: factor)
     parameters = {"Fs": SimpleNamespace(value=size, std=std), "vs": SimpleNamespace(value=0.15, std=0.1)}
     term = SimpleNamespace(effect=effect, size=(size,))
     return SimpleNamespace(p_told=p_told, parameters=parameters, term=term)
@@ -66,6 +67,16 @@ def test_a_size_told_with_an_interval_that_holds_zero_names_nothing():
     """By the sizes at the shapes as found it is there; told is 37 +- 46 N m."""
     assert _vague([found(1e-9), found(1e-9, size=36.8, std=46.1)], 0, 0.01) == [1]
     assert _vague([found(1e-9, size=36.8, std=None)], 0, 0.01) == []
+
+
+@pytest.mark.parametrize(("std", "vague"), [(1.9e-4, [0]), (0.5e-4, [])])
+def test_an_effect_is_told_from_the_simpler_one_that_it_contains(std, vague):
+    """A gear that stiffens is a soft one where only its compliance is told from zero."""
+    term = SimpleNamespace(effect=catalogue()["stiffening_gear"], size=(0.0167, -2.0e-4))
+    values = {"compliance": (0.0167, 0.0012), "cubic": (-2.0e-4, std), "Iam": (0.87, 0.05)}
+    parameters = {name: SimpleNamespace(value=value, std=its) for name, (value, its) in values.items()}
+    told = SimpleNamespace(p_told=1e-9, parameters=parameters, term=term)
+    assert _vague([told], 0, 0.01) == vague
 
 
 def test_a_factor_is_told_from_one_by_its_logarithm():
