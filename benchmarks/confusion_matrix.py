@@ -106,6 +106,8 @@ def verdict_of(truth: dict[str, Any], mark: Mark) -> bool:
         return bool(mark.unexplained_right)
     if truth["kind"] == "pair":
         return mark.named >= mark.put_in and not mark.false
+    if truth["kind"] == "twice":
+        return mark.each and not mark.false
     return bool(mark.first_right) and not mark.false
 
 
@@ -153,7 +155,7 @@ def report(results: list[dict[str, Any]]) -> str:
             + ", ".join(f"{k} {v}" for k, v in wrong.most_common())
         )
     lines.append("")
-    for kind in ("outside", "pair", "weak", "noisy", "clean"):
+    for kind in ("outside", "pair", "twice", "weak", "noisy", "clean"):
         group: dict[str, list[str]] = defaultdict(list)
         for t, m, _ in marks:
             if t["kind"] == kind and not verdict_of(t, m):
@@ -190,6 +192,7 @@ def report(results: list[dict[str, Any]]) -> str:
         f"{np.mean([len(m.false) for _, m, _ in of_kind['pair']]):.3f}" if of_kind["pair"] else "-",
         "0.1",
     )
+    row("twice: both named", _share([m.each for _, m, _ in of_kind["twice"]]), "all")
     for kind in ("weak", "noisy"):
         able = [bool(m.first_right) for t, m, _ in of_kind[kind] if detectable(t)]
         row(f"{kind}: right among those a fit of the truth shows held out", _share(able), "100 %")

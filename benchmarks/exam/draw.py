@@ -49,6 +49,14 @@ OUTSIDE = (
     "cross_stiffness",
     "sloshing",
 )
+SEVERAL = (
+    "stribeck_friction",
+    "torque_ripple",
+    "joint_coupling",
+    "payload_change",
+    "external_force",
+    "sensor_crosstalk",
+)  # of which one joint, or one run, may have two
 COVERABLE = (
     "cubic_spring",
     "soft_stop",
@@ -65,6 +73,18 @@ class Drawn:
     start: float
     low: float
     high: float
+
+
+def another(one: Injected, other: Injected) -> bool:
+    """Whether a second effect of a name is another one than the first: of another joint's motion, another
+    wave or curve, another time."""
+    a, b = one.params, other.params
+    apart = [max(a[k], b[k]) > 2 * min(a[k], b[k]) for k in ("wavenumber", "vs") if k in a]
+    if "to" in a:
+        apart.append(one.run != other.run or a["to"] < b["from"] or b["to"] < a["from"])
+    elif "from" in a:
+        apart.append(one.run != other.run or abs(a["from"] - b["from"]) > 5.0)
+    return any(apart) or one.source != other.source
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ import yaml
 from benchmarks.exam import draw, motion, physics, robots, yardstick
 from benchmarks.exam.physics import Drives, Injected, Plant, Run
 
-KINDS = ("single", "clean", "pair", "outside", "weak", "noisy")
+KINDS = ("single", "clean", "pair", "outside", "weak", "noisy", "twice")
 WITHOUT_EFFECTS = tuple(f"without:{name}" for name in draw.PAPER)
 
 
@@ -200,19 +200,26 @@ class Case:
             return np.array([effect.joint + (n if effect.side == "sensor" else 0)])
         return np.array([effect.joint])
 
-    def place(self, name: str, taken: set[int], target: float) -> Injected | None:
-        """Draw joint and size of one effect until its joint's error comes to the target percentage."""
+    def place(
+        self, name: str, taken: set[int], target: float, beside: Injected | None = None
+    ) -> Injected | None:
+        """Draw joint and size of one effect until its joint's error comes to the target percentage; beside
+        one of the same name, on its joint."""
         rng = self.rng
         n = self.robot.n
         sharp = [j for j in range(n) if j not in taken and self.clean_error[j] < 2.0 * self.noise_scale]
         for _ in range(8):
             joint = int(rng.choice(sharp or [j for j in range(n) if j not in taken]))
+            if beside is not None and beside.joint is not None:
+                joint = beside.joint
             if name == "joint_elasticity":
                 self.plant.drives.Fcl[joint] = 0.0
             drawn = draw.draw(name, self.scene, joint, rng)
             if drawn is None:
                 continue
             a = min(max(drawn.start, drawn.low), drawn.high)
+            if beside is not None and not draw.another(beside, drawn.build(a)):
+                continue
             shows = self._channels_of(drawn.build(a))
             free = (
                 [physics.simulate(self.plant, r, []) for r in self.runs]
@@ -341,7 +348,8 @@ class Case:
                     raise RuntimeError(f"{name} could not be placed")
                 effects += placed
             else:
-                one = self.place(name, taken, target)
+                beside = effects[0] if self.kind == "twice" and effects else None
+                one = self.place(name, taken, target, beside)
                 if one is None:
                     raise RuntimeError(f"{name} could not be placed")
                 effects.append(one)
@@ -434,6 +442,11 @@ def plan(seed: int, kinds: list[str], effects: list[str] | None, per_effect: int
                 todo.append(
                     (kind, [str(x) for x in rng.choice(wanted, 2, replace=False)], _seed(seed, kind, k))
                 )
+        elif kind == "twice":
+            names = [name for name in effects or draw.SEVERAL if name in draw.SEVERAL]
+            todo += [
+                (kind, [name, name], _seed(seed, kind, name, k)) for k in range(per_effect) for name in names
+            ]
         else:
             names = list(draw.OUTSIDE) if kind == "outside" and not effects else wanted
             todo += [(kind, [name], _seed(seed, kind, name, k)) for k in range(per_effect) for name in names]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -30,6 +31,7 @@ class Mark:
     first_effect_right: bool | None = None
     in_alternatives: bool = False  # the truth is among the first finding's alternatives
     named: int = 0  # effects put in that were named
+    each: bool = False  # as many findings as effects put in, by effect
     put_in: int = 0
     false: list[str] = field(default_factory=list)
     silent: bool = False  # nothing named
@@ -100,6 +102,8 @@ def score(truth: dict[str, Any], document: dict[str, Any]) -> Mark:
         if not any(_matches(e, f) for e in effects):
             mark.false.append(describe(f))
     mark.named = len({e["effect"] for e in listed if any(_matches(e, f) for f in findings)})
+    told = Counter(f.get("effect") for f in findings if any(_matches(e, f) for e in effects))
+    mark.each = all(told[name] >= k for name, k in Counter(e["effect"] for e in listed).items())
     if listed and findings:
         first = findings[0]
         mark.first_right = any(_matches(e, first) for e in listed)
