@@ -82,8 +82,9 @@ def another(one: Injected, other: Injected) -> bool:
     apart = [max(a[k], b[k]) > 2 * min(a[k], b[k]) for k in ("wavenumber", "vs") if k in a]
     if "to" in a:
         apart.append(one.run != other.run or a["to"] < b["from"] or b["to"] < a["from"])
-    elif "from" in a:
-        apart.append(one.run != other.run or abs(a["from"] - b["from"]) > 5.0)
+    elif "from" in a:  # of two fitted runs that carry a body each all along only the difference shows
+        within = max(a["from"], b["from"]) > 0
+        apart.append(within and (one.run != other.run or abs(a["from"] - b["from"]) > 5.0))
     return any(apart) or one.source != other.source
 
 

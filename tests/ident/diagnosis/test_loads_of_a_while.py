@@ -48,6 +48,20 @@ def test_a_contact(arm):
     assert event.evidence.log_e > threshold(ALPHA)
 
 
+def test_two_contacts_in_one_run(arm):
+    """The second is found beside the first, as another one of its kind."""
+    forces = ("fx=0.2,fy=-0.15,fz=0.15,from=2,to=5", "fx=-0.15,fy=0.2,fz=0.15,from=8,to=11")
+    begun = opened(prepare_study(arm(*(f"external_force:{its},recording=run1" for its in forces))))
+    first = event_of(begun)
+    assert first is not None
+    r = first.refined
+    with_it = with_found(begun.state, Found(r.term, r.columns, r.sizes))
+    second = event_of(replace(begun, state=with_it))
+    assert second is not None and second.refined.term.copy == 1
+    ends = sorted((e.refined.term.place.start, e.refined.term.place.stop) for e in (first, second))
+    assert np.allclose(ends, [(2, 5), (8, 11)], atol=0.2)
+
+
 def test_a_body_from_a_moment_on(arm):
     event = event_of(opened(prepare_study(arm("payload_change:m=0.1,mz=0.01,from=6,recording=run1"))))
     assert event is not None and event.refined.term.effect.name == "payload_change"
