@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.special
 
+from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
 from ident.diagnosis.parameters_apart import beside_changes
@@ -199,7 +200,8 @@ def compared_exactly(
     that it was settled with. Those that the best one on the rows that chose nothing is not ahead of by the
     limit cannot be told apart: the simplest is told, and the others beside it."""
     for at, step in enumerate(outcome.steps):
-        rivals = [t for t in step.passed if t.size is not None and t.key != step.term.key]
+        there = {t.key for t in outcome.last.terms}
+        rivals = [t for t in step.passed if t.size is not None and t.key not in there]
         if step.term.size is None or not rivals or not is_told(last, step.term):
             continue
         tried = [(outcome, last, refused)]
@@ -210,8 +212,9 @@ def compared_exactly(
             fit, still = extended(known, other, base, alpha, silent)
             if is_told(fit, rival):
                 tried.append((other, fit, still))
-        own_rows = step.term.place.rows(outcome.last.model.channels)
         terms = [other.steps[at].term for other, _, _ in tried]
+        places = {tuple(t.place.rows(outcome.last.model.channels)) for t in terms}
+        own_rows = places.pop() if len(places) == 1 else ()  # in different channels: all answer
         fits = _beside_the_same(known, [(other, fit) for other, fit, _ in tried], at, base, alpha)
         nats = [_nats(outcome.last, fit, own_rows) for fit in fits]
         limit = outcome.tau * _overdispersion(outcome, step.term)
@@ -223,7 +226,18 @@ def compared_exactly(
         others = tuple(e for e in step.equivalent if e.term.key not in keys)
         outcome, last, refused = tried[best]
         outcome = outcome.with_step(at, replace(outcome.steps[at], equivalent=(*told, *others)))
+        outcome = _left_anew(outcome, alpha) if best else outcome
     return outcome, last, refused
+
+
+def _left_anew(outcome: Outcome, alpha: float) -> Outcome:
+    """Without what functions explained beside another explanation, and explain no more beside this one."""
+    first = [u for u in outcome.unnamed if u.nearest is not None]  # asked for; the others were left over
+    if len(first) == len(outcome.unnamed):
+        return outcome
+    *_, left = leftovers(outcome.last, list(outcome.steps), first, outcome.tau, alpha)
+    there = {u.channel for u in (*first, *left)}
+    return replace(outcome, unnamed=tuple(u for u in outcome.unnamed if u.channel in there))
 
 
 def _beside_the_same(

@@ -295,11 +295,12 @@ def _stays_beside(
 
 def could_stand(weighed: Weighed, best: Refined, tau: float) -> tuple[Term, ...]:
     """What else could stand in its place; of what acts on the model's own torque all that says something, as
-    the model beside it has been settled without it."""
+    the model beside it has been settled without it. Of two torques whose factors differ either may be it."""
     passed = {r.term.key for r, _ in weighed.possible}
-    return tuple(
-        r.term
-        for r, e in weighed.all
-        if set(r.columns) & set(best.columns)
-        and (r.term.key in passed or (r.term.size is not None and e.log_e > tau))
-    )
+
+    def stands(r: Refined, e: Evidence) -> bool:
+        if set(r.columns) & set(best.columns):
+            return r.term.key in passed or (r.term.size is not None and e.log_e > tau)
+        return r.term.key in passed and e.log_e > tau and r.term.factor != 1.0 != best.term.factor
+
+    return tuple(r.term for r, e in weighed.all if stands(r, e))
