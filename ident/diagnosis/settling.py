@@ -249,10 +249,13 @@ def settled_in(
 ) -> Settled | None:
     """Of the first explanations of the leading channels the one that predicts the judged rows best among
     those that are sufficient once dry friction's turn-over, from all its range, and all shapes were taken
-    again beside it: what it was compared with before may have taken its place in part."""
+    again beside it: what it was compared with before may have taken its place in part. What the study itself
+    left out is asked wherever the fitted rows ask for it, whose turn-over may have taken it whole. (Of a
+    rokae's viscous friction at three times the noise 6 nats were left.)"""
     out: tuple[float, Settled] | None = None
-    likely = [(r, e) for r, e in weighed.all if e.log_e > tau and set(r.columns) & set(best.columns)]
-    for r, _ in sorted(likely, key=lambda its: -its[1].log_e)[:SETTLED]:
+    here = [(r, e) for r, e in weighed.all if set(r.columns) & set(best.columns)]
+    likely = [(r, e) for r, e in here if e.log_e > tau or (r.term.effect.replaces and e.gain > tau)]
+    for r, _ in sorted(likely, key=lambda its: (not its[0].term.effect.replaces, -its[1].log_e))[:SETTLED]:
         trial = _afresh(state, r, state.model.channels[c].joint)
         held = _holding(state, trial, r.term, tau, alpha)
         if held is None:

@@ -1,15 +1,20 @@
 """What a study leaves out on all joints is one hypothesis."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from planted import DATA, ON_RECORDINGS
 from small_arm import ARM
 
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.candidates import Library
+from ident.diagnosis.candidates import Library, Ranked
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
+from ident.diagnosis.settling import settled_in
+from ident.diagnosis.terms import Term
+from ident.diagnosis.weighing import compared
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study, study_from
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
@@ -93,3 +98,20 @@ class TestOnRecordings:
         assert {1, 2, 3, 4} <= {joint for f in d.findings for joint in f.joints}
         before, after = (fit.full_rate_error["validate"]["total"] for fit in (d.first, d.last))
         assert after < 0.3 * before
+
+
+def test_what_was_left_out_is_settled_in_where_a_turn_over_has_taken_its_place(arm):
+    """Asked for by the fitted rows it is tried beside a turn-over taken anew, however little the judged rows
+    say of it beside the one that took its place."""
+    begun = opened(prepare_study(arm.with_(without=("viscous_friction:2",))))
+    state, tau = begun.state, threshold(0.01)
+    effects, places = catalogue(), {}
+    for name in ("viscous_friction", "stribeck_friction"):
+        places[name] = next(p for p in effects[name].places(begun.layout) if p.joint == 1)
+    listed = [Ranked(Term(effects[n], p, {"vs": 0.1} if "stri" in n else {}), 0.0) for n, p in places.items()]
+    weighed = compared(state, listed, tau, 0.01)
+    little = tuple((r, replace(e, log_e=5.0) if r.term.effect.replaces else e) for r, e in weighed.all)
+    best = next(r for r, _ in little if not r.term.effect.replaces)
+    held = settled_in(state, replace(weighed, all=little), best, 1, tau, 0.01)
+    assert held is not None and held.refined.term.effect.name == "viscous_friction"
+    assert held.evidence.log_e > tau
