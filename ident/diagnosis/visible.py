@@ -219,7 +219,8 @@ def _beside_slow(side: Side, left: Mapping[int, np.ndarray], size: float) -> flo
     for c, torque in left.items():
         more = side.residual[c] + size * torque
         slow += side.told[c] - float(side.noise[c].likelihoods(more).max())
-        plain += 0.5 * side.free[c] * np.log((more @ more) / max(float(side.rss[c]), 1e-300))
+        sizes = np.maximum([more @ more, side.rss[c]], 1e-300)
+        plain += 0.5 * side.free[c] * float(np.log(sizes[0] / sizes[1]))
     return float(np.clip(slow / plain, 0.0, 1.0)) if plain > 0 else 1.0
 
 

@@ -123,8 +123,8 @@ def travel_of(streams: Sequence[RecordingStream]) -> np.ndarray:
 
 
 def resting_joints(streams: Sequence[RecordingStream]) -> tuple[int, ...]:
-    """Joints that stand at one place in all recordings, unless all of them do. There its load moves no other
-    torque that another link's would not: its own torque alone shows it, and may be a brake's without harm to
-    the others."""
-    still = travel_of(streams) < MOVED
-    return () if still.all() else tuple(np.flatnonzero(still).tolist())
+    """Joints that stand at one place in every stretch of all recordings (of a robot that stands in poses all
+    do), unless the whole robot stands at one. There its load moves no other torque that another link's would
+    not: its own torque alone shows it, and may be a brake's without harm to the others."""
+    still = set.intersection(*(set(its.resting) for stream in streams for its in stream.survey.segments))
+    return () if (travel_of(streams) < MOVED).all() else tuple(sorted(still))

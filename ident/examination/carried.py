@@ -32,7 +32,7 @@ class Carried:
 def carried(before: np.ndarray, after: np.ndarray, held: np.ndarray | None, now: np.ndarray | None) -> float:
     """Gain on identify (before, after) and validate (held, now) together, by errors (C,): minus infinity
     where a torque of validate is predicted worse than by nothing, or identify loses too much."""
-    if held is None or now is None or not np.nanmax(now) < 1.0 or gain_of(before, after) < -KEPT:
+    if held is None or now is None or not np.fmax.reduce(now) < 1.0 or gain_of(before, after) < -KEPT:
         return -np.inf
     return gain_of(before, after) + gain_of(held, now)
 

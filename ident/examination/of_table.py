@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -18,6 +18,7 @@ from ident.examination.signals import (
     flags,
     limits_hit,
     lost_samples,
+    posed,
     position_steps,
     units,
     wraps,
@@ -27,9 +28,15 @@ TORQUES = ("tau_m", "tau_l", "i")
 
 
 def of_table(
-    columns: Columns, mender: Mender, excerpt: Excerpt, lowest: np.ndarray, highest: np.ndarray, rows: int
+    columns: Columns,
+    mender: Mender,
+    excerpt: Excerpt,
+    lowest: np.ndarray,
+    highest: np.ndarray,
+    rows: int,
+    resting: Sequence[Collection[int]] = (),
 ) -> list[Check]:
-    """Every check of one table, with the recording's name."""
+    """Every check of one table, with the recording's name; resting: joints that stand, stretch by stretch."""
     said, slow = repeats.held(columns, excerpt)
     lost = sum((c for kind, c in mender.counts.items() if kind != "spike"), np.zeros(len(columns.signals)))
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
@@ -39,6 +46,7 @@ def of_table(
         units(columns, mender, lowest, highest),
         position_steps(columns, mender, excerpt),
         dead_and_resting(columns, lowest, highest),
+        posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
         limits_hit(columns, excerpt, slow),
         said,

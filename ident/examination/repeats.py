@@ -13,7 +13,7 @@ import numpy as np
 
 from ident.examination.check import Check, Outcome, listed
 from ident.examination.excerpt import Excerpt
-from ident.examination.signals import Columns
+from ident.examination.signals import MOVED, Columns
 from ident.signals.resolution import in_steps, resolution
 
 SAME = 1e-9  # of a signal's range
@@ -232,6 +232,8 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
             continue
         steps = steps[steps > 0]
         if len(steps) < 20 or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
+            continue
+        if position and np.ptp(x) < MOVED:  # it rests
             continue
         step = resolution(x)
         if not in_steps(x, step):

@@ -216,6 +216,26 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
     )
 
 
+def posed(
+    columns: Columns, lowest: np.ndarray, highest: np.ndarray, resting: Sequence[Collection[int]]
+) -> Iterator[Check]:
+    """Joints that stand in every one of a recording's stretches, here and there; lowest, highest (m,),
+    resting: the joints that stand, stretch by stretch."""
+    still = set.intersection(*map(set, resting)) if resting else set()
+    which = sorted(j for j in still if highest[j] - lowest[j] >= MOVED)
+    if which:
+        whole = len(which) == columns.n
+        names = "the robot" if whole else f"joint {listed(columns.labels[j] for j in which)}"
+        yield Check(
+            "resting_joint",
+            tuple(columns.signals[j] for j in which),
+            f"{names} stands still in each of the {len(resting)} stretches: dry friction at rest is anything "
+            f"up to that of motion, and nothing {'' if whole else 'of its torque '}is used beside recordings "
+            "of motion",
+            "record slow moves there and back through these places",
+        )
+
+
 def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     """A signal of two values is a switch, or too small for its resolution. A joint at rest is neither. (Of a
     UR10e that rests three seconds, whose encoder flickers by its one step, q1 was refused as a switch.)"""

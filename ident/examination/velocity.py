@@ -196,15 +196,18 @@ def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[float, float] |
         r = float(x @ y / np.sqrt(max((x @ x) * (y @ y), 1e-300)))
         if abs(r) > abs(best[1]):
             best = (float(x @ y / (x @ x)), r)
-    if abs(best[1]) < ALIKE and not (_moves(q, width) and _moves(total, width)):
+    if abs(best[1]) < ALIKE and not all(_moves(x, width, breaks) for x in (q, total)):
         return None
     return best if best[1] else None
 
 
-def _moves(x: np.ndarray, width: int) -> bool:
-    """Whether what x (N,) gains over `width` samples is more than the noise that a cubic leaves of it."""
+def _moves(x: np.ndarray, width: int, breaks: np.ndarray) -> bool:
+    """Whether what x (N,) gains over `width` samples is more than the noise that a cubic leaves of it; not
+    over the gaps that `breaks` (N,) counts. (A UR10e that stands in ten poses went from one to the next.)"""
     noise = x[2:-2] - (-x[:-4] + 4 * x[1:-3] + 4 * x[3:-1] - x[4:]) / 6
-    return bool(np.std(x[width:] - x[:-width]) > ABOVE_NOISE * np.std(noise))
+    gains = (x[width:] - x[:-width])[breaks[width:] == breaks[:-width]]
+    noise = noise[breaks[4:] == breaks[:-4]]
+    return bool(len(gains) and len(noise) and np.std(gains) > ABOVE_NOISE * np.std(noise))
 
 
 def _read(

@@ -100,7 +100,8 @@ def open_recording(
     )
     survey = seen.survey
     rows = survey.rows + len(survey.mending.dropped)  # all that were read: what was lost is a share of them
-    checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, rows)
+    stretches = [segment.resting for segment in survey.segments]
+    checks += of_table(columns, seen.mender, seen.excerpt, survey.lowest, survey.highest, rows, stretches)
     checks += more_joints(stream.label, table.columns, columns.labels)
     if table.cut:
         whole = (rows + 1, rows + 1) if window == (-np.inf, np.inf) else None

@@ -26,12 +26,14 @@ Block = tuple[np.ndarray, np.ndarray]  # t (N,), values (N, m): q, then motor, t
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """One uninterrupted stretch: [start, end] of its samples, [move_start, move_end] of its motion, all s."""
+    """One uninterrupted stretch: [start, end] of its samples, [move_start, move_end] of its motion, all s;
+    the joints that stand at one place throughout."""
 
     start: float
     end: float
     move_start: float
     move_end: float
+    resting: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

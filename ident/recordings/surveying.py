@@ -240,5 +240,6 @@ def _segments(
                 move_end = (
                     float(times[min(back[-1] + 1, len(times) - 1)]) if back[-1] < len(times) - 2 else end
                 )
-        out.append(Segment(start, end, move_start, move_end))
+        still = np.flatnonzero(np.ptp(positions, axis=0) < MOVED)
+        out.append(Segment(start, end, move_start, move_end, tuple(still.tolist())))
     return tuple(out)

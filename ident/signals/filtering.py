@@ -13,8 +13,8 @@ deviations. Hence
      that moved at 0.1 rad/s the steps behind four times their cut-off were three Stribeck frictions), and vs
      is at least one step in a period of their cut-off: what crosses fewer is that much off, where the noise
      of all samples is a sixth of it,
-  2. samples of a joint slower than vs do not count in its channels, from 2 vs on they count fully
-  (`certain`):
+  2. samples of a joint slower than vs, and of a stretch in which it stands at one place, do not count in its
+  channels, from 2 vs on they count fully (`certain`):
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a
      true equation; errors are reported over all samples nevertheless. A joint that is slow for its encoder
      does not count either before it has gone a whole step since it last turned: where it turned is known no
@@ -291,7 +291,8 @@ def _block(
 ) -> FilteredBlock:
     """What follows from a window's filtered positions; rows at rest and in filter transients are left out."""
     rate, n = bank.position.rate_hz, len(stream.need.joints)
-    t, span = _span(stream.survey.segments[its.segment], bank, its.first, len(its.weight))
+    segment = stream.survey.segments[its.segment]
+    t, span = _span(segment, bank, its.first, len(its.weight))
     vs = bank.vs if bank.vs is not None else np.zeros(n)
     here = slice(bank.beside, bank.beside + len(its.weight))
     around = first_difference(its.light, rate)  # two rows less at either end
@@ -300,6 +301,7 @@ def _block(
     sign = told_sign(its.light[here][span], speed[span], rate, vs, bank.turn_over, states)
     shown = _shown(its.light, bank, turned, len(its.weight))[2:-2]
     certain = _certain(around, shown, vs, bank, len(its.weight))[span]
+    certain[:, segment.resting] = 0.0  # its encoder's flicker has no sign
     for j in bank.resting:  # rounding is no motion; its load is seen all the same, beside static friction
         dq[:, j] = ddq[:, j] = speed[:, j] = sign[:, j] = 0.0
         certain[:, j] = 1.0
