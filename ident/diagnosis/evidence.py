@@ -165,10 +165,13 @@ class Evidence:
 
 
 def agree(gains: np.ndarray, expected: np.ndarray, alpha: float) -> bool:
-    """Whether more blocks gain (blocks,) than coins would at the rate alpha; expected: as of Evidence."""
+    """Whether more blocks gain (blocks,) than coins would at the rate alpha; expected: as of Evidence. Of so
+    few that coins always would, none tells. (Of four clean robots of 300 a second of a joint that turned was a
+    load, in two blocks or none.)"""
     told = gains != 0
     weight = weights(expected[told])
-    return bool(weight @ (gains[told] > 0) >= enough(weight, alpha))
+    asked = rarely(len(weight), alpha) < 1
+    return bool(asked and weight @ (gains[told] > 0) >= enough(weight, alpha))
 
 
 def drop_percent(nats: float, free: float) -> float:
