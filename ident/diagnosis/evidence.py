@@ -166,7 +166,7 @@ class Evidence:
 
 def agree(gains: np.ndarray, expected: np.ndarray, alpha: float) -> bool:
     """Whether more blocks gain (blocks,) than coins would at the rate alpha; expected: as of Evidence. Of so
-    few that coins always would, none tells. (Of four clean robots of 300 a second of a joint that turned was a
+    few that coins always would, none tells. (Of four clean robots of 300 a second of a turning joint was a
     load, in two blocks or none.)"""
     told = gains != 0
     weight = weights(expected[told])

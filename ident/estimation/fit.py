@@ -267,9 +267,8 @@ def fit_systems(
         cutoff_hz,
         progress,
     )
-    found += implausible(
-        estimate, [signal_of(columns, c, reads_currents(prepared)) for c in range(len(columns.channels))]
-    )
+    signals = [signal_of(columns, c, reads_currents(prepared)) for c in range(len(columns.channels))]
+    found += implausible(estimate, std, signals)
     progress("done", 1.0)
     return FitResult(
         study,

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from ident.equations.prepared import Prepared
+from ident.equations.prepared import Prepared, resting_joints
 from ident.errors import IdentError
 from ident.examination.another_signal import another_signal
 from ident.examination.axes import joint_axes
@@ -93,7 +93,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     clipped = _clipped(prepared)
     samples = _unclipped(prepared, samples, clipped)
     broken = {n for s in prepared.streams for c in s.checks if c.check in BROKEN for n in c.signals}
-    samples = [s.without(_channels(prepared, broken)) for s in samples]
+    still = [c for c, joint in enumerate(columns.joint_of) if joint in resting_joints(prepared.streams)]
+    samples = [s.without([*_channels(prepared, broken), *still]) for s in samples]
     for sample in samples:  # motor signals of unknown gain are no torques yet
         sample.weight[:, list(columns.gain_columns)] = 0.0
     if not any(s.role == "identify" for s in samples):
