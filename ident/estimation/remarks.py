@@ -121,15 +121,18 @@ def _blind_runs(
     return out
 
 
-def implausible(estimate: Estimate, std: np.ndarray, signals: Sequence[str]) -> list[Check]:
+def implausible(
+    estimate: Estimate, std: np.ndarray, signals: Sequence[str], resting: Collection[str]
+) -> list[Check]:
     """Masses of tonnes and friction of kilonewton metres: torque is in N mm, or in drive units.
 
-    std (b,) with all parameters in the model; signals: the study's names of the motor's or sensor's
-    torques."""
+    std (b,) with all parameters in the model; signals: the study's names of the motor's or sensor's torques;
+    resting: labels of the joints that never move, whose links come out at any size."""
     heavy = [
         name
         for name, value, its in zip(estimate.parameters, estimate.chi, std)
-        if abs(value) > 2 * its  # what the motion does not show comes out at any size
+        if not ((known := ParameterName.of(name)) and known.label in resting)
+        and abs(value) > 2 * its  # what the motion does not show comes out at any size
         and (abs(value) > 5e4 or (name[0] == "M" and name[1:2] not in "XYZ" and abs(value) > 2e3))
     ]
     if not heavy:
