@@ -38,7 +38,7 @@ USES = (
     ["identify", "identify", "validate"],
     ["identify", "identify", "identify", "validate"],
 )
-QUALITY = ("poor_excitation", "coarse_signal")  # slow motion in steps of what positions are read in
+QUALITY = ("poor_excitation", "coarse_signal", "spike")  # slow motion in steps, heavy tails
 RATES = (50.0, 100.0, 125.0, 200.0, 250.0, 500.0, 1000.0)
 
 
