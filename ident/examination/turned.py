@@ -16,6 +16,7 @@ from ident.examination.check import Check, listed, turned_sign
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.signs import Evidence, evidence
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
+from ident.examination.unexplained import odd_beside
 from modelgen.geometry.kinematics import Geometry
 
 WORSE = 0.05  # loss at which a sign is not asked further
@@ -33,7 +34,7 @@ def one_turned(asked: Asked) -> Iterator[Hypothesis]:
             continue
         seen = seen or evidence(quick, fit, how)
         after = evidence(quick, other, flipped)
-        alone = seen.against(c) and after.speaks_for(c)
+        alone = seen.against(c) and after.speaks_for(c) and _says_itself(asked, c)
         if not alone and (not asked.better(other, CLEARLY) or after.against(c)):
             continue
         name, joint = asked.name(c), quick.columns.channels[c][5:]
@@ -48,6 +49,17 @@ def one_turned(asked: Asked) -> Iterator[Hypothesis]:
         check = turned_sign((name,), f"{said}: {why}", asked.maps)
         its = Hypothesis(gain + (1.0 if alone else 0.0), flipped, check, words=said, own=alone)
         yield _which(asked, c, its)
+
+
+def _says_itself(asked: Asked, c: int) -> bool:
+    """Whether a torque that the others contradict is against its sign in a fit of itself alone, too: in one of
+    all its friction may be what is wrong with them. (Of an LWR4+ with two positions and two torques exchanged
+    the second torque was told as turned.)"""
+    if not odd_beside(asked.fit.error, asked.alone)[c]:
+        return True
+    others = [k for k in asked.seen if k != c]
+    its = asked.quick.of([s.without(others) for s in asked.quick.samples])
+    return evidence(its, its.fit(asked.how), asked.how).against(c)
 
 
 def _which(asked: Asked, c: int, torque: Hypothesis) -> Hypothesis:
