@@ -23,6 +23,7 @@ from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
 from ident.examination.changed import Changed, positions_in_all, torques_in_all, unsigned
 from ident.examination.check import FEW, Check, listed, nothing_tells
+from ident.examination.clocks import clocks
 from ident.examination.coupled import held
 from ident.examination.delays import LEAST_S
 from ident.examination.hypothesis import (
@@ -64,6 +65,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         return
     before = Explained.by(whole, asked.how)
     found = [*_torques(asked, whole, before), *_weightless(asked, whole), *torques_in_all(asked, whole)]
+    found += clocks(asked.how, whole)
     if positions or bad(before.fit) or any(_explains(its, before) for its in found):
         found += [_moving(asked, its) for its in (*_positions(asked, whole), *positions_in_all(asked, whole))]
 

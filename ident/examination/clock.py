@@ -19,6 +19,7 @@ SLOWEST = 0.2  # s between samples: nobody records dynamics slower
 FASTEST, NEVER = 1e-5, 1e-6  # s: hardly anybody, and nobody, records faster
 UNITS = (("ms", 1e-3, 100.0), ("us", 1e-6, 1e5), ("ns", 1e-9, 1e9))  # name, scale, largest step in it
 LONGER = (("minutes", 60.0), ("hours", 3600.0), ("days", 86400.0))
+KEPT = 0.05  # of its rate, to which a logger keeps it from one recording to the next
 PAUSE = 5.0  # usual steps
 ROUNDED = 10  # steps of another length, from which on stamps on a grid are asked for a clock behind them
 SIDE = 8  # rows on either side of a gap that show whether the motion goes on
@@ -49,6 +50,44 @@ def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | N
         outcome="refused",
         recording=recording,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """Of a recording: samples a second, and by how much its joints move a second (n,), as its t says."""
+
+    recording: str
+    rate_hz: float
+    speed: np.ndarray
+
+    def in_unit(self, other: Pace) -> tuple[str, float] | None:
+        """The unit, and its scale, in which it is recorded as often as another one is in s, and moves rather
+        as fast."""
+        moving = (self.speed > 0) & (other.speed > 0)
+        for name, scale, _ in UNITS:
+            as_often = abs(np.log(self.rate_hz / scale / other.rate_hz)) < KEPT
+            ratio = np.log(self.speed[moving] / other.speed[moving])
+            if as_often and np.abs(ratio - np.log(scale)).sum() < np.abs(ratio).sum():
+                return name, scale
+        return None
+
+
+def time_unit_beside(its: Pace, others: Iterable[Pace]) -> Check | None:
+    """A recording in another unit of time than the others of a study: of a TX40's judged run of 5 kHz in ms
+    the samples were 0.2 s apart, which is slow and no more; another robot or another load was told."""
+    for other in others:
+        found = its.in_unit(other)
+        if found:
+            return Check(
+                "time_unit",
+                ("t",),
+                f"there are {its.rate_hz:.3g} samples a second if t is in s, in {other.recording} "
+                f"{other.rate_hz:.3g}, and its joints are that much slower; t looks recorded in {found[0]} here",
+                f"give this recording a columns: of its own with {{t: {{scale: {found[1]:g}}}}}",
+                outcome="refused",
+                recording=its.recording,
+            )
+    return None
 
 
 @dataclass(frozen=True, slots=True)

@@ -113,6 +113,12 @@ class Sample:
         thin = replace(its, q=q + offset, dq=dq, ddq=ddq, sign_dq=sign)
         return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
 
+    def timed(self, columns: Columns, factor: float) -> Sample:
+        """The same with stamps times a factor."""
+        its = self.thin
+        thin = replace(its, t=factor * its.t, dq=its.dq / factor, ddq=its.ddq / factor**2)
+        return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
+
     def read(self, order: Sequence[int], factor: Any) -> Sample:
         """With recorded torque k taken as that of order[k], times its factor (C,)."""
         which = list(order)

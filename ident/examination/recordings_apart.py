@@ -70,8 +70,8 @@ def recordings_unlike(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
             names,
             f"{listed(names)} {'is' if len(names) == 1 else 'are'} nothing like what the other "
             f"recordings say of this motion (error {here:.0f} %, there {there:.0f} %): another signal, "
-            "another run's, or another robot's, a sign that changes on the way, or something large that "
-            "the model lacks here",
+            "another run's, or another robot's, a sign that changes on the way, a clock of another rate, or "
+            "something large that the model lacks here",
             "check how it was recorded, or leave the recording out",
         )
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from ident.errors import StudyError
 from ident.examination.check import Check, refuse, worst_first
-from ident.examination.clock import rounded_stamps, time_stamps, uniform_clock
+from ident.examination.clock import Pace, rounded_stamps, time_stamps, time_unit_beside, uniform_clock
 from ident.examination.of_table import more_joints, of_table
 from ident.examination.signals import Columns
 from ident.examination.stopped import stopped_positions
@@ -37,7 +37,20 @@ from ident.recordings.tables import one_episode, open_table
 
 def open_recordings(study: Study, need: Need, prismatic: Collection[str] = ()) -> list[RecordingStream]:
     """Open and survey every recording of a study, in its order; `prismatic` joints by their label."""
-    return [open_recording(study, entry, need, prismatic) for entry in study.recordings]
+    streams = [open_recording(study, entry, need, prismatic) for entry in study.recordings]
+    paces = [_pace(stream) for stream in streams]
+    for stream, its in zip(streams, paces):
+        if stream.counted_rate_hz is None:
+            check = time_unit_beside(its, [other for other in paces if other is not its])
+            refuse(stream.file, [check] if check else [])
+    return streams
+
+
+def _pace(stream: RecordingStream) -> Pace:
+    n, survey = len(stream.need.joints), stream.survey
+    seconds = sum(segment.end - segment.start for segment in survey.segments)
+    speed = (survey.highest[:n] - survey.lowest[:n]) / max(seconds, 1e-9)
+    return Pace(stream.label, stream.rate_hz, speed)
 
 
 def open_recording(

@@ -1,0 +1,41 @@
+"""The clock of one recording beside another's: in ms, or at another rate; planted in a measured recording."""
+
+import pytest
+from planted import ON_RECORDINGS, measured, parted, refused
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+from ident.recordings.study import ColumnMap
+
+pytestmark = ON_RECORDINGS
+
+
+def _run_at(factor, role):
+    """Four seconds of a TX40's 5 kHz, of which those that are fitted or that judge have stamps times a factor."""
+    study, out = parted(measured("staubli_tx40"), 2.8, 3.9), []
+    for entry in study.recordings:
+        if entry.use == role:
+            ends = {key: x and factor * x for key in ("from_s", "to_s") for x in (getattr(entry, key),)}
+            clock = {"t": ColumnMap(column="t", scale=factor)}
+            entry = entry.model_copy(update={**ends, "columns": clock})
+        out.append(entry)
+    return study.with_(recordings=tuple(out))
+
+
+@pytest.mark.parametrize("role", ["identify", "validate"])
+def test_a_recording_in_ms_beside_one_in_s(role):
+    """5 samples a second are slow, and no more: another robot or another load was told of what judges."""
+    message, checks = refused(_run_at(1000.0, role))
+    assert checks == {"time_unit"} and "t looks recorded in ms" in message
+
+
+@pytest.mark.parametrize(("role", "factor"), [("validate", 2.0), ("identify", 1.25)])
+def test_a_recording_whose_clock_runs_at_another_rate(role, factor):
+    (said,) = examine_fit(prepare_study(_run_at(factor, role)))
+    assert (said.check, said.signals, said.recording) == ("clock_rate", ("t",), role)
+    told = float(said.message.split("t is ")[1].split()[0])
+    assert told == pytest.approx(factor, rel=0.05) and "too large" in said.message
+
+
+def test_clocks_that_agree():
+    assert not examine_fit(prepare_study(_run_at(1.0, "validate")))
