@@ -9,6 +9,7 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.hypothesis import Asked
+from ident.examination.own_factors import WORDS, each_by_itself
 from ident.examination.quick import Assignment, Quick, gain_of
 from ident.examination.rivals import HALF, Rival, alike, rivals
 from ident.examination.signs import evidence
@@ -57,11 +58,16 @@ def carried_faults(asked: Asked) -> list[Carried]:
     if not told:
         return []
     best, explained, held = max(told, key=lambda its: its[1].fit.gain_over(plain.fit))
+    alone, clearly = each_by_itself(whole, how, asked.seen, explained)
+    if clearly:
+        return [Carried(best.gain, WORDS)]
     near = [its for its, so, _ in told if its is not best and not steadily(so, explained, RARE)]
     known = {its.words for its in (best, *near)}
     also = [its for its in alike(others, plain, explained) if its.words not in known]
     found = [its for its, _, so in _others(asked, also, HALF * best.gain) if not agreed(so, held, ODD)]
     found += [Carried(0.0, its.words) for its in also if its.explained.fit.gain_over(explained.fit) > 0]
+    if alone:
+        found.append(Carried(0.0, WORDS))
     return [best, *near, *{its.words: its for its in found}.values()]
 
 

@@ -82,7 +82,7 @@ def time_unit_beside(its: Pace, others: Iterable[Pace]) -> Check | None:
                 "time_unit",
                 ("t",),
                 f"there are {its.rate_hz:.3g} samples a second if t is in s, in {other.recording} "
-                f"{other.rate_hz:.3g}, and its joints are that much slower; t looks recorded in {found[0]} here",
+                f"{other.rate_hz:.3g}, and its joints are that much slower; t looks recorded in {found[0]}",
                 f"give this recording a columns: of its own with {{t: {{scale: {found[1]:g}}}}}",
                 outcome="refused",
                 recording=its.recording,

@@ -44,5 +44,5 @@ def clocks(how: Assignment, whole: Quick) -> Iterator[Changed]:
             rates = np.geomspace(rates[max(best - 1, 0)], rates[min(best + 1, len(rates) - 1)], FINER)
         else:
             words = f"t is {times_too(1 / rate)} (its clock)"
-            remedy = f"give this recording a columns: of its own in the study with {{t: {{scale: {rate:.3g}}}}}"
+            remedy = f"give it a columns: of its own in the study with {{t: {{scale: {rate:.3g}}}}}"
             yield Changed(sample.label, ("t",), "clock_rate", words, remedy, explained)

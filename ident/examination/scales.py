@@ -9,6 +9,7 @@ import numpy as np
 
 from ident.examination.check import FEW, Check, instead, nothing_tells
 from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
+from ident.examination.own_factors import WORDS, each_by_itself
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import rivals
 from ident.examination.signs import evidence
@@ -64,6 +65,7 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     near = [o for o in others if not o.beside or not agreed(o.explained, its.explained, ODD)]
     near.sort(key=lambda o: -o.explained.fit.gain_over(plain.fit))
     words = [other.words for other in near if _alike(plain, its.explained, other.explained)]
+    words += [WORDS] if each_by_itself(whole, how, seen, its.explained)[0] else []
     yield Hypothesis(gain, how.times([c], its.factor), _off(asked, after, (its, *beside), words))
 
 

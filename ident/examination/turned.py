@@ -52,9 +52,9 @@ def one_turned(asked: Asked) -> Iterator[Hypothesis]:
 
 
 def _says_itself(asked: Asked, c: int) -> bool:
-    """Whether a torque that the others contradict is against its sign in a fit of itself alone, too: in one of
-    all its friction may be what is wrong with them. (Of an LWR4+ with two positions and two torques exchanged
-    the second torque was told as turned.)"""
+    """Whether a torque that the others contradict is against its sign in a fit of itself alone, too: in
+    one of all its friction may be what is wrong with them. (Of an LWR4+ with two positions and two torques
+    exchanged the second torque was told as turned.)"""
     if not odd_beside(asked.fit.error, asked.alone)[c]:
         return True
     others = [k for k in asked.seen if k != c]

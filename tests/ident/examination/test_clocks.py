@@ -11,7 +11,7 @@ pytestmark = ON_RECORDINGS
 
 
 def _run_at(factor, role):
-    """Four seconds of a TX40's 5 kHz, of which those that are fitted or that judge have stamps times a factor."""
+    """Four seconds of a TX40's 5 kHz, the stamps of those of one role times a factor."""
     study, out = parted(measured("staubli_tx40"), 2.8, 3.9), []
     for entry in study.recordings:
         if entry.use == role:

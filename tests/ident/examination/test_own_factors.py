@@ -1,0 +1,31 @@
+"""Torques in currents: each is times a number of its own, in a measured recording of a Franka."""
+
+import numpy as np
+import pytest
+from planted import ON_RECORDINGS, measured, parted, planted
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+
+pytestmark = ON_RECORDINGS
+IN_MA = 1000 / np.random.default_rng(5).uniform(3, 12, 7)  # of a N m of each joint
+
+
+def _said(folder, factors):
+    def change(columns):
+        return columns | {f"tau_l{j}": k * columns[f"tau_l{j}"] for j, k in enumerate(factors, 1)}
+
+    study = parted(planted(folder, change, measured("franka_panda")), 6.5, 9.8)
+    return examine_fit(prepare_study(study))
+
+
+def test_no_torque_alone_is_told_of_torques_in_currents(tmp_path):
+    """Of the fifth 0.63 times what it is was told."""
+    (said,) = _said(tmp_path, IN_MA)
+    assert "each torque is times a number of its own" in said.message and "tau_l5" not in said.message
+
+
+@pytest.mark.parametrize("joint", [2, 4])
+def test_one_torque_of_another_scale_is_told_alone(tmp_path, joint):
+    (said,) = _said(tmp_path, np.where(np.arange(1, 8) == joint, 2.0, 1.0))
+    assert (said.check, said.signals) == ("torque_scale", (f"tau_l{joint}",))
