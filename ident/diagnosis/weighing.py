@@ -15,7 +15,7 @@ from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
-from ident.diagnosis.turning_rows import turning_alone, without_turning
+from ident.diagnosis.turning_rows import turned_as_judged, turning_alone, without_turning
 
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
 
@@ -53,7 +53,8 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     possible = [(r, e) for r, e in told if may_be(state, m, r, e, tau, alpha)]
     possible.sort(key=lambda item: -item[1].log_e)
     turning = frozenset(r.term.key for r, _ in possible if turning_alone(state, m, r))
-    passed = tuple((r, e) for r, e in possible if says_enough(r, e, tau, alpha) and r.term.key not in turning)
+    said = [(r, e) for r, e in possible if says_enough(r, e, tau, alpha) and r.term.key not in turning]
+    passed = tuple((r, e) for r, e in said if beside_turn_over(state, m, r, tau))
     return Weighed(m, tuple(told), passed, tuple(possible), turning)
 
 
@@ -129,7 +130,13 @@ def simplicity(term: Term) -> tuple[int, bool]:
 def holds(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
     """Everything that is asked of a hypothesis alone."""
     told = says_enough(r, e, tau, alpha) and may_be(state, m, r, e, tau, alpha)
-    return told and not turning_alone(state, m, r)
+    return told and not turning_alone(state, m, r) and beside_turn_over(state, m, r, tau)
+
+
+def beside_turn_over(state: State, m: Metric, r: Refined, tau: float) -> bool:
+    """Whether the judged rows ask for it with its joint's friction turning over as they want it."""
+    its = turned_as_judged(state, m, r)
+    return its is None or weigh(its, r.columns).log_e > tau
 
 
 def may_be(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
