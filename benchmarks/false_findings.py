@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -26,6 +27,8 @@ import pyarrow.parquet as pq
 import scipy.signal
 import scipy.stats
 import yaml
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.confusion_matrix import examine
 from benchmarks.exam import motion, physics, robots
