@@ -240,6 +240,8 @@ def _segments(
                 move_end = (
                     float(times[min(back[-1] + 1, len(times) - 1)]) if back[-1] < len(times) - 2 else end
                 )
-        still = np.flatnonzero(np.ptp(positions, axis=0) < MOVED)
-        out.append(Segment(start, end, move_start, move_end, tuple(still.tolist())))
+        still: list[int] = []  # of a stretch of a tenth of a second nobody knows
+        if len(times) > 2:
+            still = np.flatnonzero(np.ptp(positions, axis=0) < MOVED).tolist()
+        out.append(Segment(start, end, move_start, move_end, tuple(still)))
     return tuple(out)

@@ -52,3 +52,17 @@ def test_a_measured_robot_s_poses_are_nobody_s_fault():
     fit = ident.fit(ident.Study(robot="ur10e", recordings=runs, drive_gains=GAINS))
     assert {c.check for c in fit.checks} <= {"resting_joint", "poor_excitation"}
     assert fit.error_percent["validate"]["total"] < 5.2  # at the full rate; 5.9 beside them
+
+
+def test_a_stretch_of_milliseconds_stands_nowhere():
+    """At 4 kHz two lost messages leave 27 ms between them, of which nobody knows whether a joint moved: with
+    no position of the survey's in it, it was a traceback; with one, all joints rested."""
+    moving = ident.simulate("kuka_lwr4p", duration=5, rate_hz=4000, noise=1.0, seed=1).recordings["run1"]
+    columns = {name: np.asarray(moving[name]) for name in moving}
+    t = columns["t"]
+    for lost in (((2.001, 2.018), (2.045, 2.062)), ((2.0, 2.4), (2.428, 2.8))):
+        kept = ~np.any([(t > begin) & (t < end) for begin, end in lost], axis=0)
+        run = ident.Recording({name: values[kept] for name, values in columns.items()}, name="run")
+        fit = ident.fit(ident.Study(robot="kuka_lwr4p", model="A", recordings=[run]))
+        segments = fit.result.recordings[0].survey.segments
+        assert len(segments) == 3 and not any(its.resting for its in segments)
