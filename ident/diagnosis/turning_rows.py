@@ -55,16 +55,14 @@ def turning_alone(state: State, m: Metric, r: Refined) -> bool:
     return bool(shares[0] < LITTLE * shares[-1])
 
 
-def turned_as_judged(state: State, m: Metric, r: Refined) -> Metric | None:
-    """The metric `m` with dry friction of a law's joint turning over as the rows that judge want it; None
-    where it has none, or these rows are not of recordings of their own: then its turn-over is that of all
-    rows. A width is the model's own, free on both kinds of rows: what a law says beside one that another run
-    had is an error of that. (Of two clean arms a Stribeck friction was told by 56 nats, 2.4 beside the judged
-    run's own width, a friction under load by 23, -2.) Shifts in time are asked of rows that do not turn."""
-    joint, rows = r.term.place.joint, state.rows
-    if joint is None or not rows.held_apart or joint not in {d.joint for d in state.problem.dry}:
-        return None
-    if r.term.effect.replaces or r.term.effect.shifts_time:
+def turned_as_judged(state: State, m: Metric, joint: int) -> Metric | None:
+    """The metric `m` with a joint's dry friction turning over as the rows that judge want it; None where it
+    has none, or these rows are not of recordings of their own: then its turn-over is that of all rows. A
+    width is the model's own, free on both kinds of rows: what a law says beside one that another run had is
+    an error of that. (Of two clean arms a Stribeck friction was told by 56 nats, 2.4 beside the judged run's
+    own width, a friction under load by 23, -2.)"""
+    rows = state.rows
+    if not rows.held_apart or joint not in {d.joint for d in state.problem.dry}:
         return None
     as_fitted = replace(state, rows=replace(rows, fitted=rows.judged, judged=rows.fitted))
     its = turned(as_fitted, {joint}, joint)

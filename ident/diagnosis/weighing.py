@@ -3,8 +3,9 @@ from it."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
@@ -54,7 +55,8 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     possible.sort(key=lambda item: -item[1].log_e)
     turning = frozenset(r.term.key for r, _ in possible if turning_alone(state, m, r))
     said = [(r, e) for r, e in possible if says_enough(r, e, tau, alpha) and r.term.key not in turning]
-    passed = tuple((r, e) for r, e in said if beside_turn_over(state, m, r, tau))
+    as_judged = cache(partial(turned_as_judged, state, m))  # of each joint once
+    passed = tuple((r, e) for r, e in said if beside_turn_over(as_judged, r, e, tau))
     return Weighed(m, tuple(told), passed, tuple(possible), turning)
 
 
@@ -130,13 +132,27 @@ def simplicity(term: Term) -> tuple[int, bool]:
 def holds(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
     """Everything that is asked of a hypothesis alone."""
     told = says_enough(r, e, tau, alpha) and may_be(state, m, r, e, tau, alpha)
-    return told and not turning_alone(state, m, r) and beside_turn_over(state, m, r, tau)
+    as_judged = partial(turned_as_judged, state, m)
+    return told and not turning_alone(state, m, r) and beside_turn_over(as_judged, r, e, tau)
 
 
-def beside_turn_over(state: State, m: Metric, r: Refined, tau: float) -> bool:
-    """Whether the judged rows ask for it with its joint's friction turning over as they want it."""
-    its = turned_as_judged(state, m, r)
-    return its is None or weigh(its, r.columns).log_e > tau
+def beside_turn_over(as_judged: Callable[[int], Metric | None], r: Refined, e: Evidence, tau: float) -> bool:
+    """Whether the judged rows ask for it with its joint's friction turning over as they want it. Shifts in
+    time are asked of rows that do not turn; what the study itself left out needs no witness."""
+    joint, effect = r.term.place.joint, r.term.effect
+    if joint is None or effect.replaces or effect.shifts_time:
+        return True
+    its = as_judged(joint)
+    return its is None or _asked_in(its, r, e, tau)
+
+
+def _asked_in(m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
+    """Whether a metric's rows ask for it: by the judged ones alone, or given the fitted ones where that is
+    what is told."""
+    own = weigh(m, r.columns)
+    if not e.given:
+        return own.log_e > tau
+    return bool(given_fitted(m, m.both, r.columns, own.sizes).per_channel.sum() > tau)
 
 
 def may_be(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
@@ -193,15 +209,10 @@ def is_one_quantity(m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
 
 
 def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
-    """A torque that comes at another time does so where the joint keeps its direction, too: by the judged
-    rows alone, or given the fitted ones where that is what is told."""
+    """A torque that comes at another time does so where the joint keeps its direction, too."""
     if not r.term.effect.shifts_time:
         return True
-    kept = without_turning(state, m, as_far_as_felt=True)
-    own = weigh(kept, r.columns)
-    if not e.given:
-        return own.log_e > tau
-    return bool(given_fitted(kept, kept.both, r.columns, own.sizes).per_channel.sum() > tau)
+    return _asked_in(without_turning(state, m, as_far_as_felt=True), r, e, tau)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:

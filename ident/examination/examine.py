@@ -93,7 +93,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     clipped = _clipped(prepared)
     samples = _unclipped(prepared, samples, clipped)
     broken = {n for s in prepared.streams for c in s.checks if c.check in BROKEN for n in c.signals}
-    still = [c for c, joint in enumerate(columns.joint_of) if joint in resting_joints(prepared.streams)]
+    still = np.flatnonzero(np.isin(columns.joint_of, resting_joints(prepared.streams))).tolist()
     samples = [s.without([*_channels(prepared, broken), *still]) for s in samples]
     for sample in samples:  # motor signals of unknown gain are no torques yet
         sample.weight[:, list(columns.gain_columns)] = 0.0
