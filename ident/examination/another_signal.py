@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from ident.examination.another_clock import clocks
 from ident.examination.another_torque import Reading, Sums, readings
 from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
 from ident.examination.changed import Changed, positions_in_all, torques_in_all, unsigned
 from ident.examination.check import FEW, Check, listed, nothing_tells
-from ident.examination.clocks import clocks
 from ident.examination.coupled import held
 from ident.examination.delays import LEAST_S
 from ident.examination.hypothesis import (
