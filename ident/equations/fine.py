@@ -48,9 +48,10 @@ class FineSegment:
     """One uninterrupted stretch of a recording. N fine samples, n joints, C channels.
 
     recording: the number of its system; t (N,) [s] of the recording's own time, begun (s): the recording's
-    first; q, dq, ddq, sign_dq (N, n), speed (N, n) whose sign it is, certain (N, n) 0..1 and measured (N, C),
-    Y as recorded, both means of the samples about each; rate_hz of the fine samples; every: fine samples from
-    one row to the next; vs (n,) the speed from which a sign is certain."""
+    first; q, dq, ddq, sign_dq (N, n), speed (N, n) whose sign it is, certain (N, n) 0..1, the mean of the
+    samples about each, measured (N, C) Y as recorded (a mean of it has no steps where friction turns over: a
+    TX40's torques that all came 20 ms late were then told of no delay); rate_hz of the fine samples; every:
+    fine samples from one row to the next; vs (n,) the speed from which a sign is certain."""
 
     recording: int
     label: str
@@ -163,8 +164,8 @@ class FineKeeper:
         speed = block.dq if block.speed is None else block.speed
         signals = [part[pick].T for part in (block.q, block.dq, block.ddq, block.sign_dq, speed)]
         # at a turn it falls and rises within few samples: one of them taken for all puts rows 6 % off
-        about = np.arange(len(block.t))[pick]
-        signals += [means_about(part, about, step).T for part in (block.certain, self.columns.torque(block))]
+        certain = means_about(block.certain, np.arange(len(block.t))[pick], step)
+        signals += [certain.T, self.columns.torque(block)[pick].T]
         kind = np.float64 if stream.survey.rows / step < LONG else np.float32
         kept = np.vstack(signals).astype(kind)
         self.t.setdefault(key, []).append(block.t[pick].copy())
