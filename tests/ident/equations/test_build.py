@@ -55,14 +55,14 @@ def test_fine_columns_at_the_full_rate_are_the_rows_but_for_the_response_s_tail(
 
 def test_fine_torques_are_those_recorded(prepared):
     """Not means over the fine step, which smear the steps of dry friction: a delay was lost by that."""
-    keeper, t, Y = FineKeeper(prepared.columns, 3.0, prepared.study.filter.order), [], []
+    keeper, t, Y = FineKeeper(prepared.columns, 2.0, prepared.study.filter.order), [], []
 
     def observer(stream, index, block):
         keeper(stream, index, block)
         t.append(block.t.copy())
         Y.append(prepared.columns.torque(block).copy())
 
-    (system,) = build(prepared, 3.0, observer=observer)
+    (system,) = build(prepared, 2.0, observer=observer)
     t, Y = np.concatenate(t), np.concatenate(Y)
     for segment in keeper.segments([system]):
         assert segment.rate_hz < 1000
