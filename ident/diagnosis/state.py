@@ -11,7 +11,6 @@ from functools import cached_property, partial
 from typing import Protocol
 
 import numpy as np
-import scipy.sparse
 
 from ident.diagnosis.evidence import Metric, acting, metric, orthonormal, stacked
 from ident.diagnosis.recorded import Record, comes_late, recorders
@@ -85,14 +84,11 @@ class State:
     def plain_metric(self) -> Metric:
         """The same rows as if their noise were white."""
         design, B = self.design
-        every = np.arange(len(self.rows.t))
         plain = []
         for c, use in enumerate(self.rows.use):
             counted = use & self.rows.fitted
             left = float(np.sqrt(np.mean(self.residual[c, counted] ** 2))) if counted.any() else 1.0
-            sigma = max(left, 1e-12)
-            L = scipy.sparse.csr_array((use / sigma, (every, every)), shape=(len(use), len(use)))
-            plain.append(Whitener(L, sigma, np.zeros(0)))
+            plain.append(Whitener.white(use, max(left, 1e-12)))
         return metric(self.rows, design, B, plain, slow=False)
 
     @cached_property
@@ -162,15 +158,7 @@ def added(rigid: FittedModel, found: Sequence[Found], channels: int, motion: Mot
 
 
 def first_state(problem: Problem, rows: Rows, segments: Sequence[FineSegment]) -> State:
-    every = np.arange(len(rows.t))
-    plain = tuple(
-        Whitener(
-            scipy.sparse.csr_array((u.astype(float), (every, every)), shape=(len(u), len(u))),
-            1.0,
-            np.zeros(0),
-        )
-        for u in rows.use
-    )
+    plain = tuple(Whitener.white(use) for use in rows.use)
     motions = tuple(s.motion for s in segments)
     state = State(problem, rows, tuple(segments), motions, {}, (), plain, np.zeros(rows.b))
     return settled(state, 3)

@@ -32,6 +32,14 @@ class Whitener:
     L: scipy.sparse.csr_array
     sigma: float  # standard deviation of the innovation, N m
     coefficients: np.ndarray  # (p,)
+    covariance: np.ndarray  # (k,) of the autoregression, at lags of 0, 1, ... rows
+
+    @classmethod
+    def white(cls, use: np.ndarray, sigma: float = 1.0) -> Whitener:
+        """As if the noise of the rows in `use` (M,) were white."""
+        every = np.arange(len(use))
+        L = scipy.sparse.csr_array((use / sigma, (every, every)), shape=(len(use), len(use)))
+        return cls(L, sigma, np.zeros(0), np.array([sigma**2]))
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         return np.asarray(self.L @ x)
@@ -39,6 +47,10 @@ class Whitener:
     def only(self, chosen: np.ndarray) -> Whitener:
         """Of some rows (k,), whole pieces."""
         return replace(self, L=self.L[chosen][:, chosen])
+
+    def seeing(self, use: np.ndarray, piece: np.ndarray) -> Whitener:
+        """The same noise where other rows (M,) are used: none is foretold from those that are not."""
+        return replace(self, L=_vecchia(use, piece, self.covariance, len(self.coefficients)))
 
     @property
     def news(self) -> float:
@@ -63,7 +75,7 @@ def whitener(rows: Rows, residual: np.ndarray, counted: np.ndarray, use: np.ndar
     coefficients, covariance, variance = burg(residual, calm, rows.piece, _memory(rows))
     extended = _extend(covariance, coefficients, 2 * max(len(coefficients), 1))
     L = _vecchia(use, rows.piece, extended, len(coefficients))
-    return Whitener(L, float(np.sqrt(variance)), coefficients)
+    return Whitener(L, float(np.sqrt(variance)), coefficients, extended)
 
 
 def news(rows: Rows, residual: np.ndarray, counted: np.ndarray) -> float:

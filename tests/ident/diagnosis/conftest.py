@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.sparse
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "support"))
 
@@ -45,12 +44,7 @@ def tiny_rows(columns, Y, hop=0.05, piece=None, use=None):
 
 
 def white(rows, sigma=1.0):
-    M = len(rows.t)
-    every = np.arange(M)
-    return [
-        Whitener(scipy.sparse.csr_array((u / sigma, (every, every)), shape=(M, M)), sigma, np.zeros(0))
-        for u in rows.use
-    ]
+    return [Whitener.white(use, sigma) for use in rows.use]
 
 
 def white_metric_of(rows, sigma=1.0):

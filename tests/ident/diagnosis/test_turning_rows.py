@@ -38,6 +38,16 @@ def test_friction_that_turns_over_late_is_no_late_torque(tmp_path):
     assert not shifts_all(state, m, r, e, TAU)
 
 
+def test_nor_in_a_noise_that_remembers(tmp_path):
+    """A hum is foretold from a second of rows: what those that turn had wrong was in all others."""
+    state = _by_rate_alone(opened_dry_arm(tmp_path, late(4), 500.0, 3, hum=0.1), range(3))
+    m = state.metric
+    r = refine(m, state.scene, Term(effect("time_delay"), Place(side="motor"), {}))
+    assert weigh(m, r.columns).log_e > 50
+    assert weigh(without_turning(state, m, as_far_as_felt=True), r.columns).log_e < 1
+    assert weigh(without_turning(state, m), r.columns).log_e < TAU
+
+
 def test_a_width_that_the_fitted_runs_had_is_no_law(tmp_path):
     """A clean robot of three joints, whose judged run turns more slowly than those that are fitted: friction
     under load was ahead by 23 nats, and 2 behind beside the width that this run asks for; a backlash was
