@@ -17,6 +17,7 @@ from ident.diagnosis.evidence import Evidence, Metric, acting, said, whole
 from ident.diagnosis.is_a_load import (
     SHORTEST_S,
     as_one_number,
+    by_what_it_needs,
     can_be,
     cross_evidence,
     halves_of,
@@ -134,6 +135,7 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     told = evidence.log_e > limit and said(whole(own, state.rows.usable), columns, sizes) > limit
     if told and as_one_number(state, halves, term, columns, evidence, tau):
         return None
+    told = told and by_what_it_needs(halves, term, columns, evidence, tau, alpha)
     runs, refined = comparable(state, term, columns), Refined(term, columns, sizes, gain)
     if told and evidence.supported(alpha) and is_load(state, halves, columns, evidence, limit, alpha):
         if runs and one_number_between(state, term, columns, tau):

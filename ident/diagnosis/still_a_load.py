@@ -4,7 +4,14 @@ from __future__ import annotations
 
 from ident.diagnosis.between_runs import between_runs, comparable
 from ident.diagnosis.evidence import acting, whole
-from ident.diagnosis.is_a_load import as_one_number, can_be, cross_evidence, halves_of, is_load
+from ident.diagnosis.is_a_load import (
+    as_one_number,
+    by_what_it_needs,
+    can_be,
+    cross_evidence,
+    halves_of,
+    is_load,
+)
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.state import Found, State
@@ -23,5 +30,7 @@ def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
     halves = halves_of(state, own, f.columns)
     evidence = cross_evidence(halves, f.columns, acting(f.columns))
     if f.term.effect.windowed and as_one_number(state, halves, f.term, f.columns, evidence, tau):
+        return False
+    if f.term.effect.windowed and not by_what_it_needs(halves, f.term, f.columns, evidence, tau, alpha):
         return False
     return is_load(state, halves, f.columns, evidence, tau, alpha)

@@ -165,6 +165,8 @@ def short_of(state: State, m: Metric, r: Refined, own: Evidence, c: int, tau: fl
     than it says. None: it is one. (A viscous friction of a UR10e that was a wave of the position was told as
     a dry one, by 22 nats in a noise that had swallowed both, where functions said 26; in theirs it is 111
     against 431. Dry friction then turned over within 0.4 rad/s.)"""
+    if r.term.effect.kind == "load" and not r.term.effect.windowed:
+        return _short_of_positions(state, m, r, c, tau)
     flex = sufficiency(state, m, r, c, tau)
     if flex is not None and not sufficient(r.term, own, flex, tau):
         return Short(own, flex, m)
@@ -177,6 +179,19 @@ def short_of(state: State, m: Metric, r: Refined, own: Evidence, c: int, tau: fl
     told = weigh(their, refine(their, state.scene, r.term, turns=2).columns)
     pairs = ((told.log_e, flex.evidence.log_e), (told.gain, flex.fitted))
     return Short(told, flex, their) if any(law < function - law for law, function in pairs) else None
+
+
+def _short_of_positions(state: State, m: Metric, r: Refined, c: int, tau: float) -> Short | None:
+    """A steady load acts on several torques, and is asked by the one that shows it most, at its best there:
+    it has to say as much as functions of its two joints' positions, or of all. (A cable that pulled on a
+    TX40's first joint was told as a base that is turned by a milliradian, by 40 nats.)"""
+    joints = (r.term.place.joint, r.term.place.source)
+    every = range(state.segments[0].q.shape[1]) if None in joints else joints
+    flex = ask(state, m, c, tau, frozenset(f"q{k + 1}" for k in every if k is not None))
+    own = weigh(m, {c: r.columns[c]})
+    if flex is None or as_much(own.log_e, flex.evidence.log_e, r.term.free, tau):
+        return None
+    return Short(own, flex, m)
 
 
 def explained_share(state: State, c: int, column: np.ndarray) -> float:
