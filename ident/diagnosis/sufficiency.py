@@ -133,10 +133,6 @@ def heard(
     noise that it was heard in: the one at hand, or, where most of the residual can be foretold from its own
     past and would count as noise, what is left beside the best function of plain rows."""
     found = asked[c] if c in asked else ask(state, state.metric, c, tau, only), state.metric
-    counted = state.rows.use[c] & state.rows.fitted
-    power = np.mean(state.residual[c, counted] ** 2) if counted.any() else 0.0
-    if state.whiteners[c].sigma ** 2 > FORETOLD * power:
-        return found
     plain = ask(state, state.plain_metric, c, tau, only)
     if plain is None:
         return found

@@ -14,6 +14,7 @@ from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.refine import refine
 from ident.diagnosis.sufficiency import (
+    ask,
     explained_share,
     heard,
     move_alike,
@@ -213,3 +214,19 @@ def test_noise_that_has_swallowed_a_law_and_what_it_is_not_tells_neither(arm, ri
     assert (short is None) is right
     if short is not None:
         assert short.flex.variables == ("q2", "dq2") and short.own.gain < 0.5 * short.flex.fitted
+
+
+def _a_wave_of_the_rate(columns):
+    rate = np.gradient(columns["q2"], columns["t"])
+    columns["tau_m2"] = columns["tau_m2"] + 0.02 * rate * np.sin(15 * columns["q2"])
+
+
+def test_half_of_what_is_left_may_be_new_to_its_past(arm):
+    """In the noise of a residual that is half the function itself it says half of what it does in its own. (A
+    ripple that went with the rate was none, where a third was new.)"""
+    state = opened(prepare_study(arm(change=_a_wave_of_the_rate))).state
+    on = state.rows.use[1] & state.rows.fitted
+    assert 0.4 < state.whiteners[1].sigma ** 2 / np.mean(state.residual[1, on] ** 2) < 0.6
+    at_hand, (found, _) = ask(state, state.metric, 1, 5.0), heard(state, 1, 5.0)
+    assert found.variables == at_hand.variables == ("q2", "dq2")
+    assert found.evidence.log_e > 1.5 * at_hand.evidence.log_e
