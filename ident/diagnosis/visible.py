@@ -65,8 +65,9 @@ def smallest_visible(
     is said: what they leave in slow motion may pass for noise."""
     kept: dict[tuple, list[tuple[dict[str, float], tuple]]] = {}
     width = len(Term(library.places[0][0], library.places[0][1]).kind) if library.places else 0
-    for key in library.kept:
-        kept.setdefault(key[:width], []).append((dict(key[width]), key))
+    for key, columns in library.kept.items():
+        if columns:  # of a shape that these motions show
+            kept.setdefault(key[:width], []).append((dict(key[width]), key))
     there = {term.kind for term in state.terms}
     dry = cache(partial(dryness, state))
     both = cache(lambda joint: (its.metric if (its := dry(joint)) else state.metric).both)
