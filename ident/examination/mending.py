@@ -11,11 +11,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ident.examination.spikes import dropouts, is_spike, median_of_four, no_measurement
+from ident.examination.spikes import dropouts, empty_rows, is_spike, median_of_four, no_measurement
 from ident.recordings.resampling import cubic_at
 
 CONTEXT = 64  # rows carried over from block to block
-FROZEN_S = 0.1
 STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots
 LEAST_STEP = 5e-3  # rad or m
 RESOLUTION = 1.5  # times the least changes of a position: its resolution, no leap
@@ -139,6 +138,7 @@ class Mender:
         if not len(self._reach):
             self._reach = np.zeros(values.shape[1])
         sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset, self._reach)
+        sentinel |= empty_rows(values, self.n, self.raw_offset)
         for k in range(self.n, values.shape[1]):
             sentinel[:, k] |= dropouts(values[:, k])
         sentinel &= ~empty
@@ -240,7 +240,7 @@ class Mender:
             self._still = before
             return out
         since_row, since_t = (np.concatenate([[b], v[changed[:-1]]]) for b, v in zip(before, (rows, t)))
-        for at in np.flatnonzero((t[changed - 1] - since_t > FROZEN_S) & (rows[changed] - since_row > 9)):
+        for at in np.flatnonzero(rows[changed] - since_row > 9):
             here, row = changed[at], int(since_row[at])
             value = before[2] if at == 0 else x[changed[at - 1]]
             step = np.abs(np.diff(x[:, : self.n], axis=0))

@@ -1,0 +1,38 @@
+"""Messages that were lost for some rows: their fields are zero, or hold what came before."""
+
+import numpy as np
+from planted import ON_RECORDINGS, measured, parted, planted
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit, examine_tables
+
+pytestmark = ON_RECORDINGS
+
+
+def _lost(columns, first, values):
+    """20 rows from each of these on, of all signals."""
+    out = {name: x.copy() for name, x in columns.items()}
+    for name, x in out.items():
+        for k in first if name != "t" else ():
+            x[k : k + 20] = values(x, k)
+    return out
+
+
+def test_zeros_in_all_signals(tmp_path):
+    """A load of 4.6 kg was told, and a torque that the others contradict."""
+    zeros = lambda c: _lost(c, range(900, len(c["t"]) - 900, 700), lambda x, k: 0.0)  # noqa: E731
+    prepared = prepare_study(planted(tmp_path, zeros, measured("kuka_lwr4plus")))
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    assert {(c.check, c.outcome) for c in said} == {("missing_values", "mended")}
+    clean = prepare_study(measured("kuka_lwr4plus"))
+    for lost, whole in zip(prepared.streams, clean.streams):
+        assert np.allclose(lost.survey.lowest, whole.survey.lowest, rtol=0.02, atol=0.02)
+
+
+def test_what_came_before_is_held(tmp_path):
+    """Of 20 ms at 1 kHz it was told that an encoder slips."""
+    held = lambda c: _lost(c, (3000, 5000, 8000), lambda x, k: x[k - 1])  # noqa: E731
+    study = parted(planted(tmp_path, held, measured("franka_panda")), 6.5, 9.8)
+    prepared = prepare_study(study)
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    assert {(c.check, c.outcome) for c in said} == {("frozen", "mended")}
