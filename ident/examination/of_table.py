@@ -39,6 +39,8 @@ def of_table(
     """Every check of one table, with the recording's name; resting: joints that stand, stretch by stretch."""
     said, slow = repeats.held(columns, excerpt)
     lost = sum((c for kind, c in mender.counts.items() if kind != "spike"), np.zeros(len(columns.signals)))
+    coarse = tuple(repeats.coarse(columns, excerpt, slow))
+    few = {columns.signals.index(name) for check in coarse for name in check.signals}  # one is the largest
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
     found = chain(
         lost_samples(columns, mender, rows),
@@ -48,13 +50,13 @@ def of_table(
         dead_and_resting(columns, lowest, highest),
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
-        limits_hit(columns, excerpt, slow),
+        limits_hit(columns, excerpt, slow | few),
         said,
         repeats.copies(columns, excerpt),
         repeats.standing(columns, excerpt, slow | gone),
         repeats.noise_alone(columns, excerpt),
         repeats.unsigned(columns, excerpt),
-        repeats.coarse(columns, excerpt, slow),
+        coarse,
     )
     return [replace(check, recording=columns.recording) for check in found]
 

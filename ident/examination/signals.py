@@ -188,11 +188,13 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
     still = [k for k in range(n) if reach[k] < MOVED]
     if still:
         which = listed(columns.labels[k] for k in still)
+        exact = listed(columns.signals[k] for k in still if reach[k] == 0)  # no encoder is as still as that
+        or_lost = f" ({exact} to the last digit: unless held, not recorded)" if exact else ""
         yield Check(
             "resting_joint",
             tuple(columns.signals[k] for k in still),
-            f"joint {which} never moves, so its own friction and inertia cannot be seen here, and its offset "
-            "holds the friction that it rests with",
+            f"joint {which} never moves{or_lost}, so its own friction and inertia cannot be seen here, and "
+            "its offset holds the friction that it rests with",
             "record it moving",
         )
     dead = [k for k in range(n, len(reach)) if reach[k] == 0 and columns.joint[k] not in still]

@@ -43,3 +43,10 @@ def test_a_run_at_the_end_of_a_torque_s_range_is_said_to_be_perhaps_that(tmp_pat
     study = planted(tmp_path, clipped, measured("barrett_wam_2dof"))
     message, checks = refused(study)
     assert "dead_channel" in checks and "held at the end of its range" in message
+
+
+def test_a_torque_of_few_steps_is_no_clipped_one(tmp_path):
+    """An LWR4+'s fifth in steps of 0.8 N m: half of its samples were told to be clipped."""
+    coarse = lambda c: c | {"tau_l5": 0.8 * np.round(c["tau_l5"] / 0.8)}  # noqa: E731
+    prepared = prepare_study(planted(tmp_path, coarse, measured("kuka_lwr4plus")))
+    assert {check.check for check in examine_tables(prepared)} == {"coarse_signal"}
