@@ -11,9 +11,9 @@ from ident.examination.check import Check
 from ident.examination.hypothesis import Asked
 from ident.examination.own_factors import WORDS, each_by_itself
 from ident.examination.quick import Assignment, Quick, gain_of
-from ident.examination.rivals import HALF, Rival, alike, rivals
+from ident.examination.rivals import Rival, alike, rivals
 from ident.examination.signs import evidence
-from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
+from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
 
 CARRIED, KEPT = 2.2, 0.3  # gain on identify and validate together, and what identify may lose by it
 ABSURD = 1e3  # a torque's factor

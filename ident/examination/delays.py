@@ -19,8 +19,7 @@ import numpy as np
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis
 from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, alone, gain_of, solve
-from ident.examination.rivals import HALF
-from ident.examination.stretches import RARE, Explained, all_rows, confirmed, steadily
+from ident.examination.stretches import HALF, RARE, Explained, all_rows, confirmed, steadily
 from ident.examination.turning import with_any_turn_over
 
 SPOILED = 0.03  # error of a channel from which it is asked

@@ -19,6 +19,7 @@ import yaml
 
 from ident.equations.prepared import Prepared, resting_joints
 from ident.errors import IdentError
+from ident.examination.another_clock import clock_of_all
 from ident.examination.another_signal import another_signal
 from ident.examination.axes import joint_axes
 from ident.examination.base import Tilt, base_orientation, unseen
@@ -273,7 +274,7 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     if at_all:
         found += [*_positions(asked), *geared(asked), *scaled_positions(asked), *coupled_positions(asked)]
         found += other_orders(asked)
-    found += [*weightless(asked), *delays(asked)]
+    found += [*weightless(asked), *delays(asked), *clock_of_all(asked)]
     found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
     once = {(h.check.check, h.check.signals): h for h in found}
     found = [h for h in once.values() if _believed(asked, h)]
@@ -345,8 +346,8 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
     if h.how.order != asked.how.order and not _explained_there(asked, h, taken.fit):
         return False
     fit, joints = taken.fit, asked.joints
-    motion = any(name.startswith("q") for name in h.check.signals) and not h.own
-    blamed = set(joints) if motion else {"".join(filter(str.isdigit, name)) for name in h.check.signals}
+    motion = any(name[0] in "qt" and name[:3] != "tau" for name in h.check.signals) and not h.own
+    blamed = set(joints) if motion else {"".join(filter(str.isdigit, name)) for name in _changed(asked, h)}
     its = [
         c
         for c, j in enumerate(asked.quick.columns.joint_of)
@@ -364,6 +365,14 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
             explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * np.isfinite(fit.error).sum()
         )
     return explained and predicted and _rms(fit) < RISEN * _rms(before)
+
+
+def _changed(asked: Asked, h: Hypothesis) -> tuple[str, ...]:
+    """The signals that a hypothesis blames; of one that is told beside too many others to blame any, the
+    torques that it takes otherwise. (Of an AIRBOT's second torque times 1.3, or the third's times 0.75, and
+    three causes more, nothing was said.)"""
+    moved = [c for c in asked.seen if h.how.factor[c] != asked.how.factor[c]]
+    return h.check.signals or asked.names(moved)
 
 
 def _explained_there(asked: Asked, h: Hypothesis, after: Fit) -> bool:

@@ -13,6 +13,7 @@ from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.quick import FLOOR, Assignment, Fit, alone
 from ident.examination.signs import MOST_SIGNS, sign_patterns
+from ident.examination.smooth_torques import SmoothTorques
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 
@@ -38,7 +39,8 @@ def swapped(asked: Asked) -> Iterator[Hypothesis]:
             which = f"{columns.channels[a][5:]} and {columns.channels[b][5:]}"
             signs = [int(np.sign(x / y)) for x, y in zip(best.factor, placed.factor)]
             check = _swap_check(asked, names, which, "torques", other, dict(zip(_all_names(asked), signs)))
-            yield Hypothesis(gain, best, check, words=f"{names[0]} and {names[1]} look swapped")
+            its = Hypothesis(gain, best, check, words=f"{names[0]} and {names[1]} look swapped")
+            yield from _exchange(asked, [columns.joint_of[a], columns.joint_of[b]]).less_than(its)
 
 
 def _all_names(asked: Asked) -> tuple[str, ...]:
@@ -79,7 +81,8 @@ def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
             return _swap_check(asked, (f"q{j}", f"q{k}"), f"{j} and {k}", "positions", other)
 
         order = exchanged(len(asked.joints), a, b)
-        yield from asked.along(asked.quick.moved(order), told, f"q{j} and q{k} look swapped")
+        for its in asked.along(asked.quick.moved(order), told, f"q{j} and q{k} look swapped"):
+            yield from _exchange(asked, [a, b]).less_than(its)
 
 
 def regular_orders(which: list[int]) -> list[list[int]]:
@@ -190,7 +193,13 @@ def other_orders(asked: Asked) -> Iterator[Hypothesis]:
             )
 
         words, taken = f"the joints are recorded in the order {which}", asked.how.placed(source, asked.gains)
-        yield from asked.along(asked.quick.moved(order), told, words, taken)
+        for its in asked.along(asked.quick.moved(order), told, words, taken):
+            yield from _exchange(asked, [j for j in same if order[j] != j]).less_than(its)
+
+
+def _exchange(asked: Asked, joints: Sequence[int]) -> SmoothTorques:
+    """What an exchange of these joints' signals has to explain more than."""
+    return SmoothTorques(asked, [int(j) for j in joints], own=True)
 
 
 def _swap_check(

@@ -21,13 +21,12 @@ import numpy as np
 
 from ident.examination.coupled import held_too
 from ident.examination.hypothesis import signal_of
-from ident.examination.quick import FLOOR, Assignment, Fit, Quick, Sample
-from ident.examination.stretches import RARE, Explained, steadily
+from ident.examination.quick import Assignment, Fit, Quick, Sample
+from ident.examination.stretches import RARE, Explained, half_of, steadily
 from ident.examination.weightless import felt, without_gravity
 
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
 STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
-HALF = 0.5  # of what is told, from which something else may be there in its place
 FACTORS, FINER = np.geomspace(1e-3, 1e3, 25), 3  # of torques of another unit; finer so often
 POWERS = {0.5: "the square", 2.0: "the root"}  # by which it is what it should be
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
@@ -51,19 +50,9 @@ class Rival:
 def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Rival]:
     """Those that explain at least half of what is told does, of the same torques, and that stretch by stretch
     are not rejected beside it; most first."""
-
-    def gains(its: Explained) -> np.ndarray:
-        return np.nan_to_num(np.log(np.maximum(before.fit.error, FLOOR) / np.maximum(its.fit.error, FLOOR)))
-
-    its_own = gains(told)
-
-    def near(its: np.ndarray) -> bool:
-        same = np.minimum(its, its_own).clip(0).sum()
-        return bool(its.sum() > HALF * its_own.sum() and same > HALF * its_own.clip(0).sum())
-
-    some = [(float(its.sum()), r) for r in pool if near(its := gains(r.explained))]
-    some = [each for each in some if not steadily(each[1].explained, told, RARE)]
-    return [r for _, r in sorted(some, key=lambda each: -each[0])]
+    near = [r for r in pool if half_of(before, told, r.explained)]
+    kept = [r for r in near if not steadily(r.explained, told, RARE)]
+    return sorted(kept, key=lambda r: -r.explained.gains_over(before).sum())
 
 
 def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.examination.check import FEW, Check, instead, nothing_tells
+from ident.examination.check import FEW, Check, instead, listed, nothing_tells
 from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
-from ident.examination.own_factors import WORDS, each_by_itself
+from ident.examination.own_factors import WORDS, each_by_itself, own_factors
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import rivals
 from ident.examination.signs import evidence
-from ident.examination.stretches import ODD, Explained, agreed, all_rows
+from ident.examination.stretches import ODD, Explained, agreed, all_rows, half_of
 
 SCALED = 0.5  # over no factor, and over any that is absurd; what else robots lacked gained 0.4 at most
 FACTOR, WIDE = 3.0, 100.0  # about the best one: the range in which others are allowed; about N mm
@@ -48,7 +48,7 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
         return
     whole = all_rows(asked.quick)
     plain = Explained.by(whole, how)
-    told = [(allowed(whole, how, c, factor), after) for c, factor, after in found]
+    told = [(allowed(whole, how, [c], factor), after) for c, factor, after in found]
     told = [(its, after) for its, after in told if agreed(plain, its.explained, ODD / len(seen))]
     if not told:
         return
@@ -65,7 +65,11 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     near = [o for o in others if not o.beside or not agreed(o.explained, its.explained, ODD)]
     near.sort(key=lambda o: -o.explained.fit.gain_over(plain.fit))
     words = [other.words for other in near if _alike(plain, its.explained, other.explained)]
-    words += [WORDS] if each_by_itself(whole, how, seen, its.explained)[0] else []
+    alone, clearly = each_by_itself(whole, how, seen, its.explained)
+    if clearly:
+        yield _each(asked, own_factors(whole, how, seen))
+        return
+    words += [WORDS] if alone else []
     yield Hypothesis(gain, how.times([c], its.factor), _off(asked, after, (its, *beside), words))
 
 
@@ -97,8 +101,11 @@ def _in_milli(its: Scale) -> bool:
 
 
 def _alike(plain: Explained, told: Explained, other: Explained) -> bool:
-    """Whether a factor does not gain as much over another explanation as it has to over none, or stretch by
-    stretch the other is not rejected beside it."""
+    """Whether another explanation of the same torques is one by which a factor does not gain as much as it
+    has to over none, or that stretch by stretch is not rejected beside it. (Beside an AIRBOT's third torque
+    times 0.75 the sixth was told as the square of itself, which nothing had asked for.)"""
+    if not half_of(plain, told, other):
+        return False
     most, gain = (its.fit.gain_over(plain.fit) for its in (told, other))
     return bool(gain > max(most - SCALED, 0.5 * SCALED) or not agreed(other, told, ODD))
 
@@ -106,7 +113,7 @@ def _alike(plain: Explained, told: Explained, other: Explained) -> bool:
 def _best_factor(whole: Quick, how: Assignment, c: int) -> Scale:
     before = whole.fit(how)
     gains = [fit.gain_over(before) for fit in whole.fits([how.times([c], f) for f in GRID])]
-    return allowed(whole, how, c, float(GRID[np.argmax(gains)]))
+    return allowed(whole, how, [c], float(GRID[np.argmax(gains)]))
 
 
 def _scaled(asked: Asked, c: int, most: float) -> tuple[float, Fit] | None:
@@ -143,6 +150,14 @@ def _milli(asked: Asked, other: Fit, c: int) -> Check:
     )
 
 
+def _each(asked: Asked, how: Assignment) -> Hypothesis:
+    """Every torque times a number of its own: nothing else can be asked of them."""
+    after = asked.quick.fit(how)
+    remedy = "give them in N m: with drive_gains: where they are currents, with a scale: of each in columns:"
+    message = f"{WORDS}: with the numbers that explain most {falls(asked.fit, after)}"
+    return Hypothesis(after.gain_over(asked.fit), how, Check("torque_scale", (), message, remedy))
+
+
 def _off(asked: Asked, other: Fit, told: Sequence[Scale], others: Sequence[str]) -> Check:
     """The check of one factor, and of what may be there in its place."""
     names = asked.names(its.channel for its in told)
@@ -164,18 +179,20 @@ def _off(asked: Asked, other: Fit, told: Sequence[Scale], others: Sequence[str])
     )
 
 
-def allowed(whole: Quick, how: Assignment, c: int, factor: float, span: float = FACTOR) -> Scale:
-    """A torque's factor about a first one. (Of a rokae's first seven seconds 6.2 was told of a torque that is
-    5 times too large; they allow 4 to 8.)"""
+def allowed(
+    whole: Quick, how: Assignment, channels: Sequence[int], factor: float, span: float = FACTOR
+) -> Scale:
+    """A factor of torques about a first one. (Of a rokae's first seven seconds 6.2 was told of a torque that
+    is 5 times too large; they allow 4 to 8.)"""
     factors = factor * np.geomspace(1 / span, span, 61)
-    hows = [how.times([c], f) for f in factors]
+    hows = [how.times(channels, f) for f in factors]
     tried = [Explained(whole, fit, its) for fit, its in zip(whole.fits(hows), hows)]
     before = whole.fit(how)
     best = max(range(len(tried)), key=lambda k: tried[k].fit.gain_over(before))
     rejected = [agreed(its, tried[best], ODD / 2) for its in tried]  # on either side
     kept = np.flatnonzero(~np.array(rejected))
     low, high = (factors[k] for k in np.clip([kept[0] - 1, kept[-1] + 1], 0, len(factors) - 1))
-    return Scale(c, float(factors[best]), float(low), float(high), tried[best])
+    return Scale(channels[0], float(factors[best]), float(low), float(high), tried[best])
 
 
 def _times_too(factor: float, low: float, high: float) -> str:
@@ -188,26 +205,27 @@ def _times_too(factor: float, low: float, high: float) -> str:
 
 
 def too_large(asked: Asked, names: Collection[str]) -> Iterator[Hypothesis]:
-    """A torque beyond what joints give, told by its size and not searched: believed where stretch by stretch
-    the other torques agree that it is too large, and do not reject N mm; by how much they allow is told. (Of
-    a KR 300 whose torques were all some times too large the last one was N mm: it fits no other.)
-    Where no torque feels it the size alone is left."""
+    """Torques beyond what joints give, told by their size and not searched, all together and each: believed
+    where stretch by stretch the other torques agree that they are too large, and do not reject N mm; by how
+    much they allow is told. (Of a KR 300 whose torques were all some times too large the last one was N mm:
+    it fits no other. Of a TX40 with two in N mm the first was 800 times too small.) Where no torque feels it
+    the size alone is left."""
     whole, how = all_rows(asked.quick), asked.how
     as_it_is = Explained.by(whole, how)
-    for c in asked.seen:
-        name = asked.name(c)
-        if name not in names or abs(how.factor[c]) != 1.0:
-            continue
-        its, milli = allowed(whole, how, c, MILLI, WIDE), Explained.by(whole, how.times([c], MILLI))
+    large = [c for c in asked.seen if asked.name(c) in names and abs(how.factor[c]) == 1.0]
+    for which in ([large] if len(large) > 1 else []) + [[c] for c in large]:
+        its, milli = allowed(whole, how, which, MILLI, WIDE), Explained.by(whole, how.times(which, MILLI))
         open_ = its.low < 1.01 * MILLI / WIDE  # as well as nothing: the others agree with no size of it
         if open_ or not its.high >= MILLI or not agreed(as_it_is, milli, ODD):
             continue
+        told = asked.names(which)
         check = Check(
             "torque_scale",
-            (name,),
-            f"{name} is larger than robots' joints give, and by the other torques {1 / its.high:.0f} to "
-            f"{1 / its.low:.0f} times too large, as in N mm: scaled, {falls(as_it_is.fit, milli.fit)}",
-            asked.line({name: {"scale": MILLI}}),
+            told,
+            f"{listed(told)} {'is' if len(told) == 1 else 'are'} larger than robots' joints give, and by the "
+            f"other torques {1 / its.high:.0f} to {1 / its.low:.0f} times too large, as in N mm: scaled, "
+            f"{falls(as_it_is.fit, milli.fit)}",
+            asked.line({name: {"scale": MILLI} for name in told}),
             spread=(1 / its.low - 1 / its.high) * MILLI / (2 * NORMAL),
         )
         yield Hypothesis(np.inf, milli.how, check)

@@ -2,8 +2,10 @@
 
 A position moves all that its joint carries, in gravity, inertia and friction, so it has to explain more than
 any smooth torque of the positions concerned beside the model does: straight lines between knots, products of
-them where there are two. (Of a spring on an arm's first joint q1 was told as 2 times too large: sin(q / 2) is
-nearly k q. Of a cable over a UR10e's wrist q5 was the sum of q5 and q4.)
+them where one position is said to have another in it, each joint's own where two are exchanged. (Of a spring
+on an arm's first joint q1 was told as 2 times too large: sin(q / 2) is nearly k q. Of a cable over a UR10e's
+wrist q5 was the sum of q5 and q4. Of an LWR4+ all of whose joints move alike the last two torques were told
+as exchanged.)
 """
 
 from __future__ import annotations
@@ -17,31 +19,35 @@ import numpy as np
 from ident.examination.check import listed
 from ident.examination.hypothesis import Asked, Hypothesis
 from ident.examination.quick import Quick, Sample
-from ident.examination.stretches import RARE, Explained, all_rows, steadily
+from ident.examination.stretches import RARE, Explained, all_rows, half_of, steadily
 
 KNOTS = 8  # bends that a spring's, a counterbalance's or a cable's torque has
 
 
 class SmoothTorques:
-    """Of these joints (places), fitted once and only where something is held against them."""
+    """Of these joints (places), all together or each of its own position, fitted once and only where
+    something is held against them."""
 
-    def __init__(self, asked: Asked, joints: Sequence[int]) -> None:
-        self.asked, self.joints = asked, joints
+    def __init__(self, asked: Asked, joints: Sequence[int], own: bool = False) -> None:
+        self.asked, self.joints, self.own = asked, joints, own
 
     @cached_property
     def explained(self) -> Explained:
-        whole = all_rows(self.asked.quick)
-        return Explained.by(with_smooth_torques(whole, self.joints), self.asked.how)
+        made = all_rows(self.asked.quick)
+        for joints in [[j] for j in self.joints] if self.own else [self.joints]:
+            made = with_smooth_torques(made, joints)
+        return Explained.by(made, self.asked.how)
 
     def less_than(self, its: Hypothesis) -> Iterator[Hypothesis]:
         """A hypothesis about the positions of the joints; with the torque that these recordings do not tell
         from it, and not where that explains them steadily better."""
         taken = Explained.by(all_rows(its.quick or self.asked.quick), its.how)
-        if steadily(self.explained, taken, RARE):
+        plain = Explained.by(all_rows(self.asked.quick), self.asked.how)
+        if steadily(self.explained, taken, RARE) or not half_of(plain, taken, self.explained):
             yield its
         elif not steadily(taken, self.explained, RARE):
             names = listed(f"q{self.asked.joints[j]}" for j in self.joints)
-            between = "between them" if len(self.joints) > 1 else "there"
+            between = "there" if self.own or len(self.joints) == 1 else "between them"
             words = f"the model lacks a torque that goes with {names} (a spring or a cable {between})"
             yield its.beside([replace(its, check=replace(its.check, remedy=""), words=words)])
 

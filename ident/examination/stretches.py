@@ -11,11 +11,12 @@ from functools import cached_property
 import numpy as np
 
 from ident.distributions import t_beyond
-from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample
+from ident.examination.quick import CLUSTERS, FLOOR, Assignment, Fit, Normal, Quick, Sample
 
 RIDGE = 1e-10
 ODD = 0.05  # rate at which chance confirms what something else has told before
 RARE = 1e-3  # rate at which chance leaves one name where there are two
+HALF = 0.5  # of what is told, from which something else may be there in its place
 
 
 def all_rows(quick: Quick) -> Quick:
@@ -48,6 +49,11 @@ class Explained:
     def predicted(self, s: Sample) -> np.ndarray:
         """(N, C) N m."""
         return s.predicted(self.fit.chi)
+
+    def gains_over(self, before: Explained) -> np.ndarray:
+        """(C,) ln(error before / error) of every torque."""
+        was, now = (np.maximum(its.fit.error, FLOOR) for its in (before, self))
+        return np.nan_to_num(np.log(was / now))
 
     @cached_property
     def stretches(self) -> tuple[np.ndarray, ...]:
@@ -121,6 +127,13 @@ def steadily(one: Explained, other: Explained, rate: float) -> bool:
         for x, y in zip(one.stretches, other.stretches)
     ]
     return beyond_chance(np.concatenate([gain.sum(axis=1) for gain in logs]), rate)
+
+
+def half_of(before: Explained, told: Explained, other: Explained) -> bool:
+    """Whether the other explains at least half of what is told does, of the same torques."""
+    its, own = other.gains_over(before), told.gains_over(before)
+    same = np.minimum(its, own).clip(0).sum()
+    return bool(its.sum() > HALF * own.sum() and same > HALF * own.clip(0).sum())
 
 
 def pieces(quick: Quick, s: Sample) -> list[np.ndarray]:

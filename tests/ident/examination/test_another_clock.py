@@ -1,7 +1,7 @@
 """The clock of one recording beside another's: in ms, or at another rate; planted in a measured recording."""
 
 import pytest
-from planted import ON_RECORDINGS, measured, parted, refused
+from planted import ON_RECORDINGS, measured, parted, planted, refused
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
@@ -39,3 +39,15 @@ def test_a_recording_whose_clock_runs_at_another_rate(role, factor):
 
 def test_clocks_that_agree():
     assert not examine_fit(prepare_study(_run_at(1.0, "validate")))
+
+
+@pytest.mark.parametrize(("factor", "told"), [(2.0, True), (1.0, False)])
+def test_the_clock_of_all_recordings(tmp_path, factor, told):
+    """Of a Franka whose clock ran at half of its rate nothing was said: 16 % foretold for 2 %."""
+    half = lambda c: {k: x / factor if k == "t" else x for k, x in c.items() if k[:2] != "dq"}  # noqa: E731
+    study = planted(tmp_path, half, measured("franka_panda"))
+    checks = examine_fit(prepare_study(parted(study, 6.5 / factor, 9.8 / factor)))
+    assert [(c.check, c.signals) for c in checks] == ([("clock_rate", ("t",))] if told else [])
+    if told:
+        said = float(checks[0].message.split("t is ")[1].split()[0])
+        assert said == pytest.approx(factor, rel=0.03) and "too small" in checks[0].message

@@ -170,6 +170,14 @@ def test_what_explains_as_much_as_a_torque_s_factor_is_told_with_it(tmp_path):
     assert "do not tell which" in check.message and "tau_m2 1.3" in check.message
 
 
+def test_two_torques_in_n_mm(tmp_path):
+    """Of a TX40 the first one was told to be 800 times too small."""
+    milli = lambda c: c | {name: 1e3 * c[name] for name in ("tau_m2", "tau_m3")}  # noqa: E731
+    study = parted(planted(tmp_path, milli, measured("staubli_tx40")), 2.8, 3.9)
+    (check,) = examine_fit(prepare_study(study))
+    assert (check.check, check.signals) == ("torque_scale", ("tau_m2", "tau_m3")) and "N mm" in check.message
+
+
 @pytest.mark.parametrize("robot", ["airbot_play", "ur10e"])
 def test_a_small_tilt_is_no_torque_s_scale_and_no_base_upside_down(robot):
     study = measured(robot)
