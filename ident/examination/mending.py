@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ident.examination.spikes import dropouts, empty_rows, is_spike, median_of_four, no_measurement
+from ident.examination.spikes import dropouts, emptied, is_spike, median_of_four, no_measurement
 from ident.recordings.resampling import cubic_at
 
 CONTEXT = 64  # rows carried over from block to block
@@ -138,7 +138,7 @@ class Mender:
         if not len(self._reach):
             self._reach = np.zeros(values.shape[1])
         sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset, self._reach)
-        sentinel |= empty_rows(values, self.n, self.raw_offset)
+        sentinel |= emptied(values, self.n, self.raw_offset)
         for k in range(self.n, values.shape[1]):
             sentinel[:, k] |= dropouts(values[:, k])
         sentinel &= ~empty

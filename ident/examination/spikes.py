@@ -31,7 +31,8 @@ MARK = 1.0  # ranges from the median at which a logger's mark is one, if it leap
 SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 2147483647.0, 2147483648.0)
 ABSURD = 1e9
 DROPOUTS, DROPOUT_RUN, DROPOUT = 10, 3, 8.0  # rows, of them at most in a row, times the usual change
-LEAST_LEAP = 5e-3  # rad or m
+VALUES = 20  # of a signal that is measured, at least
+LEAST_LEAP, MESSAGES = 5e-3, 64  # rad, m, N m or N; rows that are lost at most
 STRETCH = 100  # samples of a local scale
 FEWEST = 20  # samples that show a scatter
 RAILS = 0.02  # share of a signal at an end of its range, from which on it is clipped
@@ -86,7 +87,7 @@ def dropouts(x: np.ndarray) -> np.ndarray:
     if not (finite[many - 1 :] == finite[: len(finite) - many + 1]).any():  # no number so often
         return none
     values, counts = np.unique(finite, return_counts=True)
-    if len(values) < 20:
+    if len(values) < VALUES:
         return none
     mine = x == values[int(np.argmax(counts))]
     good = np.flatnonzero(~mine & np.isfinite(x))
@@ -103,23 +104,36 @@ def dropouts(x: np.ndarray) -> np.ndarray:
     return none
 
 
-def empty_rows(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
-    """(N, m) bool: zeros of rows in which all n positions read 0, to which and from which one leaps as it
-    never moves, as where a message was lost and its fields stayed empty. (Of an LWR4+ that lost 20 rows now
-    and then 4.6 kg on its fifth link were told.)"""
+def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
+    """(N, m) bool: zeros to which and from which a signal leaps as it hardly changes else, with those that
+    others of its kind (n positions, then torques) read meanwhile, as where a message was lost and its fields
+    stayed empty. Of a torque only where a joint moves. (Of an LWR4+ that lost 20 rows now and then 4.6 kg on
+    its fifth link were told, of one that lost its fourth position that it is the sixth.)"""
     zero = x == offset  # 0 as it is recorded
-    lost = zero[:, :n].all(axis=1)
     out = np.zeros(x.shape, bool)
-    if not lost.any() or lost.all():
-        return out
-    kept = np.flatnonzero(~lost)
-    steps = np.abs(np.diff(x[kept, :n], axis=0))[np.diff(kept) == 1]
-    usual = np.quantile(steps, 0.99, axis=0) if len(steps) else np.zeros(n)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.view(np.int8), [0]])))
-    for start, stop in edges.reshape(-1, 2):
-        ends = x[[k for k in (start - 1, stop) if 0 <= k < len(x)], :n] - x[start, :n]
-        if (np.abs(ends) > np.maximum(DROPOUT * usual, LEAST_LEAP)).any(axis=1).all():
-            out[start:stop] = zero[start:stop]
+    moves, every = np.abs(np.diff(x[:, :n], axis=0)), zero[:, :n].all(axis=1)
+    for k in np.flatnonzero(zero.any(axis=0) & ~zero.all(axis=0)):
+        kept = np.flatnonzero(~zero[:, k])
+        if len(np.unique(x[kept, k])) < VALUES:  # a switch, or coarse
+            continue
+        steps = np.abs(np.diff(x[kept, k]))[np.diff(kept) == 1]
+        if not (steps > 0).any():
+            continue
+        usual = max(float(np.quantile(steps, 0.99 if k < n else 0.75)), float(steps[steps > 0].min()))
+        least = max(DROPOUT * usual, LEAST_LEAP)
+        edges = np.flatnonzero(np.diff(np.concatenate([[0], zero[:, k].view(np.int8), [0]])))
+        for start, stop in edges.reshape(-1, 2):
+            ends = [at for at in (start - 1, stop) if 0 <= at < len(x)]
+            leap = np.abs(x[ends, k] - offset[k])
+            if k < n:  # a whole turn is none
+                leap = np.minimum(leap, np.abs(leap - 2 * np.pi))
+            leaps = (leap > least).all()
+            if not leaps or stop - start > MESSAGES or (len(ends) < 2 and not every[start:stop].all()):
+                continue
+            if k < n or (moves[start:stop] > 0.1 * np.quantile(moves, 0.99, axis=0)).any():
+                out[start:stop, k] = True
+    for kind in (slice(None, n), slice(n, None)):
+        out[:, kind] |= zero[:, kind] & out[:, kind].any(axis=1, keepdims=True)
     return out
 
 

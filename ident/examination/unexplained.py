@@ -8,11 +8,10 @@ import numpy as np
 
 from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import NOTHING, Asked
+from ident.examination.hypothesis import EXPLAINED, NOTHING, Asked
 from ident.examination.quick import FLOOR, Assignment, Normal, Quick, Sample, added, solve
 from ident.examination.stretches import ByItself, all_rows
 
-UNLIKE = 0.3  # error of a channel from which another robot's is thought of
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
 ODD, TIMES = 0.12, 3.0  # error of a channel that is odd: at least, and against what it is elsewhere
 PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', from which it is said
@@ -32,14 +31,14 @@ def unexplained(asked: Asked) -> Iterator[Check]:
     alone = asked.alone  # what is explained by itself, others contradict
     empty = [int(c) for c in seen if fit.error[c] > NOTHING and alone[c] > PARTLY]
     everything = asked.names(range(len(quick.columns.channels)))
-    nothing = np.median(error) > 0.6 and error.min() > UNLIKE and len(seen) > 1
+    nothing = (error > EXPLAINED).sum() > len(seen) / 2 and len(seen) > 1
     if nothing or (len(seen) == 1 and error[0] > NOTHING):
         yield Check(
             "wrong_robot",
             everything,
             f"the model explains little of these torques (errors of {100 * error.min():.0f} to "
-            f"{100 * error.max():.0f} % of each): another robot's or another run's signals, or a wrong "
-            "robot file",
+            f"{100 * error.max():.0f} % of each): another robot's or another run's signals, a position that "
+            "is another signal, or a wrong robot file",
             "check the robot, and that positions and torques belong to one run",
         )
         return

@@ -1,6 +1,7 @@
 """Messages that were lost for some rows: their fields are zero, or hold what came before."""
 
 import numpy as np
+import pytest
 from planted import ON_RECORDINGS, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
@@ -27,6 +28,19 @@ def test_zeros_in_all_signals(tmp_path):
     clean = prepare_study(measured("kuka_lwr4plus"))
     for lost, whole in zip(prepared.streams, clean.streams):
         assert np.allclose(lost.survey.lowest, whole.survey.lowest, rtol=0.02, atol=0.02)
+
+
+@pytest.mark.parametrize(("robot", "lost"), [("kuka_lwr4plus", ("q4",)), ("airbot_play", "tau_m")])
+def test_zeros_in_some_signals(tmp_path, robot, lost):
+    """The fourth position was told to be the sixth; of torques nothing was said."""
+
+    def change(c):
+        gone = _lost(c, range(900, len(c["t"]) - 900, 700), lambda x, k: 0.0)
+        return c | {name: gone[name] for name in c if name.startswith(lost)}
+
+    prepared = prepare_study(planted(tmp_path, change, measured(robot)))
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    assert {(c.check, c.outcome) for c in said} == {("missing_values", "mended")}
 
 
 def test_what_came_before_is_held(tmp_path):

@@ -37,11 +37,11 @@ def test_the_run_that_contradicts_the_others_is_blamed_and_not_what_judges(tmp_p
     found = odd_one(asked.quick.samples, asked.how)
     assert (None if found is None else found.label) == odd
     if odd is not None:
-        assert _contradiction(asked, ("tau_m1",), 0.2, 1.5).recording == odd
+        assert _contradiction(asked, ("tau_m1",), "").recording == odd
 
 
 def test_of_two_runs_neither_is_blamed(tmp_path):
     asked = _asked(tmp_path, "c", "ac")
     assert odd_one(asked.quick.samples, asked.how) is None
-    check = _contradiction(asked, ("tau_m1",), 0.2, 1.5)
+    check = _contradiction(asked, ("tau_m1",), "")
     assert check.recording == "" and "in one of a and c" in check.message
