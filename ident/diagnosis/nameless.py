@@ -26,6 +26,7 @@ LAMBDAS = np.geomspace(1e-4, 1e6, 41)
 HATS = 13
 BENDS = 20  # degree of polynomials: some five waves over the range
 SHORT = 60_000  # fine samples, five minutes: up to there what is made is kept, and two cores share the work
+FEW = 5_000  # rows of which the columns of all groups are kept: a fifth of a gigabyte
 UNSEEN = 1e-9  # share of a column's squares on the fitted rows
 WAVES = 3  # peaks of the residual's spectrum over the position
 
@@ -148,12 +149,12 @@ def _local(x: np.ndarray) -> np.ndarray:
 Signal = Callable[[FineSegment], np.ndarray]  # (N,) of a segment
 Made = Callable[[int], np.ndarray]  # number of a segment -> (N, k) on its fine samples
 Column = Callable[[Made], np.ndarray]  # the same on the rows: (M, k)
+Group = tuple[tuple[str, ...], Callable[[], np.ndarray]]  # signals, columns (M, k)
+Told = tuple[tuple[str, ...], tuple[float, np.ndarray, np.ndarray, float]]  # signals, `_ridge` of them
 
 
-def _groups(
-    signals: Signals, joint: int, segments: int, on_rows: Column, short: bool
-) -> Iterator[tuple[tuple[str, ...], Callable[[], np.ndarray]]]:
-    """(signals, columns (M, k)) of every group. What several of them share is made once: functions of one
+def _groups(signals: Signals, joint: int, segments: int, on_rows: Column, short: bool) -> Iterator[Group]:
+    """Every group. What several of them share is made once: functions of one
     signal on the rows, and those of the latest signals on the fine samples; of long recordings nothing is
     kept, which would be a tenth of a gigabyte of ten minutes."""
     number = joint + 1
@@ -222,7 +223,7 @@ def wave_peaks(
 
 
 def flexible(
-    m: Metric,
+    metrics: Sequence[Metric],
     channel: int,
     joint: int,
     segments: Sequence[FineSegment],
@@ -230,35 +231,65 @@ def flexible(
     top_wave: float,
     wanted: float,
     only: frozenset[str] | None = None,
-) -> Flexible | None:
+    made: dict[int, np.ndarray] | None = None,
+) -> list[Flexible | None]:
     """The function of the channel with the largest evidence on the fitted rows, of the signals in `only`
-    where they are given; None below `wanted` nats."""
-    signals = _within(signals_of(segments, joint, load), m, segments)
+    where they are given; None below `wanted` nats. One in each noise: the columns are made once for all, and
+    those of few rows kept in `made` for the next noise."""
+    one = metrics[0]
+    signals = _within(signals_of(segments, joint, load), one, segments)
 
     def on_rows(made: Made) -> np.ndarray:
         Z = np.concatenate([s.decimate(made(k), joint) for k, s in enumerate(segments)])
-        Z *= m.rows.scale[channel][:, None]
+        Z *= one.rows.scale[channel][:, None]
         return Z
+
+    def shared(number: int) -> list[Told]:
+        kept = made if made is not None and len(one.rows.t) <= FEW else {}
+        if number not in kept:
+            kept[number] = groups[number][1]()
+        return [(groups[number][0], _ridge(m, channel, kept[number])) for m in metrics]
 
     short = sum(len(s.t) for s in segments) <= SHORT
     groups = list(_groups(signals, joint, len(segments), on_rows, short))
+    asked = [k for k, group in enumerate(groups) if only is None or set(group[0]) <= only]
+    common = list((in_order if short else map)(shared, asked))
+    out: list[Flexible | None] = []
+    for number, m in enumerate(metrics):
+        waves = _waves(m, channel, joint, segments, signals, on_rows, top_wave)
+        waves = [group for group in waves if only is None or set(group[0]) <= only]
+        told = [each[number] for each in common] + [
+            (variables, _ridge(m, channel, columns())) for variables, columns in waves
+        ]
+        best = max(told, key=lambda its: its[1][0], default=None)
+        if best is None or best[1][0] < wanted:
+            out.append(None)
+            continue
+        variables, (value, column, room, price) = best
+        evidence = weigh(m, {channel: column[:, None]}, np.ones(1))
+        out.append(Flexible(variables, column, value, evidence, room=room, fitted=evidence.gain - price))
+    return out
+
+
+def _waves(
+    m: Metric,
+    channel: int,
+    joint: int,
+    segments: Sequence[FineSegment],
+    signals: Signals,
+    on_rows: Column,
+    top_wave: float,
+) -> list[Group]:
+    """Over the position, at the lines of what is left, and times the rate: a wave that goes with the rate has
+    its line in what is left times the rate, and none over the position."""
     back = _spread(m, channel, joint, segments)
-    name = f"q{joint + 1}"
-    rates = signals.own[f"dq{joint + 1}"]
-    # a wave that goes with the rate has its line in what is left times the rate, and none over the position
+    name, rates = f"q{joint + 1}", signals.own[f"dq{joint + 1}"]
     lines = wave_peaks(segments, joint, back, top_wave)
     moving = wave_peaks(segments, joint, [b * x for b, x in zip(back, rates)], top_wave)
-    groups += [((name,), partial(on_rows, _wave(segments, joint, k, None))) for k in lines]
+    out: list[Group] = [((name,), partial(on_rows, _wave(segments, joint, k, None))) for k in lines]
     for k in dict.fromkeys([*lines, *moving]):
-        groups.append(((name, f"dq{joint + 1}"), partial(on_rows, _wave(segments, joint, k, rates))))
-    asked = [group for group in groups if only is None or set(group[0]) <= only]
-    told = (in_order if short else map)(lambda group: _ridge(m, channel, group[1]()), asked)
-    best = max(zip(asked, told), key=lambda its: its[1][0], default=None)
-    if best is None or best[1][0] < wanted:
-        return None
-    (variables, _), (value, column, room, price) = best
-    evidence = weigh(m, {channel: column[:, None]}, np.ones(1))
-    return Flexible(variables, column, value, evidence, room=room, fitted=evidence.gain - price)
+        out.append(((name, f"dq{joint + 1}"), partial(on_rows, _wave(segments, joint, k, rates))))
+    return out
 
 
 def imitation(

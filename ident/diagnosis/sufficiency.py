@@ -3,7 +3,7 @@ everything."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -117,9 +117,21 @@ def _signal(kind: str, k: int) -> Signal:
 def ask(
     state: State, m: Metric, c: int, wanted: float, only: frozenset[str] | None = None
 ) -> Flexible | None:
+    return ask_each(state, [m], c, wanted, only)[0]
+
+
+def ask_each(
+    state: State,
+    metrics: Sequence[Metric],
+    c: int,
+    wanted: float,
+    only: frozenset[str] | None = None,
+    made: dict[int, np.ndarray] | None = None,
+) -> list[Flexible | None]:
+    """The best function without a name of a channel, in each noise."""
     joint = state.model.channels[c].joint
     load = [state.model.total(motion)[:, c] for motion in state.motions]
-    return flexible(m, c, joint, state.segments, load, TOP_WAVE, wanted, only)
+    return flexible(metrics, c, joint, state.segments, load, TOP_WAVE, wanted, only, made)
 
 
 def heard(
@@ -130,15 +142,18 @@ def heard(
     only: frozenset[str] | None = None,
 ) -> tuple[Flexible | None, Metric]:
     """The best function of everything (of channels `asked`, it is known), or of some signals `only`, and the
-    noise that it was heard in: the one at hand, or, where most of the residual can be foretold from its own
-    past and would count as noise, what is left beside the best function of plain rows."""
-    found = asked[c] if c in asked else ask(state, state.metric, c, tau, only), state.metric
-    plain = ask(state, state.plain_metric, c, tau, only)
-    if plain is None:
+    noise that it was heard in: the one at hand, or what is left beside the best function of plain rows, which
+    foretells itself from its own past and would count as noise."""
+    made: dict[int, np.ndarray] = {}
+    noises = [state.plain_metric] if c in asked else [state.plain_metric, state.metric]
+    plain, *others = ask_each(state, noises, c, tau, only, made)
+    at_hand = asked[c] if c in asked else others[0]
+    found = at_hand, state.metric
+    if plain is None or plain.evidence.log_e <= 0:  # nor do the judged rows know of it
         return found
     m = beside_function(state, c, plain.column, plain.variables)
-    again = ask(state, m, c, tau, only)
-    here = -np.inf if found[0] is None else found[0].evidence.log_e
+    (again,) = ask_each(state, [m], c, tau, only, made)
+    here = -np.inf if at_hand is None else at_hand.evidence.log_e
     if again is None or (here > tau and here > again.evidence.log_e):
         return found
     if again.evidence.log_e < tau and "t" in again.variables:  # a course of time is what slow noise is, too

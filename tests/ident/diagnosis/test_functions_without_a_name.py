@@ -33,7 +33,7 @@ from modelgen.effects import catalogue
 
 def asked(state, c, wanted=5.0, only=None):
     load = [state.model.total(motion)[:, c] for motion in state.motions]
-    return flexible(state.metric, c, c, state.segments, load, 400.0, wanted, only)
+    return flexible([state.metric], c, c, state.segments, load, 400.0, wanted, only)[0]
 
 
 @pytest.fixture(scope="module")
@@ -83,7 +83,9 @@ def test_a_wave_that_goes_with_the_rate(tmp_path):
         run.columns["tau_m2"] = c["tau_m2"] + ripples + 0.3 * rate * np.sin(18.0 * c["q2"] + 0.3)
     state = opened(prepare_study(load_study(write_simulation(made, tmp_path / "out")))).state
     load = [state.model.total(motion)[:, 1] for motion in state.motions]
-    found = flexible(state.plain_metric, 1, 1, state.segments, load, 400.0, 5.0, frozenset({"q2", "dq2"}))
+    (found,) = flexible(
+        [state.plain_metric], 1, 1, state.segments, load, 400.0, 5.0, frozenset({"q2", "dq2"})
+    )
     assert found is not None and set(found.variables) == {"q2", "dq2"}
     assert explained_share(state, 1, found.column) > 0.5
 
@@ -131,7 +133,7 @@ def test_a_law_says_as_much_on_the_rows_that_chose_it_too(odd):
     """A dead zone was friction under load where a UR10e was judged, hardly where that had been learned."""
     m = odd.plain_metric
     load = [odd.model.total(motion)[:, 1] for motion in odd.motions]
-    found = flexible(m, 1, 1, odd.segments, load, 400.0, 5.0)
+    (found,) = flexible([m], 1, 1, odd.segments, load, 400.0, 5.0)
     assert found is not None and 0 < found.fitted <= found.evidence.gain + 1.0  # its size is paid for
     term, told = SimpleNamespace(free=3), found.evidence
     assert sufficient(term, told, found, 8.3)
