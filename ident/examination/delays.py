@@ -3,16 +3,17 @@
 Both are written by one logger, but come over other buses, through other filters. A delay of some samples is
 an effect that the diagnosis fits; here it is told where it spoils a channel: taken back, its error falls by a
 third on the recordings that are fitted and clearly on those that are not, stretch by stretch (beside a weight
-on one run of a Franka its last sensor, which drags by itself, was told to be late). It has to spoil it
-however dry friction turns over: that gives way over a travel and comes late where joints turn, and nowhere
-else (of clean arms at 6 to 100 mrad/s by 0.05 to 0.07 s). A strong smoothing of the torque looks like it and
-is said with it.
+on one run of a Franka its last sensor, which drags by itself, was told to be late). It has to spoil it where
+the joints keep their direction, too, and however dry friction turns over: that gives way over a travel and
+comes late where joints turn, and nowhere else (of clean arms at 6 to 100 mrad/s by 0.05 to 0.07 s). A strong
+smoothing of the torque looks like it and is said with it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from ident.examination.turning import with_any_turn_over
 SPOILED = 0.03  # error of a channel from which it is asked
 OWN, HELD, TOGETHER = 0.5, 0.25, 0.35  # gain of one channel's own error, on validate, of each of all
 LEAST_S = 0.05
+OVER = 4.6  # times a lag: after it a hundredth is left of a turn that takes as long on the mean
 RATES = tuple(sign * x for x in (0.001, 0.002, 0.005, 0.01, 0.02) for sign in (1, -1))  # of clocks
 
 
@@ -51,9 +53,8 @@ def delays(asked: Asked) -> Iterator[Hypothesis]:
             continue
         if its.gain < 0.8 * own or not confirmed(asked.quick, asked.how, moved, asked.how, len(seen)):
             continue
-        ways = (asked.quick, moved)
-        one, two = (with_any_turn_over(way).fit(asked.how).error[which] for way in ways)
-        if not np.nanmax(one, initial=0.0) > SPOILED or gain_of(one, two) / len(which) < HELD:
+        away = partial(_away_from_turns, lag=abs(lag))
+        if not all(_spoils(asked, moved, which, aside) for aside in (away, with_any_turn_over)):
             continue
         yield its if len(which) == len(seen) else _or_more(asked, its, moved, seen)
 
@@ -134,6 +135,26 @@ def _told(
 def _gain(before: np.ndarray, after: np.ndarray, which: Sequence[int]) -> float:
     """Of each of these channels in the mean."""
     return gain_of(before[which], after[which]) / len(which)
+
+
+def _spoils(asked: Asked, moved: Quick, which: Sequence[int], aside: Callable[[Quick], Quick]) -> bool:
+    """Whether a torque is spoiled, and taken back less so, with turns put aside in this way."""
+    one, two = (aside(way).fit(asked.how).error[which] for way in (asked.quick, moved))
+    return bool(np.nanmax(one, initial=0.0) > SPOILED) and gain_of(one, two) / len(which) >= HELD
+
+
+def _away_from_turns(quick: Quick, lag: float) -> Quick:
+    """Without the samples of each channel whose joint turns within a lag [s], or has not left its last turn
+    behind by then."""
+    samples = []
+    for s in quick.samples:
+        weight = s.weight.copy()
+        for c, joint in enumerate(quick.columns.joint_of):
+            turns = s.t[1:][np.diff(np.sign(s.dq[:, joint])) != 0]
+            last = np.append(-np.inf, turns)[np.searchsorted(turns, s.t + lag, side="right")]
+            weight[:, c] *= last < s.t - OVER * lag
+        samples.append(replace(s, weight=weight))
+    return quick.of(samples)
 
 
 def _worth_asking(asked: Asked, which: Sequence[int]) -> bool:
