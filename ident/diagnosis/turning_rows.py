@@ -21,9 +21,9 @@ TURNED = 0.99  # of the sign that friction takes: below it has not turned over y
 
 def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Metric:
     """The metric `m` on the rows of each channel in which its own joint keeps its direction, one row apart
-    from those in which it does not, or so far that the filter of the rows passes a hundredth of a turn. None
-    is foretold from those left out. (In a hum whose noise remembers a second what turning rows had wrong was
-    in all: a clean arm's torque was 1.4 ms late.)"""
+    from those in which it does not; or so far that the filter of the rows passes a hundredth of a turn, and
+    foretold from none of those left out. (In a hum whose noise remembers a second what turning rows had wrong
+    was in all: a clean arm's torque was 1.4 ms late.)"""
     rows = state.rows
     beside = []
     for c, use in enumerate(rows.use):
@@ -36,8 +36,10 @@ def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Me
         ]
         beside.append(use & ~np.concatenate(turning))
     design, B = state.design
-    kept = tuple(w.seeing(use, rows.piece) for w, use in zip(m.whiteners, beside))
-    return metric(replace(rows, use=np.array(beside)), design, B, kept)
+    whiteners = m.whiteners
+    if as_far_as_felt:
+        whiteners = tuple(w.seeing(use, rows.piece) for w, use in zip(m.whiteners, beside))
+    return metric(replace(rows, use=np.array(beside)), design, B, whiteners)
 
 
 def turning_alone(state: State, m: Metric, r: Refined) -> bool:

@@ -130,6 +130,7 @@ def test_a_sign_is_recorded_late(late):
     assert told[10:-10] == pytest.approx(np.roll(step, 4)[10:-10], abs=1e-9)
 
 
+@pytest.mark.long
 def test_15_ms_of_one_joint_that_dry_friction_takes_up(tmp_path):
     """Of a twin's fourth joint: 15 nats beside the turn-over of a model without them, and it said none."""
     runs = [PlannedRun(f"run{k}", use, 25.0) for k, use in enumerate(("identify", "identify", "validate"))]
@@ -162,6 +163,7 @@ def test_one_late_joint_of_a_measured_robot(tmp_path):
 @pytest.mark.skipif(
     not (DATA / "rokae_xmate3pro").is_dir(), reason="the recordings of measured robots are not here"
 )
+@pytest.mark.long
 def test_all_torques_of_a_robot_that_lacks_more(tmp_path):
     """A rokae's: beside what else it lacks the whole delay's blocks do not agree by the judged rows alone,
     and one joint's, which says a third as much, stood in its place; then nothing was named."""

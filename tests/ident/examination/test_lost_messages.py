@@ -30,7 +30,10 @@ def test_zeros_in_all_signals(tmp_path):
         assert np.allclose(lost.survey.lowest, whole.survey.lowest, rtol=0.02, atol=0.02)
 
 
-@pytest.mark.parametrize(("robot", "lost"), [("kuka_lwr4plus", ("q4",)), ("airbot_play", "tau_m")])
+@pytest.mark.parametrize(
+    ("robot", "lost"),
+    [pytest.param("kuka_lwr4plus", ("q4",), marks=pytest.mark.long), ("airbot_play", "tau_m")],
+)
 def test_zeros_in_some_signals(tmp_path, robot, lost):
     """The fourth position was told to be the sixth; of torques nothing was said."""
 

@@ -32,7 +32,7 @@ def test_moved_by_one_place(tmp_path, kind, order):
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(
     ("order", "robot"),
-    [("from the tip", "kuka_lwr4plus"), ("from the next joint", "ur10e")],
+    [pytest.param("from the tip", "kuka_lwr4plus", marks=pytest.mark.long), ("from the next joint", "ur10e")],
 )
 def test_of_a_measured_robot(tmp_path, robot, order):
     """Of an LWR4+ the sixth torque looked turned, of a UR10e nothing was explained."""

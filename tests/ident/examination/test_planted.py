@@ -573,6 +573,7 @@ def test_a_level_base_is_no_torque_without_gravity():
     assert said.check == "base_orientation" and said.remedy == "gravity: [0, 0, -9.81]"
 
 
+@pytest.mark.long
 def test_a_base_on_a_wall_beside_a_turned_torque(tmp_path):
     """A gravity was told that is 14 degrees off, with a prediction that was five times worse than none."""
     turned = lambda c: c | {"tau_l2": -c["tau_l2"]}  # noqa: E731

@@ -8,6 +8,7 @@ from ident.examination.examine import examine_fit
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 def test_a_torque_turned_and_divided_by_thirty(tmp_path):
     """The sixth torque of a Franka was unexplained."""
     study = planted(tmp_path, lambda c: c | {"tau_l5": c["tau_l5"] / -30}, measured("franka_panda"))

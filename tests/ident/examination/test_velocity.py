@@ -113,6 +113,7 @@ def test_a_position_is_turned_with_its_velocity(tmp_path):
     assert examine_fit(prepare_study(mended_study(study, checks))) == ()
 
 
+@pytest.mark.long
 def test_a_remedy_that_leads_to_a_refusal_is_not_taken(tmp_path, monkeypatch):
     """The diagnosis refused a study for what it had written into it itself."""
     monkeypatch.setattr(

@@ -39,6 +39,7 @@ def test_one_that_does_is_told_beside_one_that_grows_on_the_way(tmp_path):
     assert _told(planted(tmp_path, changed, measured("rokae_xmate3pro"))) == [("torque_sign", ("tau_l3",))]
 
 
+@pytest.mark.long
 def test_of_three_seconds_two_torques_exchanged_and_a_position_turned_are_no_sign_that_changes(tmp_path):
     """Of a Franka the first torque was told to change its sign, which explained nothing of all recordings."""
     exchanged = lambda c: c | {"tau_l1": c["tau_l2"], "tau_l2": c["tau_l1"], "q4": -c["q4"]}  # noqa: E731
