@@ -1,5 +1,6 @@
 """A torque of the motor's side of a gear that reverses."""
 
+import pytest
 from planted import ON_RECORDINGS, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
