@@ -161,10 +161,8 @@ def test_every_effect_is_found(name: str, small_robot: Path, tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("name", "seed", "seconds"),
     [
-        (
-            "backlash",
-            2223836930,
-            25.0,
+        pytest.param(
+            "backlash", 2223836930, 25.0, marks=pytest.mark.long
         ),  # 1.9 mrad, hidden by a turn-over until settled whole
         ("load_dependent_friction", 2865414172, 30.0),  # 0.3 of the load, which noise has swallowed at first
     ],

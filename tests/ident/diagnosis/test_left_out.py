@@ -84,6 +84,7 @@ def test_it_is_told_whatever_else_is_there(simulated):
 class TestOnRecordings:
     pytestmark = ON_RECORDINGS
 
+    @pytest.mark.long
     def test_joints_that_say_too_little_alone(self):
         """Three seconds of a TX40: alone no joint's viscous friction lowered the judging error."""
         file = str(DATA / "staubli_tx40" / "excite_first.parquet")

@@ -84,6 +84,7 @@ def test_signs_beside_unknown_drive_gains(tmp_path):
     assert examine_fit(prepare_study(mended_study(study, checks))) == ()
 
 
+@pytest.mark.long
 def test_a_sensor_of_another_scale_beside_unknown_drive_gains(tmp_path):
     turned = {"tau_l1": -1.0, "tau_l3": -1.0, "tau_l2": 1e3}
     study = planted(tmp_path, lambda c: {k: turned.get(k, 1.0) * v for k, v in c.items()}, live_arm())
@@ -126,6 +127,7 @@ def test_a_clipped_torque_that_is_negative_all_along(tmp_path):
     assert {(c.check, c.signals) for c in tables(study)} == {("saturation", ("tau_m2",))}
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "gravity"), [("kuka_kr300", (0, 0, 9.81))])
 def test_gravity_that_the_other_recording_tells(robot, gravity):
     """The KR 300's slow motion fits as well with any gravity, and the TX40's nearly so; the other run is
@@ -166,6 +168,7 @@ def test_a_torque_that_is_a_third_too_large(tmp_path):
     assert (check.check, check.signals) == ("torque_scale", ("tau_l2",)) and "1.28 times too" in check.message
 
 
+@pytest.mark.long
 def test_what_explains_as_much_as_a_torque_s_factor_is_told_with_it(tmp_path):
     """Of an AIRBOT's second torque times 1.3 the third's times 0.75 explains more; its own is told, too."""
     study = planted(tmp_path, changed("tau_m2", lambda x: 1.3 * x), measured("airbot_play"))
@@ -182,7 +185,7 @@ def test_two_torques_in_n_mm(tmp_path):
     assert (check.check, check.signals) == ("torque_scale", ("tau_m2", "tau_m3")) and "N mm" in check.message
 
 
-@pytest.mark.parametrize("robot", ["airbot_play", "ur10e"])
+@pytest.mark.parametrize("robot", [pytest.param("airbot_play", marks=pytest.mark.long), "ur10e"])
 def test_a_small_tilt_is_no_torque_s_scale_and_no_base_upside_down(robot):
     study = measured(robot)
     g = np.array(Geometry.of(prepare_study(study).columns.model.geometry).gravity, float)
@@ -567,6 +570,7 @@ def test_a_base_that_is_not_as_the_file_says(gravity):
     assert mended is not None and np.allclose(mended.gravity, (0, 0, -9.81), atol=0.7)
 
 
+@pytest.mark.long
 def test_a_level_base_is_no_torque_without_gravity():
     """The first torque of a Franka feels none on a level base: beside a file that tilts it by ten degrees."""
     (said,) = examine_fit(prepare_study(measured("franka_panda").with_(gravity=(1.7035, 0, -9.661))))
@@ -650,6 +654,7 @@ def test_a_large_torque_that_the_model_lacks_is_no_fault_of_the_data(tmp_path):
     assert {c.check for c in examine_fit(prepare_study(study))} <= {"unrelated_torque"}
 
 
+@pytest.mark.long
 def test_another_zero_in_all_recordings_is_no_late_sensor_of_one(tmp_path):
     """Of a rokae one stretch of twelve spoke for a sensor that is 0.2 s early."""
     study = planted(tmp_path, changed("q3", lambda q: q + np.deg2rad(10)), measured("rokae_xmate3pro"))

@@ -96,6 +96,7 @@ def test_beside_a_position_in_degrees_its_torque_is_not_blamed(tmp_path):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 def test_on_a_wall_a_joint_that_hardly_moves_hides_no_gravity(tmp_path):
     """An AIRBOT's torques were said to show no gravity, with errors of 60 %."""
     (check,) = said(tmp_path, measured("airbot_play"), lambda c: c, gravity=(9.81, 0, 0))[1]

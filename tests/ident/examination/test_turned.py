@@ -52,6 +52,7 @@ def test_a_first_position_turned_is_not_its_torque(tmp_path, signal, check):
     assert (said.check, said.signals) == (check, (signal,))
 
 
+@pytest.mark.long
 def test_a_joint_that_turns_the_other_way(tmp_path):
     """Half a turn in the row behind it explains as much, and was told."""
     change = lambda c: c | {name: -c[name] for name in ("q2", "dq2", "i2") if name in c}  # noqa: E731

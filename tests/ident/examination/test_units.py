@@ -61,6 +61,7 @@ def test_a_measured_position_in_another_unit_in_one_run(tmp_path, joint, factor,
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "joint", "ratio"), [("kuka_lwr4plus", 4, -30.0)])
 def test_a_measured_position_of_the_motors_side(tmp_path, robot, joint, ratio):
     """It was told that two positions look exchanged."""

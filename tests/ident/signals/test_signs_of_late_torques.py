@@ -66,6 +66,7 @@ def test_a_fitted_delay_holds_the_true_one(robot, seed, samples):
     assert abs(delay - samples / RATE) < 3 * std
 
 
+@pytest.mark.long
 def test_a_delay_that_is_traced_holds_the_true_one():
     document = ident.diagnose(shifted("scara", 7, 4)).document()
     assert [f["effect"] for f in document["findings"]] == ["time_delay"]
