@@ -99,9 +99,8 @@ def by_what_it_needs(
 ) -> bool:
     """Whether a load says more than the parameters that it may leave out do by themselves. (Inertias below
     nothing took a fast joint's noise of the acceleration away for 0.8 s: a body of 0.03 kg was told.)"""
-    needed = term.effect.needed
-    rest = [k for k, name in enumerate(term.effect.parameters_of(term.place)) if name not in needed]
-    if not rest or len(rest) == len(evidence.sizes):
+    rest = term.optional
+    if not rest:
         return True
     beside = {c: z[:, rest] for c, z in columns.items()}
     return evidence.beats(cross_evidence(halves, beside, acting(columns)), tau, alpha)

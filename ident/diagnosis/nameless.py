@@ -154,9 +154,9 @@ Told = tuple[tuple[str, ...], tuple[float, np.ndarray, np.ndarray, float]]  # si
 
 
 def _groups(signals: Signals, joint: int, segments: int, on_rows: Column, short: bool) -> Iterator[Group]:
-    """Every group. What several of them share is made once: functions of one
-    signal on the rows, and those of the latest signals on the fine samples; of long recordings nothing is
-    kept, which would be a tenth of a gigabyte of ten minutes."""
+    """Every group. What several of them share is made once: functions of one signal on the rows, and those of
+    the latest signals on the fine samples; of long recordings nothing is kept, which would be a tenth of a
+    gigabyte of ten minutes."""
     number = joint + 1
     every = {**signals.own, **signals.others}
 

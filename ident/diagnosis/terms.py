@@ -43,6 +43,13 @@ class Term:
         return replace(self, copy=free)
 
     @property
+    def optional(self) -> list[int]:
+        """Places of the parameters that it may leave out; none where these are all that it has."""
+        names = self.effect.parameters_of(self.place)
+        rest = [k for k, name in enumerate(names) if name not in self.effect.needed]
+        return rest if len(rest) < len(names) else []
+
+    @property
     def factor(self) -> float:
         """By which it multiplies all that acts before it, where it has a size; else 1."""
         return 1.0 if self.size is None else self.effect.factor(np.array(self.size))

@@ -190,9 +190,8 @@ def is_itself(m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> b
     told as a base that is turned by 0.03 degrees)."""
     if r.term.effect.changes_model:
         return weigh(m, {c: z[:, -1:] for c, z in r.columns.items()}).log_e > tau
-    needed = r.term.effect.needed
-    rest = [k for k, name in enumerate(r.term.effect.parameters_of(r.term.place)) if name not in needed]
-    if not rest or len(rest) == len(r.sizes):
+    rest = r.term.optional
+    if not rest:
         return True
     return e.beats(weigh(m, {c: z[:, rest] for c, z in r.columns.items()}), tau, alpha)
 

@@ -198,8 +198,13 @@ class Fit:
 
 def gain_of(before: np.ndarray, after: np.ndarray) -> float:
     """Sum of ln(before / after) of errors (C,) over the channels that both have."""
+    return float(np.sum(gains_of(before, after)))
+
+
+def gains_of(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """(C,) ln(before / after) of errors (C,); 0 of channels that not both have."""
     seen = np.isfinite(before) & np.isfinite(after)
-    return float(np.sum(np.log(np.maximum(before[seen], FLOOR) / np.maximum(after[seen], FLOOR))))
+    return np.where(seen, np.log(np.maximum(before, FLOOR) / np.maximum(after, FLOOR)), 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ident.distributions import t_beyond
-from ident.examination.quick import CLUSTERS, FLOOR, Assignment, Fit, Normal, Quick, Sample
+from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample, gains_of
 
 RIDGE = 1e-10
 ODD = 0.05  # rate at which chance confirms what something else has told before
@@ -52,8 +52,7 @@ class Explained:
 
     def gains_over(self, before: Explained) -> np.ndarray:
         """(C,) ln(error before / error) of every torque."""
-        was, now = (np.maximum(its.fit.error, FLOOR) for its in (before, self))
-        return np.nan_to_num(np.log(was / now))
+        return gains_of(before.fit.error, self.fit.error)
 
     @cached_property
     def stretches(self) -> tuple[np.ndarray, ...]:

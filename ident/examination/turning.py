@@ -19,10 +19,8 @@ def with_any_turn_over(quick: Quick) -> Quick:
     """The same where the torque of each joint has what its turns may do."""
     joints = sorted(set(quick.columns.joint_of))
     every = np.concatenate([s.q for s in quick.samples])
-    travel, rate = (
-        np.ptp(every, axis=0),
-        np.sqrt(np.mean(np.concatenate([s.dq for s in quick.samples]) ** 2, axis=0)),
-    )
+    travel = np.ptp(every, axis=0)
+    rate = np.sqrt(np.mean(np.concatenate([s.dq for s in quick.samples]) ** 2, axis=0))
     own = np.array(quick.columns.joint_of, int)[:, None, None] == np.array(joints)[:, None, None, None]
 
     def beside(s: Sample) -> Sample:
@@ -34,15 +32,11 @@ def with_any_turn_over(quick: Quick) -> Quick:
 
 def _turns(s: Sample, joint: int, travel: float, rate: float) -> np.ndarray:
     """(N, p) of one joint; nothing before its first turn is known of the travel."""
-    sign, speed = s.thin.sign_dq[:, joint], np.abs(s.dq[:, joint])
-    widths = np.concatenate([SHARES * travel, SHARES * rate])
-    if not (widths > 0).all():
-        return np.zeros((len(sign), len(widths)))
-    past = np.concatenate(
-        [np.repeat(_travelled(s, joint)[:, None], len(SHARES), 1), np.repeat(speed[:, None], len(SHARES), 1)],
-        1,
-    )
-    return np.asarray(sign[:, None] * np.exp(-past / widths))
+    sign, speed = s.thin.sign_dq[:, joint, None], np.abs(s.dq[:, joint, None])
+    if not (travel > 0 and rate > 0):
+        return np.zeros((len(sign), 2 * len(SHARES)))
+    past = _travelled(s, joint)[:, None]
+    return np.asarray(sign * np.exp(-np.hstack([past / (SHARES * travel), speed / (SHARES * rate)])))
 
 
 def _travelled(s: Sample, joint: int) -> np.ndarray:
