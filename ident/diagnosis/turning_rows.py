@@ -25,8 +25,19 @@ def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Me
     foretold from none of those left out. (In a hum whose noise remembers a second what turning rows had wrong
     was in all: a clean arm's torque was 1.4 ms late.)"""
     rows = state.rows
-    beside = []
-    for c, use in enumerate(rows.use):
+    beside = keeping_direction(state, as_far_as_felt)
+    design, B = state.design
+    whiteners = m.whiteners
+    if as_far_as_felt:
+        whiteners = tuple(w.seeing(use, rows.piece) for w, use in zip(m.whiteners, beside))
+    return metric(replace(rows, use=beside), design, B, whiteners)
+
+
+def keeping_direction(state: State, as_far_as_felt: bool = False) -> np.ndarray:
+    """(C, M) the rows of each channel in which its own joint does, and one row apart from the others, or as
+    far as the filter of the rows feels a turn."""
+    out = []
+    for c, use in enumerate(state.rows.use):
         j = state.model.channels[c].joint
         turning = [
             _turning(
@@ -34,12 +45,8 @@ def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Me
             )
             for s in state.segments
         ]
-        beside.append(use & ~np.concatenate(turning))
-    design, B = state.design
-    whiteners = m.whiteners
-    if as_far_as_felt:
-        whiteners = tuple(w.seeing(use, rows.piece) for w, use in zip(m.whiteners, beside))
-    return metric(replace(rows, use=np.array(beside)), design, B, whiteners)
+        out.append(use & ~np.concatenate(turning))
+    return np.array(out)
 
 
 def turning_alone(state: State, m: Metric, r: Refined) -> bool:
