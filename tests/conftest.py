@@ -17,14 +17,18 @@ def pytest_addoption(parser):
 
 def pytest_collection_modifyitems(config, items):
     """The slow ones first: at the end one process would wait for the other's. Second looks at what another
-    test asks, on measured robots, are left to `make long`: with them `make test` takes more than a quarter of
-    an hour."""
+    test asks, on measured robots, are left to `make long`, and of some tests of measured robots all cases but
+    the first: with them `make test` takes more than a quarter of an hour."""
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
     if not config.getoption("--long"):
         later = pytest.mark.skip(reason="`make long` runs it: ten seconds of a processor or more")
+        begun = set()
         for item in items:
-            if item.get_closest_marker("long"):
+            case = item.get_closest_marker("first_case") and (item.path, item.originalname)
+            if item.get_closest_marker("long") or case in begun:
                 item.add_marker(later)
+            elif case:
+                begun.add(case)
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -157,13 +157,11 @@ def test_every_effect_is_found(name: str, small_robot: Path, tmp_path: Path) -> 
 # --- a case of the exam itself
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "seed", "seconds"),
     [
-        pytest.param(
-            "backlash", 2223836930, 25.0, marks=pytest.mark.long
-        ),  # 1.9 mrad, hidden by a turn-over until settled whole
+        ("backlash", 2223836930, 25.0),  # 1.9 mrad, hidden by a turn-over until settled whole
         ("load_dependent_friction", 2865414172, 30.0),  # 0.3 of the load, which noise has swallowed at first
     ],
 )

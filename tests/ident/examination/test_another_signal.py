@@ -206,6 +206,7 @@ def test_joints_and_clocks_of_one_recording(tmp_path, changed, check, names):
     assert [(c.check, c.signals, c.recording) for c in told if c.check == check] == [(check, names, "run2")]
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_position_that_was_not_recorded_is_no_other_one(tmp_path):

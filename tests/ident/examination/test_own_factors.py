@@ -25,6 +25,7 @@ def test_no_torque_alone_is_told_of_torques_in_currents(tmp_path):
     assert "each torque is times a number of its own" in said.message and "tau_l5" not in said.message
 
 
+@pytest.mark.long
 def test_what_the_fitted_rows_tell_of_torques_in_currents(tmp_path):
     """The second was told to be 1.4 times too small, then that nothing tells the rest."""
     (said,) = _said(tmp_path, (87, 61, 92, 55, 230, 180, 310))
@@ -32,6 +33,7 @@ def test_what_the_fitted_rows_tell_of_torques_in_currents(tmp_path):
     assert said.message.startswith("each torque is times a number of its own")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("joint", [2, 4])
 def test_one_torque_of_another_scale_is_told_alone(tmp_path, joint):
     (said,) = _said(tmp_path, np.where(np.arange(1, 8) == joint, 2.0, 1.0))

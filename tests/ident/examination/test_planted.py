@@ -143,6 +143,7 @@ def _five_seconds(study):
     return study.with_(recordings=tuple(short), filter=type(study.filter)())
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("factor", "gravity"), [(1.0, (9.81, 0, 0)), (5.0, None)])
 def test_what_a_slow_motion_cannot_show_is_not_told(tmp_path, factor, gravity):
     """Five seconds of slow motion fit with anything and foretell nothing: a torque of five times its size was
@@ -406,6 +407,7 @@ def test_a_clipped_torque(tmp_path):
     assert {(c.check, c.signals) for c in checks} == {("saturation", ("i2",))}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("joint", [1, 3, 6])
 def test_one_torque_with_the_other_sign_is_named_and_undone(tmp_path, joint):
     study = planted(tmp_path, changed(f"i{joint}", np.negative))
@@ -441,6 +443,7 @@ def test_a_sign_that_changes_in_mid_run(tmp_path, name, robot):
         assert abs(told / span - 0.6) < 0.05
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("factor", [1000.0, 0.2])
 def test_one_torque_of_another_scale(tmp_path, factor):
     study = planted(tmp_path, changed("i3", lambda x: x * factor))
@@ -512,6 +515,7 @@ def test_a_limit_that_is_passed_is_said_beside_what_does_not_explain_it(tmp_path
     assert {"beyond_limits", "saturation"} <= {c.check for c in worst_first(tables(study))}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", ["i", "q"])
 def test_two_signals_in_each_others_place(tmp_path, kind):
     a, b = f"{kind}2", f"{kind}3"
@@ -561,6 +565,7 @@ def test_gravity_that_is_left_out():
     assert mended is not None and np.allclose(mended.gravity, (0, 0, -9.81), atol=0.7)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("gravity", [(9.81, 0, 0), (0, 4.905, -8.496)])
 def test_a_base_that_is_not_as_the_file_says(gravity):
     study = ur10e().with_(gravity=gravity)
@@ -587,6 +592,7 @@ def test_a_base_on_a_wall_beside_a_turned_torque(tmp_path):
     assert "without tau_l2, which the others contradict," in said.message
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("row", "turn", "words"), [(1, "pi/2", "alpha is off by -pi/2"), (3, "pi", "link 4")]
 )
@@ -613,6 +619,7 @@ ONE_RECORDING = {
 }  # fmt: skip
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("defect", ONE_RECORDING)
 def test_what_is_wrong_in_one_recording_alone(tmp_path, defect):
     check, signals, change = ONE_RECORDING[defect]
@@ -629,6 +636,7 @@ def test_what_is_wrong_in_one_recording_alone(tmp_path, defect):
     assert [(c.check, set(c.signals), c.recording) for c in said] == [(check, signals, label)]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("rows", "word"), [(10, "after"), (-10, "before")])
 def test_one_torque_at_another_time_than_the_others(tmp_path, rows, word):
     study = planted(tmp_path, changed("i2", lambda x: _shifted(x, rows)))

@@ -28,6 +28,7 @@ def test_a_square_is_no_factor(tmp_path):
     assert all("or tau_l1 is recorded as the square of itself" in its.check.message for its in told)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("robot", "kind", "c", "k"),
     [
@@ -43,6 +44,7 @@ def test_a_share_of_another_torque_is_no_factor(tmp_path, robot, kind, c, k):
     assert "torque_scale" not in {check.check for check in _said(planted(tmp_path, mixed, measured(robot)))}
 
 
+@pytest.mark.long
 def test_a_share_that_looks_like_a_pair_of_factors_is_told_with_them(tmp_path):
     mixed = lambda x: x | {"tau_m2": x["tau_m2"] + 0.3 * x["tau_m3"]}  # noqa: E731
     (check,) = _said(planted(tmp_path, mixed, measured("airbot_play")))
@@ -70,6 +72,7 @@ FRANKA = {
 }
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("fault", FRANKA)
 def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
     """Of six seconds: only factors of torques and gravity were asked, so one of these was told."""
@@ -100,6 +103,7 @@ def _five_seconds(study):
     return study.with_(recordings=tuple(short), filter=type(study.filter)())
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "change",
     [
@@ -116,6 +120,7 @@ def test_a_slow_motion_blames_nothing_of_what_it_cannot_foretell(tmp_path, chang
     assert _said(_five_seconds(planted(tmp_path, change, measured("kuka_kr300")))) == ()
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("c", "k", "size"), [("tau_m4", "tau_m3", 0.28), ("tau_m2", "tau_m3", 0.3)])
 def test_a_share_that_only_validate_shows_is_no_drift(tmp_path, c, k, size):
     """What takes most of a torque away leaves large errors in shares of the rest, few in N m."""
@@ -134,6 +139,7 @@ def test_a_sensor_that_was_tared_anew_between_two_recordings(tmp_path):
     }
 
 
+@pytest.mark.long
 def test_a_share_of_a_large_torque_in_a_small_one_is_no_drift(tmp_path):
     """A rokae's first sensor carries next to nothing, its second one gravity."""
     mixed = lambda x: x | {"tau_l1": x["tau_l1"] + 0.3 * x["tau_l2"]}  # noqa: E731
@@ -164,6 +170,7 @@ def test_the_largest_lag_that_is_tried_is_not_told(tmp_path):
     assert "channel_delay" not in {c.check for c in _said(study)}
 
 
+@pytest.mark.long
 def test_an_axis_is_not_told_by_one_torque_alone():
     """An LWR4+ as it is had a turned link 6, which only its last torque, hardly any, seemed to show."""
     study = measured("kuka_lwr4plus")
@@ -179,6 +186,7 @@ def _kr300(folder, **change):
     return _five_seconds(study.with_(folder=str(folder)))
 
 
+@pytest.mark.long
 def test_a_factor_of_one_recording_is_told_beside_one_of_a_part_of_it(tmp_path):
     """Of a KR 300 "from about 1.62 s on" alone was told."""
     (check,) = _said(_kr300(tmp_path, traj_a=lambda c: c | {"tau_m3": 0.7 * c["tau_m3"]}))
@@ -270,6 +278,7 @@ def test_a_magnitude_is_not_told_as_turned(tmp_path):
     assert "torque_sign" not in {check.check for check in _said(_kr300(tmp_path, traj_a=size))}
 
 
+@pytest.mark.long
 def test_a_torque_in_per_cent_is_told_alone_with_the_factors_that_the_others_allow(tmp_path):
     """The first two torques of a UR10e in another unit than the others are rejected beside it."""
     (check,) = _said(planted(tmp_path, lambda c: c | {"i2": 0.37 * c["i2"]}))

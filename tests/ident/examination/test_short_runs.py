@@ -53,6 +53,7 @@ def said(folder, study, change, **keys):
     return {c.check for c in examine_tables(made)}, examine_fit(made)
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_torques_late_in_slow_runs_are_no_other_signal(tmp_path):
@@ -66,6 +67,7 @@ def test_torques_late_in_slow_runs_are_no_other_signal(tmp_path):
     assert said(tmp_path, measured("kuka_lwr4plus"), late)[1] == ()
 
 
+@pytest.mark.first_case
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(

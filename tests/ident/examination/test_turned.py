@@ -25,6 +25,7 @@ def _five_seconds(study):
     return study.with_(recordings=tuple(short), filter=type(study.filter)())
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("joint", [2, 5])
 @pytest.mark.parametrize(("signal", "check"), [("tau_m", "torque_sign"), ("q", "position_sign")])
 def test_what_a_joint_shares_with_others_tells_its_torque_from_its_position(tmp_path, joint, signal, check):
@@ -79,6 +80,7 @@ def test_a_position_turned_is_not_two_exchanged_ones(tmp_path):
     assert (said.check, said.signals) == ("position_sign", ("q4",))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "name"), [("barrett_wam_2dof", "tau_m2"), ("airbot_play", "tau_m1")])
 def test_a_run_turned_all_along_has_no_torque_that_turns_on_the_way(tmp_path, robot, name):
     study = measured(robot)

@@ -45,6 +45,7 @@ def test_a_measured_position_in_another_unit_is_told(tmp_path, joint, factor):
     assert said.signals == (f"q{joint}",) and f"scale: {1 / factor:g}" in said.remedy
 
 
+@pytest.mark.first_case
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(("joint", "factor", "long"), [(4, 2.0, False), (3, 0.5, True)])
@@ -89,6 +90,7 @@ def test_a_measured_joint_of_the_motors_side(tmp_path, robot, torque):
     assert columns[torque]["scale"] * columns["q2"]["scale"] == pytest.approx(1.0, rel=1e-3)
 
 
+@pytest.mark.first_case
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("joints", [(3,), (1, 2, 3, 4, 5, 6)])
