@@ -38,9 +38,10 @@ from modelgen.effects.place import Place
 
 POWER = 0.95
 DRAWS = 250
-HALVINGS = 7
+CLOSE = 1.05
 LEAST = 1e-5  # share of a column that the model must leave
-WIDE = (0.3, 12.0)  # of the size that the expected gain alone asks for
+NEAR, FURTHER = (1.7, 2.4), 1.5  # of the size that the expected gain alone asks for: where most are
+WIDE = (0.3, 12.0)  # of the same: where all are
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,10 +198,14 @@ def seen_from(
         return float(np.mean(shown & (slow[0] * gain > tau) & fitted))
 
     first = np.sqrt(2 * (tau + 2 * np.sqrt(tau)) / min(whole, float(v @ A @ v)))
-    low, high = WIDE[0] * first, WIDE[1] * first
-    if power(high) < POWER:
-        return None
-    for _ in range(HALVINGS):
+    low, high = NEAR[0] * first, NEAR[1] * first
+    while power(high) < POWER:
+        low, high = high, FURTHER * high
+        if high > WIDE[1] * first:
+            return None
+    while power(low) >= POWER and low > WIDE[0] * first:
+        low, high = low / FURTHER, low
+    while high > CLOSE * low:
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if power(middle) >= POWER else (middle, high)
     return float(np.sqrt(low * high))

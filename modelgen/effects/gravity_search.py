@@ -22,6 +22,7 @@ from modelgen.geometry.robot import Robot
 Array = np.ndarray
 INSTANTS = 1500  # of the motions: enough for some hundred parameters
 HELD = 3e7  # bytes of columns that are multiplied at once
+FINE = 1e-3  # rad: who asks refines it
 RIDGE = 1e-9  # of the largest eigenvalue: parameters that no torque shows
 
 
@@ -163,9 +164,9 @@ def _cost(products: tuple[Array, Array, float], g: Array) -> float:
 
 
 def _refined(products: tuple[Array, Array, float], g: Array, size: float) -> tuple[float, Array]:
-    """The direction moved downhill on the sphere until steps are below 1e-5 rad."""
+    """The direction moved downhill on the sphere until steps are below FINE."""
     cost, step = _cost(products, size * g), 0.3
-    while step > 1e-5:
+    while step > FINE:
         u = np.linalg.svd(g[None])[2][1:]  # two directions across g
         trials = [g + step * s * e for e in (u[0], u[1], u[0] + u[1], u[0] - u[1]) for s in (1, -1)]
         trials = [t / np.linalg.norm(t) for t in trials]
