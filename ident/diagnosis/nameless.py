@@ -301,9 +301,9 @@ def imitation(
     torque: np.ndarray,
     rate: int | None = None,
 ) -> np.ndarray:
-    """(M,) the polynomial in a signal that comes nearest to a torque (M,) on the fitted rows; with a joint
-    whose `rate` it reads, too, also times its sign and times itself. (No hats: what bends at a point is all
-    new to a whitener of smooth noise.)"""
+    """(M,) the polynomial in a signal that comes nearest to a torque (M,) on all rows, as it tells no torque;
+    with a joint whose `rate` it reads, too, also times its sign and times itself. (No hats: what bends at a
+    point is all new to a whitener of smooth noise.)"""
     scaled = _scaled([signal(s) for s in segments], True)
     made = [np.polynomial.legendre.legvander(x, BENDS) for x in scaled]
     if rate is not None:
@@ -311,7 +311,7 @@ def imitation(
         made = [np.hstack([z, *(z * x for x in factors)]) for z, factors in zip(made, by)]
     Z = np.concatenate([s.decimate(z, joint) for z, s in zip(made, segments)])
     Z *= m.rows.scale[channel][:, None]
-    on = m.fitted.mask & m.rows.use[channel]
+    on = (m.fitted.mask | m.judged.mask) & m.rows.use[channel]
     white = m.whiteners[channel]
     a = np.linalg.lstsq((white @ Z)[on], (white @ torque)[on], rcond=1e-9)[0]
     return np.asarray(Z @ a)

@@ -177,6 +177,20 @@ def test_a_wave_is_imitated_by_what_moves_alike_and_by_nothing_else(clean_arm):
     assert min(left[0], left[2]) > 0.5 * np.std(torque[on])
 
 
+def test_a_copy_that_goes_further_where_it_is_judged_imitates_all_the_same(clean_arm):
+    """Of an LWR4+'s one run, in which five joints move alike, a ripple of the sixth was told."""
+    state, m = clean_arm.state, clean_arm.state.metric
+    first = 2 * np.pi / np.ptp(np.concatenate([s.q[:, 1] for s in state.segments]))
+    made = [s.decimate(np.stack([s.q[:, 1], np.sin(2.4 * first * s.q[:, 1])], 1), 1) for s in state.segments]
+    place, torque = np.concatenate(made).T
+    torque = torque * state.rows.scale[1]
+    near = place < np.quantile(place, 0.8)
+    m = replace(m, fitted=replace(m.fitted, mask=m.fitted.mask & near))
+    copy = imitation(m, 1, 1, state.segments, lambda s: s.q[:, 1] + 1e-4 * np.cos(9 * s.t), torque)
+    on = state.rows.use[1] & m.judged.mask
+    assert np.std((torque - copy)[on]) < 0.01 * np.std(torque[on])
+
+
 def test_a_friction_that_follows_a_position_is_imitated_by_its_rate_and_a_copy_of_it(clean_arm):
     """Of an LWR4+'s third joint a friction was told that followed q3, where five joints moved alike."""
     state = clean_arm.state
