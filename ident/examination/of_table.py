@@ -23,6 +23,7 @@ from ident.examination.signals import (
     units,
     wraps,
 )
+from ident.examination.uneven_stamps import uneven_stamps
 
 TORQUES = ("tau_m", "tau_l", "i")
 
@@ -43,6 +44,7 @@ def of_table(
     few = {columns.signals.index(name) for check in coarse for name in check.signals}  # one is the largest
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
     found = chain(
+        uneven_stamps(excerpt, len(columns.labels)),
         lost_samples(columns, mender, rows),
         wraps(columns, mender),
         units(columns, mender, lowest, highest),

@@ -29,7 +29,14 @@ UNLIKE = 0.5
 ABOVE_NOISE = 5.0  # what a signal changes in a cell of the comparison
 LAG_S = 0.05
 DEGREE = 180 / np.pi
-NEAR_DEGREES = 0.05
+NEAR_DEGREES, NEAR = 0.05, 0.01
+UNITS = {  # of velocities, by what they are times the derivative of positions
+    30 / np.pi: "in rpm",
+    60.0: "in rpm, of positions in turns",
+    1 / 6: "in rpm, of positions in degrees",
+    0.5 / np.pi: "in turns a second",
+    1 / 360: "in turns a second, of positions in degrees",
+}
 
 
 def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> Iterator[Check]:
@@ -109,7 +116,9 @@ def _in_degrees(columns: Columns, wrong: dict[str, float]) -> tuple[dict[str, fl
     degrees = {
         j: s
         for j, s in wrong.items()
-        if j in turning and min(abs(s / DEGREE - 1), abs(s * DEGREE - 1)) < NEAR_DEGREES
+        if j in turning
+        and min(abs(s / DEGREE - 1), abs(s * DEGREE - 1)) < NEAR_DEGREES
+        and not (_unit(s) and abs(s / DEGREE - 1) > NEAR)
     }
     return degrees, {j: s for j, s in wrong.items() if j not in degrees}
 
@@ -143,6 +152,11 @@ def _degrees(columns: Columns, found: dict[str, float], whole: bool) -> Iterator
         )
 
 
+def _unit(factor: float) -> str:
+    """The unit of velocities that are this much times the derivative of positions in rad, if it is one."""
+    return next((name for size, name in UNITS.items() if abs(factor / size - 1) < NEAR), "")
+
+
 def _another_rate(columns: Columns, wrong: dict[str, float], together: bool) -> Check:
     """wrong: joint -> slope; together: no joint that moves agrees with its velocity."""
     values = np.array(list(wrong.values()))
@@ -155,11 +169,12 @@ def _another_rate(columns: Columns, wrong: dict[str, float], together: bool) -> 
         message = f"{listed(names)}: {text} times the derivative of the positions ({why})"
         remedy = f"write {repair}, or give the positions the scale or sign that makes them agree"
     else:
+        unit = _unit(factor) if len(wrong) > 1 else ""
         message = (
             f"the logged velocities are {factor:.4g} times the derivative of the positions over t on "
             f"{'every joint' if len(wrong) > 1 else 'joint ' + next(iter(wrong))}: the clock runs "
             f"{max(factor, 1 / factor):.3g} times too {'slow' if factor < 1 else 'fast'}, or the "
-            "velocities have another unit"
+            f"velocities have another unit{unit and f': they look {unit}'}"
         )
         clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.6g}")}})
         remedy = f"write {clock} where t is wrong, {repair} where the velocities are"

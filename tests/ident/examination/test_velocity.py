@@ -64,6 +64,21 @@ def test_degrees_and_a_gear_are_told_apart(tmp_path):
     assert checks == {"angle_unit", "clock_rate"} and "dq5" in text
 
 
+@pytest.mark.parametrize(
+    ("turns", "words"), [(False, "they look in rpm"), (True, "they look in rpm, of positions in turns")]
+)
+def test_velocities_in_rpm_are_told(tmp_path, turns, words):
+    """60 is within 5 % of 57.3: of a UR10e's, beside positions in turns, degrees were told."""
+    size = 1 / (2 * np.pi) if turns else 1.0
+
+    def change(c):
+        c = {name: x * size if name[0] == "q" else x for name, x in c.items()}
+        return {name: x * 30 / np.pi if name[:2] == "dq" else x for name, x in c.items()}
+
+    text, checks = _refused(tmp_path, change)
+    assert checks == {"clock_rate"} and f"{words};" in text and "degrees" not in text
+
+
 def _held(name, begin, end):
     def change(c):
         x = c[name].copy()

@@ -1,0 +1,52 @@
+"""Stamps whose steps are not those of the motion: rounded to about a sample's length, or taken late.
+
+Where rows were lost a joint goes on meanwhile, and so much further in a longer step of the stamps. Where it
+goes as far in long steps as in short ones the samples are even, and rates and accelerations by such stamps
+are wrong. (A UR10e's stamps, 10 and 12 ms apart and rounded to 10 ms, are 10 and 20 ms apart: a third of all
+torques was then unexplained, and nothing was said.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ident.examination.check import Check
+from ident.examination.clock import BURSTS, PAUSE
+from ident.examination.excerpt import Excerpt
+
+LONG = 1.5  # usual steps, and more
+SIDE = 8  # rows on either side that tell how fast joints go
+FEWEST = 50  # long steps: how far joints go in them is then known to a tenth
+
+
+def uneven_stamps(excerpt: Excerpt, joints: int) -> Iterator[Check]:
+    """Said where at least one step in twenty is long and positions, the first so many columns, go in these
+    less than half of what they have to go beyond what they go in the others."""
+    long, usual = (np.zeros(4) for _ in range(2))  # steps, their sum [s], what joints go, have to at one pace
+    for _, t, values in excerpt.pieces:
+        q, dt = values[:, :joints], np.diff(t)
+        if len(t) < 4 * SIDE or not (dt > 0).any():
+            continue
+        middle = float(np.median(dt[dt > 0]))
+        dt = dt[SIDE : len(dt) - SIDE]
+        went = np.diff(q, axis=0)[SIDE : len(t) - 1 - SIDE]
+        pace = (q[2 * SIDE + 1 :] - q[: -2 * SIDE - 1]) / (2 * SIDE + 1)
+        each = np.stack([np.ones(len(dt)), dt, (went * pace).sum(axis=1), (pace * pace).sum(axis=1)])
+        far = dt > LONG * middle
+        long += each[:, far & (dt < PAUSE * middle)].sum(axis=1)
+        usual += each[:, ~far & (dt > 0)].sum(axis=1)
+    if long[0] < max(FEWEST, BURSTS * (long[0] + usual[0])) or not min(long[3], usual[3]) > 0:
+        return
+    steps, share = (long[1] / long[0], usual[1] / usual[0]), long[0] / (long[0] + usual[0])
+    further = (long[2] / long[3]) / (usual[2] / usual[3])
+    if further - 1 < 0.5 * (steps[0] / steps[1] - 1):
+        yield Check(
+            "time_stamps",
+            ("t",),
+            f"{100 * share:.0f} % of the steps of t are {1e3 * steps[0]:.3g} ms, the others "
+            f"{1e3 * steps[1]:.3g} ms, though joints go {further:.2f} times as far in them: the stamps are "
+            "rounded, or taken late, and rates and accelerations by them are wrong",
+            "record finer stamps, or leave t out and give rate_hz: beside the file",
+        )
