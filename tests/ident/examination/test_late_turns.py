@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from planted import ON_RECORDINGS, asked_of, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 from recordings import motion, write_parquet, write_study
 from small_arm import ARM
 
@@ -72,3 +72,16 @@ def test_torques_by_a_clock_of_another_rate(tmp_path):
         len(told.check.signals) == 6 and "clock of the torques runs about 1 % too slow" in told.check.message
     )
     assert "from 25 to 7 %" in told.check.message
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_late_torque_is_not_those_that_gain_by_themselves(tmp_path):
+    """Beside a rokae's third torque, 0.04 s late, the last ones, which gain by a delay as they are, were."""
+
+    def late(c):
+        return c | {"tau_l3": np.interp(c["t"] - 0.04, c["t"], c["tau_l3"])}
+
+    study = parted(planted(tmp_path, late, measured("rokae_xmate3pro")), 7.0, 9.7)
+    told = [h.check for h in delays(asked_of(study))]
+    assert [c.signals for c in told] == [("tau_l3",)] and ", or tau" not in told[0].message

@@ -33,6 +33,21 @@ def test_what_the_fitted_rows_tell_of_torques_in_currents(tmp_path):
     assert said.message.startswith("each torque is times a number of its own")
 
 
+def test_torques_behind_a_joint_in_another_unit_are_told_together(tmp_path):
+    """Nothing was said: no one factor explains enough of it."""
+    (said,) = _said(tmp_path, (1, 1, 1, 3, 3, 3, 3))
+    assert (said.check, said.signals) == ("torque_scale", tuple(f"tau_l{j}" for j in range(4, 8)))
+    low, high = (float(x) for x in said.message.split("(")[1].split(")")[0].split(" to "))
+    assert low < 3 < high
+
+
+def test_what_is_told_of_a_factor_allows_for_what_the_arm_lacks(tmp_path):
+    """This arm's sixth torque gains by a factor as it is: 1.6 to 1.9 was told of one of 2."""
+    (said,) = _said(tmp_path, (1, 1, 1, 1, 1, 0.5, 1))
+    low, high = (float(x) for x in said.message.split("(")[1].split(")")[0].split(" to "))
+    assert said.signals[0] == "tau_l6" and low < 2 < high
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize("joint", [2, 4])
 def test_one_torque_of_another_scale_is_told_alone(tmp_path, joint):

@@ -65,10 +65,6 @@ FRANKA = {
         lambda c: c | {"tau_l2": c["tau_l2"] + 2 * np.std(c["tau_l2"]) * c["t"] / np.ptp(c["t"])},
         "tau_l2 drifts by",
     ),
-    "a position with another one's": (
-        lambda c: c | {"q4": c["q4"] + c["q3"], "dq4": c["dq4"] + c["dq3"]},
-        "q4 has q3 added:",
-    ),
 }
 
 
@@ -79,6 +75,17 @@ def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
     change, words = FRANKA[fault]
     (check,) = _said(parted(planted(tmp_path, change, measured("franka_panda")), 6.5, 9.8))
     assert check.check == "poor_excitation" and words in check.message
+
+
+def test_a_position_with_another_one_s_is_told_by_all_recordings(tmp_path):
+    """It was said that it would explain what judges."""
+
+    def both(c):
+        return c | {"q4": c["q4"] + c["q3"], "dq4": c["dq4"] + c["dq3"]}
+
+    (check,) = _said(parted(planted(tmp_path, both, measured("franka_panda")), 6.5, 9.8))
+    assert (check.check, check.signals) == ("coupled_position", ("q4",))
+    assert "sum of q4 and q3" in check.message
 
 
 def test_a_factor_in_what_judges_is_told_there_with_a_load(tmp_path):
@@ -256,7 +263,10 @@ def test_half_of_the_torques_late(tmp_path):
 def test_half_of_the_torques_in_another_unit_are_no_factor_of_one_behind_them(tmp_path):
     """Of a UR10e with its first three torques in kgf m the fourth was ten times too large."""
     unit = lambda c: c | {f"i{j}": 0.102 * c[f"i{j}"] for j in (1, 2, 3)}  # noqa: E731
-    assert "torque_scale" not in {check.check for check in _said(planted(tmp_path, unit))}
+    (check,) = _said(planted(tmp_path, unit))
+    assert (check.check, check.signals) == ("torque_scale", ("i4", "i5", "i6"))
+    low, high = (float(x) for x in check.message.split("(")[1].split(")")[0].split(" to "))
+    assert low < 1 / 0.102 < high and check.remedy.startswith("write ")
 
 
 def test_a_torque_that_leaps_is_told_as_that(tmp_path):
