@@ -18,6 +18,7 @@ from ident.diagnosis.terms import Term
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
 
+RATE = frozenset({"dq", "sign_dq"})
 PER_METRIC = 6
 PER_EFFECT = 2  # places of one effect among them: those of pairs of joints would be all there is
 UNKEPT = 4e7  # bytes of columns beyond the library that wait to be scored
@@ -39,7 +40,14 @@ class Library:
     """Columns of hypotheses, kept from step to step (float32). Those that read the model keep the one they
     were made with: they only rank here, and are made again where a hypothesis is refined."""
 
-    def __init__(self, effects: Sequence[Effect], layout: Layout, limit_bytes: float = 6e8) -> None:
+    def __init__(
+        self,
+        effects: Sequence[Effect],
+        layout: Layout,
+        limit_bytes: float = 6e8,
+        frictionless: Collection[int] = (),
+    ) -> None:
+        """frictionless: joints of whose torques no law of the rate is asked."""
         self.layout = layout
         self.places = [
             (e, place)
@@ -47,6 +55,7 @@ class Library:
             if not e.windowed
             for place in e.places(layout)
             if not layout.covers(place.joint, e.replaces)  # its columns are the model's own, but for rounding
+            and not (place.joint in frictionless and e.needs & RATE)
         ]
         self.events = [e for e in effects if e.windowed]
         self.kept: dict[tuple, dict[int, np.ndarray]] = {}

@@ -149,7 +149,12 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory, base.terms)
     if begun.thinned:
         notes.append("of long recordings stretches spread over them were looked at")
-    library = Library(list(catalogue().values()), without_explained(begun.layout, checks), begun.room.library)
+    library = Library(
+        list(catalogue().values()),
+        without_explained(begun.layout, checks),
+        begun.room.library,
+        frictionless(known.prepared.columns.need.joints, checks),
+    )
     outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
     again, last, refused = first_extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
     outcome, last, refused = replaced(again, outcome, base, last, refused, alpha)
@@ -187,6 +192,13 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         visible,
         () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
     )
+
+
+def frictionless(joints: Sequence[object], checks: Sequence[Check]) -> frozenset[int]:
+    """Places of the joints whose torques were logged less friction: what is left of it where they turn round
+    is no law of theirs. (Of a UR10e's sixth a Stribeck curve that fades as it warms was told.)"""
+    told = {name for check in checks if check.check == "friction_compensated" for name in check.signals}
+    return frozenset(k for k, joint in enumerate(joints) if told & {f"tau_m{joint}", f"i{joint}"})
 
 
 def without_explained(layout: Layout, checks: Sequence[Check]) -> Layout:

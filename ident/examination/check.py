@@ -23,6 +23,7 @@ _GRAVEST = (
     "swapped_signals",
     "coupled_position",
     "gravity_compensated",
+    "friction_compensated",
     "base_orientation",
     "joint_axis",
     "wrong_robot",

@@ -29,6 +29,7 @@ from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.coupled import coupled_positions
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
+from ident.examination.frictionless import frictionless
 from ident.examination.gravity import Direction, direction
 from ident.examination.hypothesis import (
     CLEARLY,
@@ -46,7 +47,7 @@ from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.magnitudes import magnitudes
 from ident.examination.motions import by_themselves, moved_positions, signed
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
-from ident.examination.quick import Fit, Sample, gain_of, quick_of, take
+from ident.examination.quick import Fit, Sample, gain_of, gains_of, quick_of, take
 from ident.examination.recordings_apart import recordings_apart, recordings_unlike
 from ident.examination.rivals import alike, rivals
 from ident.examination.same_samples import same_samples
@@ -150,7 +151,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     alone = list(another_signal(asked, ())) if apart and not odd else []
     alone = alone or list(recordings_unlike(asked, apart))
     found += motor_signs(asked)
-    beside = alone or ([] if doubted else list(unexplained(asked)))
+    beside = alone or ([] if doubted or found else list(frictionless(asked)))
+    beside = beside or ([] if doubted else list(unexplained(asked)))
     held = asked.fit.validate
     if (alone or not beside) and held is not None:
         asks = not found and gain_of(held, asked.fit.error) > CARRIED
@@ -270,10 +272,10 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     if error.max() > DOUBTFUL:
         found += [*several_signs(asked), *swapped(asked), *other_torques(asked), *degrees(asked)]
         found += turned_scales(asked) if not prepared.study.without else []
+        found += coupled_positions(asked)
     at_all = bad(asked.fit)
     if at_all:
-        found += [*_positions(asked), *geared(asked), *scaled_positions(asked), *coupled_positions(asked)]
-        found += other_orders(asked)
+        found += [*_positions(asked), *geared(asked), *scaled_positions(asked), *other_orders(asked)]
     found += [*weightless(asked), *delays(asked), *clock_of_all(asked)]
     found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
     once = {(h.check.check, h.check.signals): h for h in found}
@@ -337,11 +339,11 @@ def _beside(prepared: Prepared, asked: Asked, h: Hypothesis, tilt: Tilt) -> bool
 
 def _believed(asked: Asked, h: Hypothesis) -> bool:
     """Whether the model explains, and predicts, the signals that the hypothesis blames once it is taken; all
-    of them where it blames positions, which stand in every torque, and clearly better than before where it
-    is one position alone: where something large is missing in the model (a cable over two joints, gravity
-    elsewhere), one wrong sign or order may leave less than another without being the cause. A torque that no
-    other contradicts is known by its friction, whatever else is missing; others have to be explained as by
-    themselves. (Of a Franka's third torque without its sign the other sign was told.)"""
+    of them where it blames positions, which stand in every torque, and clearly better than before, those
+    that it touches, where it is one position alone: where something large is missing in the model (a cable
+    over two joints, gravity elsewhere), one wrong sign or order may leave less without being the cause. A
+    torque that no other contradicts is known by its friction, whatever else is missing; others have to be
+    explained as by themselves. (Of a Franka's third torque without its sign the other sign was told.)"""
     before, taken = asked.fit, asked.after(h)
     if h.how.order != asked.how.order and not _explained_there(asked, h, taken.fit):
         return False
@@ -361,9 +363,8 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
     if motion and len(h.check.signals) == 1:
-        return (
-            explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * np.isfinite(fit.error).sum()
-        )
+        touched = np.abs(gains_of(before.error, fit.error)) > np.log(SAME)  # a wrist's position moves its own
+        return explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * touched.sum()
     return explained and predicted and _rms(fit) < RISEN * _rms(before)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis
-from ident.examination.quick import FLOOR
+from ident.examination.quick import FLOOR, Assignment
 from ident.examination.signs import MOST_SIGNS, sign_patterns
 from ident.examination.smooth_torques import with_smooth_torques
 from ident.examination.stretches import RARE, ByItself, Explained, all_rows, steadily
@@ -146,11 +146,35 @@ def _told(asked: Asked, its: Motion, plain: ByItself) -> Hypothesis:
     a, b = (
         100 * float(np.exp(np.nanmean(np.log(np.fmax(x.fit.error, FLOOR))))) for x in (plain, its.explained)
     )
-    message = f"{its.words}: so taken, the error of torques, each by itself, falls from {a:.0f} to {b:.0f} %"
+    fallen = f"so taken, the error of torques, each by itself, falls from {a:.0f} to {b:.0f} %"
+    gain, moved = its.gain_over(plain), asked.quick.moved(**its.moved)
+    with_torques = _turned_whole(asked, its)
+    if with_torques is not None:
+        axes = "axis" if len(its.signals) == 1 else "axes"
+        joints = f"joint{'' if len(its.signals) == 1 else 's'} {listed(name[1:] for name in its.signals)}"
+        words = (
+            f"positions and torques of {joints} have the other sign than by the robot file, or it has the "
+        )
+        words += f"{axes} turned, as another robot's has"
+        names = (*its.signals, *asked.names(np.flatnonzero(np.array(with_torques.factor) < 0).tolist()))
+        line = asked.line({name: {"sign": -1} for name in names})
+        check = Check("joint_axis", names, f"{words}: {fallen} (geometric mean)", line)
+        return Hypothesis(gain, with_torques, check, moved, words, own=True)
     line = asked.line(dict.fromkeys(its.signals, its.change))
     if "offset" in its.change:  # nearly
         line = f"write {line}, or the zero that is known"
-    check = Check(its.check, its.signals, f"{message} (geometric mean)", line)
-    return Hypothesis(
-        its.gain_over(plain), asked.how, check, asked.quick.moved(**its.moved), its.words, own=True
-    )
+    check = Check(its.check, its.signals, f"{its.words}: {fallen} (geometric mean)", line)
+    return Hypothesis(gain, asked.how, check, moved, its.words, own=True)
+
+
+def _turned_whole(asked: Asked, its: Motion) -> Assignment | None:
+    """With the torques of turned positions turned, too, where those and no others are as all torques together
+    have it: whole joints, as an axis of the robot file turns them. (Of a rokae with a Franka's file two
+    positions were told to be turned, and a gain of -1.2.)"""
+    told = signed(its.explained)
+    joints = [str(asked.joints[j]) for j in asked.quick.columns.joint_of]
+    own = [c for c, label in enumerate(joints) if f"q{label}" in its.signals and c in asked.seen]
+    if its.check != "position_sign" or told is None or told.how != asked.how.times(own, -1.0):
+        return None
+    alone = Explained.by(its.explained.quick, asked.how)
+    return told.how if told.fit.gain_over(alone.fit) > CLEARLY else None

@@ -63,3 +63,17 @@ def test_in_one_recording_of_a_measured_robot(tmp_path, sign):
     (check,) = examine_fit(prepare_study(planted(tmp_path, change)))
     assert (check.check, check.signals, check.recording) == ("coupled_position", ("q3",), "excite_a_50s")
     assert f"q3 {'-' if sign > 0 else '+'} q2" in check.remedy
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_wrist_that_turns_with_the_joint_before_it_is_told_by_its_own_torque(tmp_path):
+    """An AIRBOT's last position moves one torque of six, and nothing was said."""
+
+    def both(c):
+        return c | {"q6": c["q6"] + c["q5"], "dq6": c["dq6"] + c["dq5"]}
+
+    study = measured("airbot_play")
+    study = study.with_(recordings=tuple(e for e in study.recordings if e.file != "identify_c.parquet"))
+    checks = examine_fit(prepare_study(planted(tmp_path, both, study)))
+    assert [(c.check, c.signals) for c in checks] == [("coupled_position", ("q6",))]
