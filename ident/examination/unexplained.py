@@ -8,12 +8,17 @@ import numpy as np
 
 from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import EXPLAINED, NOTHING, Asked
+from ident.examination.hypothesis import BAD, EXPLAINED, NOTHING, Asked
 from ident.examination.quick import FLOOR, Assignment, Normal, Quick, Sample, added, solve
 from ident.examination.stretches import ByItself, all_rows
 
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
 ODD, TIMES = 0.12, 3.0  # error of a channel that is odd: at least, and against what it is elsewhere
+NOT_AS_TOLD = (
+    "A signal (its sign, unit, place, zero or time), the robot file or something that acts on it (a load, a "
+    "contact) is not as it is told, and no check tells which"
+)
+CHECK = "check the columns of all joints and the robot file"
 PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', from which it is said
 
 
@@ -100,18 +105,17 @@ def contradicting(asked: Asked) -> Iterator[Check]:
     yield _unrelated(
         names,
         f"{listed(names)} {have} something that the other torques contradict: by itself {its} explained to "
-        f"{before}, with one robot for all to {after}. A signal (its sign, unit, place, zero or time), the "
-        "robot file or something that acts on it (a load, a contact) is not as it is told, and no check "
-        "tells which",
-        "check the columns of all joints and the robot file",
+        f"{before}, with one robot for all to {after}. {NOT_AS_TOLD}",
+        CHECK,
     )
 
 
 def unpredicted(asked: Asked) -> list[Check]:
     """Said where torques that judge are predicted worse than by nothing: of most of them, where no one fit
     explains all recordings, that something is odd, of any, where one does, that the fitted motion does not
-    show it. Which recording is the odd one, only a third one tells. (Of a KR 300 on a wall the first torque
-    was foretold at 700 %, which gravity moved in the other recording alone, and nothing was said.)"""
+    show it, or of a part alone that something may be odd. Which recording is, only a third one tells. (Of a
+    KR 300 on a wall the first torque was foretold at 700 %, which gravity moved in the other recording alone,
+    and nothing was said; where its second was another run's, that the motion did not show it.)"""
     fit, judged = asked.fit, asked.fit.validate
     if judged is None or not np.isfinite(judged).any():
         return []
@@ -126,12 +130,13 @@ def unpredicted(asked: Asked) -> list[Check]:
     if not worse:
         return []
     most = worse[int(np.argmax(judged[worse]))]
-    said = _unforetold(f"{listed(asked.names(worse))} of validate", fit.error[most], judged[most])
-    said += (
-        f", and one fit explains both (to {100 * together[most]:.0f} %): the motion that is fitted does not "
-    )
+    names, so = asked.names(worse), f"one fit explains both (to {100 * together[most]:.0f} %)"
+    said = _unforetold(f"{listed(names)} of validate", fit.error[most], judged[most])
+    if (together[worse] > BAD).any():
+        return [_unrelated(names, f"{said}, and {so}, a part of it. {NOT_AS_TOLD}", CHECK)]
+    said += f", and {so}: the motion that is fitted does not show what the other asks for"
     remedy = "fit more of the recordings, or record a motion that moves all joints more"
-    return [Check("poor_excitation", (), f"{said}show what the other asks for", remedy)]
+    return [Check("poor_excitation", (), said, remedy)]
 
 
 def _unforetold(what: str, error: float, held: float) -> str:

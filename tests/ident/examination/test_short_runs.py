@@ -103,3 +103,19 @@ def test_on_a_wall_a_joint_that_hardly_moves_hides_no_gravity(tmp_path):
     """An AIRBOT's torques were said to show no gravity, with errors of 60 %."""
     (check,) = said(tmp_path, measured("airbot_play"), lambda c: c, gravity=(9.81, 0, 0))[1]
     assert (check.check, check.remedy) == ("base_orientation", "gravity: [0, 0, -9.81]")
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_torque_of_another_run_is_no_motion_that_shows_too_little(tmp_path):
+    """One fit of both recordings explains half of it, which was said to explain them."""
+
+    def rolled(c):
+        return c | {"tau_m2": np.roll(c["tau_m2"], len(c["t"]) // 3)}
+
+    study = planted(tmp_path, rolled, measured("kuka_kr300"))
+    fitted, judged = study.recordings
+    short = (fitted, judged.model_copy(update={"to_s": 5.0}))
+    checks = examine_fit(prepare_study(study.with_(recordings=short, filter=type(study.filter)())))
+    assert [(c.check, c.signals) for c in checks] == [("unrelated_torque", ("tau_m2",))]
+    assert "no check tells which" in checks[0].message

@@ -1,0 +1,21 @@
+"""What a fit says of its own numbers."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from ident.estimation.remarks import implausible
+from ident.examination.check import Check
+
+SCALED = Check("torque_scale", ("tau_m2",), "in N mm", "columns: {tau_m2: {scale: 0.001}}")
+RESTS = Check("resting_joint", ("q1",), "joint 1 never moves", "move it")
+
+
+@pytest.mark.parametrize(("told", "said"), [((), True), ((RESTS,), True), ((SCALED, RESTS), False)])
+def test_bodies_larger_than_robots_are_what_a_signal_s_unit_makes_them(told, said):
+    """Of a KR 300 with one torque in N mm all were to be scaled; with positions in turns so, too."""
+    estimate = SimpleNamespace(parameters=("M2", "ZZ3R"), chi=np.array([4e5, 9e4]))
+    checks = implausible(estimate, np.ones(2), ("tau_m1", "tau_m2"), (), told)
+    assert [c.check for c in checks] == (["torque_scale"] if said else [])
+    assert all("or one of them" in c.message and "positions or time" in c.message for c in checks)
