@@ -14,7 +14,10 @@ import scipy.linalg
 from ident.diagnosis.evidence import Metric, metric, project
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import State, turned
+from ident.diagnosis.unknown_turns import unknown_turns
+from ident.signals.dry_friction import TurnOver
 
+WIDTHS = (0.5, 1.0, 2.0, 4.0)  # times that of a joint's turn-over
 LITTLE = 0.25  # of what these rows hide of a law's other parts
 TURNED = 0.99  # of the sign that friction takes: below it has not turned over yet
 
@@ -31,6 +34,22 @@ def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Me
     if as_far_as_felt:
         whiteners = tuple(w.seeing(use, rows.piece) for w, use in zip(m.whiteners, beside))
     return metric(replace(rows, use=beside), design, B, whiteners)
+
+
+def beside_any_turn(state: State, m: Metric) -> Metric:
+    """The metric `m` beside a torque of each turn of a joint in its own channels, of each of some widths: it
+    may turn over there in any way."""
+    design, at = state.design
+    wide = []
+    for c, (places, values) in enumerate(design):
+        j = state.model.channels[c].joint
+        turn = state.turns.get(j, TurnOver())
+        turns = [replace(turn, rate=k * turn.rate, travel=k * turn.travel) for k in WIDTHS]
+        T = np.hstack([unknown_turns(state.segments, j, its) for its in turns])
+        T *= state.rows.scale[c][:, None]
+        wide.append((np.append(places, np.arange(at, at + T.shape[1])), np.hstack([values, T])))
+        at += T.shape[1]
+    return metric(state.rows, wide, at, m.whiteners)
 
 
 def keeping_direction(state: State, as_far_as_felt: bool = False) -> np.ndarray:

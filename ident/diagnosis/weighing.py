@@ -16,7 +16,12 @@ from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
 from ident.diagnosis.state import State
 from ident.diagnosis.terms import Term
-from ident.diagnosis.turning_rows import turned_as_judged, turning_alone, without_turning
+from ident.diagnosis.turning_rows import (
+    beside_any_turn,
+    turned_as_judged,
+    turning_alone,
+    without_turning,
+)
 
 WHOLE = 0.25  # by which the size of a change of the model may differ from one
 
@@ -208,10 +213,14 @@ def is_one_quantity(m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
 
 
 def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
-    """A torque that comes at another time does so where the joint keeps its direction, too."""
+    """A torque that comes at another time does so where the joint keeps its direction, too: as far from turns
+    as they are felt, or, where so few rows are left that they could not show it, beside whatever each turn
+    may be. (20 ms of a TX40, whose runs last three seconds, left two to four rows of a torque.)"""
     if not r.term.effect.shifts_time:
         return True
-    return _asked_in(without_turning(state, m, as_far_as_felt=True), r, e, tau)
+    away = without_turning(state, m, as_far_as_felt=True)
+    shows = weigh(away, r.columns, e.sizes).expected.sum() > tau
+    return _asked_in(away if shows else beside_any_turn(state, m), r, e, tau)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:

@@ -176,12 +176,13 @@ def test_all_torques_of_a_robot_that_lacks_more(tmp_path):
     assert after < 0.85 * before
 
 
-@pytest.mark.skipif(
-    not (DATA / "barrett_wam_2dof").is_dir(), reason="the recordings of measured robots are not here"
-)
-def test_late_torques_that_two_seconds_show_given_the_fitted_ones(tmp_path):
-    """A Barrett's two torques 20 ms late: the judged rows alone say so by 11 nats, in too few blocks."""
-    (base,) = (b for b in BASES if b.robot == "barrett_wam_2dof")
+@pytest.mark.parametrize("robot", ["barrett_wam_2dof", "staubli_tx40"])
+def test_late_torques_that_two_seconds_show(tmp_path, robot):
+    """A Barrett's two torques 20 ms late: the judged rows alone say so by 11 nats, in too few blocks. Of the
+    six of a TX40 two to four rows each are so far from turns that they are not felt, and say nothing."""
+    if not (DATA / robot).is_dir():
+        pytest.skip("the recordings of measured robots are not here")
+    (base,) = (b for b in BASES if b.robot == robot)
     (fault,) = (f for f in FAULTS if f.name.startswith("torques late"))
     document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
     (finding,) = document["findings"]
