@@ -137,7 +137,7 @@ def trace(
             unnamed.append(taken.told)
             closed.add(state.model.channels[taken.told.channel].joint)
     progress("what is left", 0.92)
-    state, steps = reconsidered(state, steps, tau, alpha)
+    state, steps = reconsidered(state, steps, library, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
     state = on_late_rows(state)
     state, steps, left = leftovers(state, steps, unnamed, tau, alpha)

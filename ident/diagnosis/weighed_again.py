@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.candidates import Ranked
+from ident.diagnosis.candidates import SHARE, Library, Ranked, ranked
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.in_common import shown_by_fitted
 from ident.diagnosis.outcome import Outcome, Step
@@ -18,18 +18,25 @@ from ident.diagnosis.sufficiency import short_of
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import Weighed, compared, main_channel, rivals_of, simplest
 
+FEW = 3  # of each metric
 
-def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
-    """Each effect weighed again against what could have stood in its place, beside all that was found since:
-    what was missing then can have made one explanation look better than it is, or a simpler one too poor."""
+
+def reconsidered(
+    state: State, steps: list[Step], library: Library, tau: float, alpha: float
+) -> tuple[State, list[Step]]:
+    """Each effect weighed again against what could have stood in its place, and what else as simple its joint
+    may lack, beside all that was found since: what was missing then can have made one explanation look better
+    than it is, or a simpler one too poor. (Of a spring of an LWR4+'s third joint a crosstalk was told, the
+    other one beside it: the spring had not been asked.)"""
     for number, f in enumerate(state.found):
         at = next((k for k, s in enumerate(steps) if f.term is not None and s.term.key == f.term.key), None)
         if f.term is None or at is None:
             continue
         beside = {t.key: t for t in (*steps[at].passed, *(e.term for e in steps[at].equivalent))}
+        others = state.but(number)
+        beside = {t.key: t for t in _as_simple(others, library, f.term)} | beside
         if not set(beside) - {f.term.key}:
             continue
-        others = state.but(number)
         trials = list({**beside, f.term.key: f.term}.values())
         weighed = compared(others, [Ranked(t, 0.0) for t in trials], tau, alpha)
         if not weighed.passed:
@@ -49,6 +56,21 @@ def reconsidered(state: State, steps: list[Step], tau: float, alpha: float) -> t
         found[number] = Found(best.term, best.columns, best.sizes)
         state = refined_together(solved(replace(state, found=tuple(found))))
     return state, steps
+
+
+def _as_simple(others: State, library: Library, term: Term) -> list[Term]:
+    """What else the joint of a term may lack, of no more numbers than it, that explains most of the fitted
+    rows; others: the state without it."""
+    joint = term.place.joint
+    if joint is None or term.effect.replaces or term.factor != 1.0 or term.effect.shifts_time:
+        return []
+    elsewhere = frozenset({j for _, place in library.places if (j := place.joint) is not None} - {joint})
+    best: dict[tuple, Ranked] = {}
+    for every in ranked(others, library, elsewhere):
+        here = sorted((r for r in every.values() if r.term.place.joint == joint), key=lambda r: -r.gain)
+        listed = [r for r in here if r.term.free <= term.free and r.gain > SHARE * here[0].gain]
+        best |= {r.term.key: r for r in listed[:FEW]}
+    return [r.term for r in best.values()]
 
 
 def _is_behind(weighed: Weighed, evidence: Evidence, term: Term, tau: float) -> bool:

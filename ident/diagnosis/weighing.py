@@ -214,13 +214,13 @@ def is_one_quantity(m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
 
 def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
     """A torque that comes at another time does so where the joint keeps its direction, too: as far from turns
-    as they are felt, or, where so few rows are left that they could not show it, beside whatever each turn
+    as they are felt, or, where the model's parameters have all rows that are left, beside whatever each turn
     may be. (20 ms of a TX40, whose runs last three seconds, left two to four rows of a torque.)"""
     if not r.term.effect.shifts_time:
         return True
     away = without_turning(state, m, as_far_as_felt=True)
-    shows = weigh(away, r.columns, e.sizes).expected.sum() > tau
-    return _asked_in(away if shows else beside_any_turn(state, m), r, e, tau)
+    hidden = e.log_e > tau and all(away.judged.free[c] <= 1.0 for c in r.columns)
+    return _asked_in(beside_any_turn(state, m) if hidden else away, r, e, tau)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:
