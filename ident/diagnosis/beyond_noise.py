@@ -85,16 +85,15 @@ def _given(state: State, c: int, here: np.ndarray) -> tuple[float, float]:
     fitted, judged = state.rows.fitted & here, state.rows.judged & here
     if not fitted.any() or not judged.any():
         return 0.0, 0.0
-    every = state.rows.fitted & state.rows.use[c]
-    own = float(np.mean(state.residual[c, fitted] ** 2)) * every.sum() / float(state.metric.fitted.free[c])
+    rows = int((state.rows.fitted & state.rows.use[c]).sum())
+    own = float(np.mean(state.residual[c, fitted] ** 2)) * rows / float(state.metric.fitted.free[c])
     gram = np.zeros((B, B))
     for k, (places, values) in enumerate(design):
-        on = state.rows.fitted & (here if k == c else state.rows.use[k])
-        power = own if k == c else float(np.mean(state.residual[k, on] ** 2)) if on.any() else np.inf
-        gram[np.ix_(places, places)] += (
-            values[on].T @ values[on] * (state.whiteners[k].news / max(power, TINY))
-        )
-    judged, (places, values) = state.rows.judged & here, design[c]
+        on = fitted if k == c else state.rows.fitted & state.rows.use[k]
+        if on.any():
+            X, power = values[on], own if k == c else float(np.mean(state.residual[k, on] ** 2))
+            gram[np.ix_(places, places)] += X.T @ X * (state.whiteners[k].news / max(power, TINY))
+    places, values = design[c]
     e, X = (state.residual[c] - _lasting(state, c, judged))[judged], values[judged]
     gram[np.ix_(places, places)] += X.T @ X / own
     basis = orthonormal(gram)[places]

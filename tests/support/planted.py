@@ -10,6 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from benchmarks import planted_faults
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
 from ident.examination.examine import examine_fit, examine_tables
@@ -40,6 +41,15 @@ def planted(folder, change, study=None):
         columns = {name: np.asarray(values, float) for name, values in columns.items()}
         pq.write_table(pa.table({k: pa.array(v) for k, v in change(columns).items()}), folder / path.name)
     return study.with_(folder=str(folder))
+
+
+def with_fault(robot, words, folder):
+    """The study of a measured robot with the everyday fault of the benchmark that begins with these words."""
+    if not (DATA / robot).is_dir():
+        pytest.skip("the recordings of measured robots are not here")
+    (base,) = (b for b in planted_faults.BASES if b.robot == robot)
+    (fault,) = (f for f in planted_faults.FAULTS if f.name.startswith(words))
+    return planted_faults.planted(base, fault, folder)
 
 
 def measured(robot):

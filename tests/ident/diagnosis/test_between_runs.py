@@ -9,10 +9,11 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "support"))
 
+from planted import with_fault
 from small_arm import ARM
 
 import ident
-from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
+from benchmarks.planted_faults import DATA
 from ident.diagnosis.between_runs import between_runs, says_between
 from ident.diagnosis.diagnosis import without_explained
 from ident.diagnosis.events import best_event
@@ -180,9 +181,8 @@ def test_beside_a_reading_that_explains_a_run_no_load_is_told(tmp_path, reading)
 def test_the_link_that_carries_the_weight_is_told_where_motions_are_alike(tmp_path):
     """An LWR4+ of which five joints follow one signal: bodies on the third and fourth link say nearly as much
     as that on the second, half-way along it, which lies along y."""
-    (base,) = (b for b in BASES if b.robot == "kuka_lwr4plus")
-    (fault,) = (f for f in FAULTS if f.name.startswith("a weight"))
-    begun = opened(prepare_study(ident.load(planted(base, fault, tmp_path))))
+    path = with_fault("kuka_lwr4plus", "a weight", tmp_path)
+    begun = opened(prepare_study(ident.load(path)))
     loads = [effect for effect in catalogue().values() if effect.windowed]
     event = best_event(begun.state, loads, begun.layout, TAU, 0.01)
     assert event is not None and event.refined.term.place.link == 2
@@ -196,9 +196,8 @@ def test_the_link_that_carries_the_weight_is_told_where_motions_are_alike(tmp_pa
 def test_a_weight_on_the_second_link_of_a_barrett(tmp_path):
     """In the later seconds of its fitted run, by Pinocchio's equations at 0.2 m along the link: the error of
     the run that decides nothing was 67 %, and nothing was said."""
-    (base,) = (b for b in BASES if b.robot == "barrett_wam_2dof")
-    (fault,) = (f for f in FAULTS if f.name.startswith("a weight"))
-    document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
+    path = with_fault("barrett_wam_2dof", "a weight", tmp_path)
+    document = ident.diagnose(ident.load(path)).document()
     (finding,) = document["findings"]
     assert [finding[k] for k in ("effect", "recording", "link")] == [
         "payload_change",

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted import thinned
+from planted import thinned, with_fault
 
 import ident
-from benchmarks.planted_faults import BASES, DATA, FAULTS, LATE_S, Fault, planted
+from benchmarks.planted_faults import BASES, DATA, LATE_S, Fault, planted
 from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
@@ -167,9 +167,8 @@ def test_one_late_joint_of_a_measured_robot(tmp_path):
 def test_all_torques_of_a_robot_that_lacks_more(tmp_path):
     """A rokae's: beside what else it lacks the whole delay's blocks do not agree by the judged rows alone,
     and one joint's, which says a third as much, stood in its place; then nothing was named."""
-    (base,) = (b for b in BASES if b.robot == "rokae_xmate3pro")
-    (fault,) = (f for f in FAULTS if f.name.startswith("torques late"))
-    document = ident.diagnose(ident.load(thinned(planted(base, fault, tmp_path)))).document()
+    path = with_fault("rokae_xmate3pro", "torques late", tmp_path)
+    document = ident.diagnose(ident.load(thinned(path))).document()
     (finding,) = document["findings"]
     assert (finding["effect"], finding["joints"]) == ("time_delay", [])
     before, after = (document["error_percent"][k]["test"]["total"] for k in ("before", "after"))
@@ -180,11 +179,8 @@ def test_all_torques_of_a_robot_that_lacks_more(tmp_path):
 def test_late_torques_that_two_seconds_show(tmp_path, robot):
     """A Barrett's two torques 20 ms late: the judged rows alone say so by 11 nats, in too few blocks. Of the
     six of a TX40 two to four rows each are so far from turns that they are not felt, and say nothing."""
-    if not (DATA / robot).is_dir():
-        pytest.skip("the recordings of measured robots are not here")
-    (base,) = (b for b in BASES if b.robot == robot)
-    (fault,) = (f for f in FAULTS if f.name.startswith("torques late"))
-    document = ident.diagnose(ident.load(planted(base, fault, tmp_path))).document()
+    path = with_fault(robot, "torques late", tmp_path)
+    document = ident.diagnose(ident.load(path)).document()
     (finding,) = document["findings"]
     assert (finding["effect"], finding["joints"]) == ("time_delay", [])
     assert finding["parameters"]["delay"]["value"] == pytest.approx(LATE_S, rel=0.3)

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted import thinned
+from planted import thinned, with_fault
 
 import ident
-from benchmarks.planted_faults import BASES, DATA, FAULTS, Fault, carried, planted
+from benchmarks.planted_faults import BASES, DATA, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.events import Event, _gains, best_event
@@ -226,9 +226,8 @@ def test_a_weight_is_one_though_the_models_parameters_follow_its_fast_part(tmp_p
 def test_a_weight_on_the_second_link_of_a_franka(tmp_path):
     """In the later three seconds of its fitted run, by Pinocchio's equations; the model's own parameters
     answer half of it, and what they leave passes for noise."""
-    (base,) = (b for b in BASES if b.robot == "franka_panda")
-    (fault,) = (f for f in FAULTS if f.name.startswith("a weight"))
-    document = ident.diagnose(ident.load(thinned(planted(base, fault, tmp_path)))).document()
+    path = with_fault("franka_panda", "a weight", tmp_path)
+    document = ident.diagnose(ident.load(thinned(path))).document()
     (finding,) = document["findings"]
     told = [finding[k] for k in ("effect", "recording", "link")]
     assert told == ["payload_change", "excite_first_identify_2", 2]
