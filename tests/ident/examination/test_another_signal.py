@@ -54,6 +54,7 @@ def test_of_a_measured_robot_one_torque_turned_in_the_run_that_is_fitted(tmp_pat
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 def test_of_a_measured_robot_the_run_whose_joint_was_homed_anew(tmp_path):
     """20 degrees in the run that is fitted: the run that judges was blamed."""
     study = planted(tmp_path, in_the_long_run(lambda c: {"q2": c["q2"] + np.radians(20.0)}))
@@ -141,6 +142,7 @@ def test_a_load_is_no_factor_of_a_torque(tmp_path, request_):
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("pair", [(2, 3)])
+@pytest.mark.long
 def test_of_a_measured_robot_two_torques_swapped_in_the_run_that_is_fitted(tmp_path, pair):
     """Of a TX40 one was told to change its sign within the run, of the other pair nothing was said."""
     a, b = (f"tau_m{j}" for j in pair)
@@ -232,6 +234,7 @@ def test_a_torque_zeroed_at_the_start_of_each_run_is_not_without_gravity(tmp_pat
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 def test_of_a_measured_robot_one_position_turned_beside_a_torque_that_is_mostly_noise(tmp_path):
     """Nothing was said of an LWR4+: its last torque is foretold a little better, too, and not explained."""
     study = measured("kuka_lwr4plus")

@@ -93,6 +93,7 @@ def test_a_sensor_of_another_scale_beside_unknown_drive_gains(tmp_path):
     ]
 
 
+@pytest.mark.long
 def test_two_torques_with_the_other_sign(tmp_path):
     study = planted(tmp_path, lambda c: c | {"i2": -c["i2"], "i4": -c["i4"]})
     (check,) = examine_fit(prepare_study(study))
@@ -156,6 +157,7 @@ def test_what_a_slow_motion_cannot_show_is_not_told(tmp_path, factor, gravity):
     )  # by nothing of it the first torque is foretold, which gravity turns then
 
 
+@pytest.mark.long
 def test_a_scale_that_validate_alone_tells(tmp_path):
     """A few seconds fit with anything; of the others one torque alone would explain the error."""
     study = planted(tmp_path, changed("tau_m2", lambda x: x * 5), measured("staubli_tx40"))
@@ -532,6 +534,7 @@ def test_a_torque_that_is_another_signal(tmp_path):
     assert ("unrelated_torque", ("i4",)) in [(c.check, c.signals) for c in checks]
 
 
+@pytest.mark.long
 def test_a_position_that_is_a_velocity(tmp_path):
     """An AIRBOT of which a fifth was explained: nothing was said, for one torque is friction alone."""
 
@@ -542,6 +545,7 @@ def test_a_position_that_is_a_velocity(tmp_path):
     assert check.check == "wrong_robot" and "a position that is another signal" in check.message
 
 
+@pytest.mark.long
 def test_positions_of_another_run(tmp_path):
     change = {f"q{j}" for j in range(1, 7)}
     study = planted(
@@ -650,6 +654,7 @@ def _shifted(x, rows):
     return np.concatenate([ends, x[:-rows]]) if rows > 0 else np.concatenate([x[-rows:], ends])
 
 
+@pytest.mark.long
 def test_a_large_torque_that_the_model_lacks_is_no_fault_of_the_data(tmp_path):
     """A cable over two joints, stronger than the arm: less error with another axis, or with the other sign,
     is no cause where the model then explains as little of it."""

@@ -88,6 +88,7 @@ def test_a_position_with_another_one_s_is_told_by_all_recordings(tmp_path):
     assert "sum of q4 and q3" in check.message
 
 
+@pytest.mark.long
 def test_a_factor_in_what_judges_is_told_there_with_a_load(tmp_path):
     """It was all that the motions were said not to show."""
     half = lambda c: c | {"tau_l2": np.where(_half(c["t"]), 1.3, 1.0) * c["tau_l2"]}  # noqa: E731
@@ -155,6 +156,7 @@ def test_a_share_of_a_large_torque_in_a_small_one_is_no_drift(tmp_path):
 
 
 @pytest.mark.parametrize(("joint", "zero"), [(2, 0.2)])
+@pytest.mark.long
 def test_a_zero_that_only_validate_shows_is_no_other_signal(tmp_path, joint, zero):
     moved = lambda x: x | {f"q{joint}": x[f"q{joint}"] + zero}  # noqa: E731
     (check,) = _said(parted(planted(tmp_path, moved, measured("rokae_xmate3pro")), 7.0, 9.7))
@@ -200,6 +202,7 @@ def test_a_factor_of_one_recording_is_told_beside_one_of_a_part_of_it(tmp_path):
     assert "tau_m3 of traj_a is 0.72 times as large or a load" in check.message
 
 
+@pytest.mark.long
 def test_another_robot_s_run_is_no_torque_s_factor(tmp_path):
     """Of a KR 300 the sixth torque was 0.0134 times too large in a UR10e's run, whose others are 40 to 150
     times too small as well."""
@@ -211,6 +214,7 @@ def test_another_robot_s_run_is_no_torque_s_factor(tmp_path):
     assert check.check == "wrong_robot"
 
 
+@pytest.mark.long
 def test_a_position_twice_too_large_is_told_beside_a_share_of_another_torque(tmp_path):
     """A TX40's fifth drive is coupled with its sixth one."""
     twice = lambda c: c | {"q5": 2 * c["q5"]}  # noqa: E731
@@ -253,6 +257,7 @@ def test_clipped_torques_are_in_no_other_order(tmp_path):
     assert _said(_lwr4plus(planted(tmp_path, clipped, measured("kuka_lwr4plus")))) == ()
 
 
+@pytest.mark.long
 def test_half_of_the_torques_late(tmp_path):
     """Of a KR 300 all of them were, or the fifth."""
     late = lambda c: c | {f"tau_m{j}": np.roll(c[f"tau_m{j}"], 25) for j in (4, 5, 6)}  # noqa: E731
@@ -260,6 +265,7 @@ def test_half_of_the_torques_late(tmp_path):
     assert check.check == "channel_delay" and "tau_m4, tau_m5, tau_m6 are recorded about" in check.message
 
 
+@pytest.mark.long
 def test_half_of_the_torques_in_another_unit_are_no_factor_of_one_behind_them(tmp_path):
     """Of a UR10e with its first three torques in kgf m the fourth was ten times too large."""
     unit = lambda c: c | {f"i{j}": 0.102 * c[f"i{j}"] for j in (1, 2, 3)}  # noqa: E731
@@ -276,6 +282,7 @@ def test_a_torque_that_leaps_is_told_as_that(tmp_path):
     assert "why: tau_m2 of traj_a is off by 1.4e+03 from about 4.98 s on" in check.message
 
 
+@pytest.mark.long
 def test_zeros_of_the_torques_of_one_recording_are_no_position_s(tmp_path):
     """Of a KR 300 with tared torques in one recording q2 started 3.1 rad off."""
     tared = lambda c: c | {f"tau_m{j}": c[f"tau_m{j}"] - c[f"tau_m{j}"][0] for j in range(1, 7)}  # noqa: E731
