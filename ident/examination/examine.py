@@ -95,6 +95,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     clipped = _clipped(prepared)
     samples = _unclipped(prepared, samples, clipped)
     broken = {n for s in prepared.streams for c in s.checks if c.check in BROKEN for n in c.signals}
+    uneven = {s.label for s in prepared.streams for c in s.checks if c.check == "time_stamps" and c.remedy}
     still = np.flatnonzero(np.isin(columns.joint_of, resting_joints(prepared.streams))).tolist()
     samples = [s.without([*_channels(prepared, broken), *still]) for s in samples]
     for sample in samples:  # motor signals of unknown gain are no torques yet
@@ -128,6 +129,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         best = max(told, key=lambda h: h.gain, default=None)
         odd = not found and (bool(told) or bad(asked.fit) or _unforeseen(asked.fit))
         moved = [] if found else list(another_signal(asked, told, positions=odd))
+        moved = [c for c in moved if c.check != "clock_rate" or c.recording not in uneven]
         if moved:
             return tuple(moved)
         if best is None:

@@ -40,7 +40,7 @@ def swapped(asked: Asked) -> Iterator[Hypothesis]:
             signs = [int(np.sign(x / y)) for x, y in zip(best.factor, placed.factor)]
             check = _swap_check(asked, names, which, "torques", other, dict(zip(_all_names(asked), signs)))
             its = Hypothesis(gain, best, check, words=f"{names[0]} and {names[1]} look swapped")
-            yield from _exchange(asked, [columns.joint_of[a], columns.joint_of[b]]).less_than(its)
+            yield from SmoothTorques(asked, [int(columns.joint_of[k]) for k in (a, b)]).less_than(its)
 
 
 def _all_names(asked: Asked) -> tuple[str, ...]:
@@ -82,7 +82,7 @@ def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
 
         order = exchanged(len(asked.joints), a, b)
         for its in asked.along(asked.quick.moved(order), told, f"q{j} and q{k} look swapped"):
-            yield from _exchange(asked, [a, b]).less_than(its)
+            yield from SmoothTorques(asked, [a, b]).less_than(its)
 
 
 def regular_orders(which: list[int]) -> list[list[int]]:
@@ -194,12 +194,7 @@ def other_orders(asked: Asked) -> Iterator[Hypothesis]:
 
         words, taken = f"the joints are recorded in the order {which}", asked.how.placed(source, asked.gains)
         for its in asked.along(asked.quick.moved(order), told, words, taken):
-            yield from _exchange(asked, [j for j in same if order[j] != j]).less_than(its)
-
-
-def _exchange(asked: Asked, joints: Sequence[int]) -> SmoothTorques:
-    """What an exchange of these joints' signals has to explain more than."""
-    return SmoothTorques(asked, [int(j) for j in joints], own=True)
+            yield from SmoothTorques(asked, [j for j in same if order[j] != j]).less_than(its)
 
 
 def _swap_check(

@@ -17,6 +17,7 @@ from ident.examination.mending import Mender
 
 MOST_MISSING = 0.05
 MOST_SPIKES = 0.01
+BEYOND = 3.0  # standard deviations of a count
 MOVED = 1e-3  # rad or m: less is rest
 TURNS = 4 * np.pi
 HELD = 30  # rows
@@ -75,7 +76,8 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
             continue
         worst = int(counts[mine].max())
         limit = MOST_SPIKES if kind == "spike" else MOST_MISSING
-        refused = worst > limit * rows
+        chance = BEYOND * np.sqrt(worst) if kind == "spike" else 0.0  # of few rows two are no share
+        refused = worst - chance > limit * rows
         names = tuple(columns.signals[k] for k in mine)
         seen = mender.first[kind].values()
         span = min(a for a, _ in seen), max(b for _, b in seen)

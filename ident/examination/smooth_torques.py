@@ -2,10 +2,9 @@
 
 A position moves all that its joint carries, in gravity, inertia and friction, so it has to explain more than
 any smooth torque of the positions concerned beside the model does: straight lines between knots, products of
-them where one position is said to have another in it, each joint's own where two are exchanged. (Of a spring
-on an arm's first joint q1 was told as 2 times too large: sin(q / 2) is nearly k q. Of a cable over a UR10e's
-wrist q5 was the sum of q5 and q4. Of an LWR4+ all of whose joints move alike the last two torques were told
-as exchanged.)
+them of two positions, of more each one's own. (Of a spring on an arm's first joint q1 was told as 2 times too
+large: sin(q / 2) is nearly k q. Of a cable over a UR10e's wrist q5 was the sum of q5 and q4. Of an LWR4+ all
+of whose joints move alike the last two torques, or the fifth joint and the seventh, were told as exchanged.)
 """
 
 from __future__ import annotations
@@ -17,39 +16,47 @@ from functools import cached_property, reduce
 import numpy as np
 
 from ident.examination.check import listed
-from ident.examination.hypothesis import Asked, Hypothesis
-from ident.examination.quick import Quick, Sample
+from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis
+from ident.examination.quick import Fit, Quick, Sample
 from ident.examination.stretches import RARE, Explained, all_rows, half_of, steadily
 
 KNOTS = 8  # bends that a spring's, a counterbalance's or a cable's torque has
 
 
 class SmoothTorques:
-    """Of these joints (places), all together or each of its own position, fitted once and only where
-    something is held against them."""
+    """Of these joints (places), fitted once and only where something is held against them."""
 
-    def __init__(self, asked: Asked, joints: Sequence[int], own: bool = False) -> None:
-        self.asked, self.joints, self.own = asked, joints, own
+    def __init__(self, asked: Asked, joints: Sequence[int]) -> None:
+        self.asked, self.joints = asked, joints
+
+    @cached_property
+    def beside(self) -> Quick:
+        made = self.asked.quick
+        for joints in [self.joints] if len(self.joints) < 3 else [[j] for j in self.joints]:
+            made = with_smooth_torques(made, joints)
+        return made
 
     @cached_property
     def explained(self) -> Explained:
-        made = all_rows(self.asked.quick)
-        for joints in [[j] for j in self.joints] if self.own else [self.joints]:
-            made = with_smooth_torques(made, joints)
-        return Explained.by(made, self.asked.how)
+        return Explained.by(all_rows(self.beside), self.asked.how)
 
     def less_than(self, its: Hypothesis) -> Iterator[Hypothesis]:
         """A hypothesis about the positions of the joints; with the torque that these recordings do not tell
-        from it, and not where that explains them steadily better."""
-        taken = Explained.by(all_rows(its.quick or self.asked.quick), its.how)
+        from it, and not where that explains them steadily better, or foretells clearly better what judges."""
+        quick = its.quick or self.asked.quick
+        taken = Explained.by(all_rows(quick), its.how)
         plain = Explained.by(all_rows(self.asked.quick), self.asked.how)
         if steadily(self.explained, taken, RARE) or not half_of(plain, taken, self.explained):
             yield its
-        elif not steadily(taken, self.explained, RARE):
+        elif not (steadily(taken, self.explained, RARE) or self._foretells(quick.fit(its.how))):
             names = listed(f"q{self.asked.joints[j]}" for j in self.joints)
-            between = "there" if self.own or len(self.joints) == 1 else "between them"
+            between = "between them" if len(self.joints) == 2 else "there"
             words = f"the model lacks a torque that goes with {names} (a spring or a cable {between})"
             yield its.beside([replace(its, check=replace(its.check, remedy=""), words=words)])
+
+    def _foretells(self, other: Fit) -> bool:
+        smooth = self.beside.fit(self.asked.how)
+        return smooth.validate is not None and smooth.holds_over(other) > CLEARLY
 
 
 def with_smooth_torques(quick: Quick, joints: Sequence[int]) -> Quick:

@@ -19,3 +19,9 @@ def test_bodies_larger_than_robots_are_what_a_signal_s_unit_makes_them(told, sai
     checks = implausible(estimate, np.ones(2), ("tau_m1", "tau_m2"), (), told)
     assert [c.check for c in checks] == (["torque_scale"] if said else [])
     assert all("or one of them" in c.message and "positions or time" in c.message for c in checks)
+
+
+def test_an_offset_that_others_take_off_again_is_no_unit():
+    """Of a KR 300 with an axis turned in its table: its torques of 5 kN m were to be N mm."""
+    estimate = SimpleNamespace(parameters=("Offm2R", "MY2"), chi=np.array([7.4e4, -7.4e3]))
+    assert not implausible(estimate, np.array([1.5e4, 1.5e3]), ("tau_m2",), ())

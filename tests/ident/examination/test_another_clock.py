@@ -1,6 +1,9 @@
 """The clock of one recording beside another's: in ms, or at another rate; planted in a measured recording."""
 
+from importlib.resources import files
+
 import pytest
+import yaml
 from planted import ON_RECORDINGS, measured, parted, planted, refused
 
 from ident.equations.prepared import prepare_study
@@ -52,3 +55,18 @@ def test_the_clock_of_all_recordings(tmp_path, factor, told):
     if told:
         said = float(checks[0].message.split("t is ")[1].split()[0])
         assert said == pytest.approx(factor, rel=0.03) and "too small" in checks[0].message
+
+
+@pytest.mark.long
+def test_two_rows_of_a_table_exchanged_are_no_clock(tmp_path):
+    """Of a Franka, beside what is turned so, a clock of a third was told."""
+    robot = yaml.safe_load(files("modelgen").joinpath("robots/franka_panda.yaml").read_text("utf-8"))
+    for key in ("alpha", "r"):
+        two, three = robot["links"][1:3]
+        two[key], three[key] = three[key], two[key]
+    (tmp_path / "rows.yaml").write_text(yaml.safe_dump(robot))
+    (entry, *_) = measured("franka_panda").recordings
+    study = parted(measured("franka_panda").with_(recordings=(entry,)), 7.8, 10.4)
+    study = planted(tmp_path, lambda c: {k: x for k, x in c.items() if k[:2] != "dq"}, study)
+    checks = examine_fit(prepare_study(study.with_(robot=str(tmp_path / "rows.yaml"))))
+    assert "clock_rate" not in {c.check for c in checks}

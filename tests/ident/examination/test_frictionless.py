@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, planted
+from planted import ON_RECORDINGS, measured, planted
 from small_arm import ARM
 
 import ident
@@ -53,3 +53,19 @@ def test_measured_currents_less_what_goes_with_the_rate(tmp_path, off):
     study = planted(tmp_path, change)
     checks = examine_fit(prepare_study(study.with_(filter=type(study.filter)())))
     assert [c.check for c in checks] == (["friction_compensated"] if off else [])
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_an_encoder_that_stops_midway_hides_friction(tmp_path):
+    """A Barrett's two torques were said to show none: what was left of them was as large."""
+
+    def change(c):
+        half = len(c["q2"]) // 2
+        stopped = {"q2": c["q2"][half], "dq2": 0.0}
+        return c | {k: np.where(np.arange(len(c[k])) < half, c[k], x) for k, x in stopped.items() if k in c}
+
+    study = planted(tmp_path, change, measured("barrett_wam_2dof"))
+    fitted = tuple(r for r in study.recordings if r.use == "identify")
+    checks = examine_fit(prepare_study(study.with_(recordings=fitted)))
+    assert "friction_compensated" not in {c.check for c in checks}

@@ -62,11 +62,16 @@ def test_two_torques_exchanged_beside_a_turned_one(tmp_path):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
-def test_joints_that_move_alike_are_not_exchanged():
-    """Of an LWR4+ five of whose joints follow one signal the last two were told as exchanged: any torque of
-    their positions explains more."""
+@pytest.mark.parametrize("judged", [False, True])
+def test_joints_that_move_alike_are_not_exchanged(judged):
+    """Of an LWR4+ five of whose joints follow one signal the last two were told as exchanged, and where a
+    quarter of it judges the fifth with the seventh: any torque of their positions explains more."""
     study = measured("kuka_lwr4plus")
     (entry,) = [e for e in study.recordings if e.file.startswith("traj_a")][:1]
-    alone = entry.model_copy(update={"use": "identify", "from_s": None, "to_s": None})
-    checks = examine_fit(prepare_study(study.with_(recordings=(alone,))))
+    parts = [("identify", None, 15.48), ("validate", 15.48, 20.3)] if judged else [("identify", None, None)]
+    runs = [
+        entry.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
+        for use, begin, end in parts
+    ]
+    checks = examine_fit(prepare_study(study.with_(recordings=tuple(runs), filter=type(study.filter)())))
     assert "swapped_signals" not in {c.check for c in checks}

@@ -288,6 +288,13 @@ def test_many_spikes_are_refused(tmp_path):
     assert checks == {"spike"} and "q3" in text
 
 
+def test_two_spikes_of_few_rows_are_no_share(tmp_path):
+    """Two of 169 rows of a rokae, which turns there, were more than one of a hundred: nothing was fitted."""
+    study = parted(measured("rokae_xmate3pro"), 7.0, 9.7)
+    checks = tables(planted(tmp_path, lambda c: {k: x[8::16] for k, x in c.items()}, study))
+    assert "refused" not in {c.outcome for c in checks}
+
+
 @pytest.mark.parametrize("value", [9999.0, 1e300, np.nan])
 def test_marks_for_no_value_are_masked(tmp_path, value):
     study = planted(tmp_path, changed("i3", lambda x: rows(x, slice(900, 905), value)))
@@ -336,6 +343,14 @@ def test_noise_with_a_hundredth_of_torque_in_it_is_none(tmp_path):
     noise = np.random.default_rng(0).normal(size=6000)
     study = planted(tmp_path, changed("i4", lambda x: 0.3 * x + np.std(x) * noise[: len(x)]))
     assert "dead_channel" not in {c.check for c in tables(study)}
+
+
+@pytest.mark.parametrize("begin", [23.65, 27.5])
+def test_four_seconds_of_torque_are_no_noise(begin):
+    """Of a UR10e three torques of them were told as dead."""
+    (first, *_) = ur10e().recordings
+    part = first.model_copy(update={"use": "identify", "from_s": begin, "to_s": begin + 3.85})
+    assert "dead_channel" not in {c.check for c in tables(ur10e().with_(recordings=(part,)))}
 
 
 def test_a_pause_of_an_hour_splits_the_run_and_is_no_clock(tmp_path):

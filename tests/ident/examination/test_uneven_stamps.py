@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from planted import ON_RECORDINGS, measured, planted, tables, ur10e
 
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
 from ident.examination.excerpt import Excerpt
 from ident.examination.uneven_stamps import uneven_stamps
 
@@ -38,3 +40,25 @@ def test_a_measured_log_whose_stamps_are_rounded_to_10_ms(tmp_path):
 @pytest.mark.parametrize("robot", ["kinova_gen3_joint7_friction", "franka_friction_j2"])
 def test_stamps_of_measured_logs_are_left_alone(robot):
     assert not [c for c in tables(measured(robot)) if c.check == "time_stamps"]
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_stamps_taken_late_are_no_clock_at_another_rate(tmp_path):
+    """Of an LWR4+ whose positions came 20 ms late, too, one of an eighth was told."""
+
+    def change(c):
+        t = c["t"]
+        late = {k: np.interp(t - 0.02, t, x) if k.startswith(("q", "dq")) else x for k, x in c.items()}
+        thin = {k: x[::3] for k, x in late.items()}
+        h = np.median(np.diff(thin["t"]))
+        noise = np.random.default_rng(7).normal(size=len(thin["t"]))
+        return thin | {"t": np.sort(thin["t"] + 0.3 * h * noise)}
+
+    study = measured("kuka_lwr4plus")
+    ends = {"traj_a_run1.parquet": ("identify", 1.0, 24.0), "traj_b_run1.parquet": ("validate", 14.0, 19.0)}
+    runs = [r.model_copy(update=dict(zip(("use", "from_s", "to_s"), ends[r.file]))) for r in study.recordings]
+    study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    checks = examine_fit(prepare_study(planted(tmp_path, change, study)))
+    assert "clock_rate" not in {c.check for c in checks}
