@@ -1,5 +1,6 @@
 """What is left of a channel of which nothing was said, and is no noise all the same: an error far beyond
-what noise and parameters make on the rows that judge, or one that oscillates of its own."""
+what noise and parameters make on the rows that judge, one that oscillates of its own, or one that is of a
+stretch of a recording alone."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ import scipy.special
 
 from ident.diagnosis.evidence import orthonormal
 from ident.diagnosis.findings import Finding, Unexplained
+from ident.diagnosis.loud_for_a_while import Stretch, loud_stretches
 from ident.diagnosis.oscillating import blocks, oscillation_says
 from ident.diagnosis.pictures import picture
 from ident.diagnosis.state import State
@@ -27,12 +29,13 @@ def beyond_noise(
     last: FitResult, state: State, findings: Sequence[Finding], told: Sequence[Unexplained], tau: float
 ) -> tuple[Unexplained, ...]:
     """Channels of which nothing was said, and whose residual is no noise all the same: its error on the rows
-    that judge is far beyond what noise and the parameters' uncertainty make there, or it oscillates of its
-    own, foretold by its past (a vibration, a slosh). What only wanders is what slow noise does."""
+    that judge is far beyond what noise and the parameters' uncertainty make there, it oscillates of its own,
+    foretold by its past (a vibration, a slosh), or it is that of a stretch alone. What only wanders is what
+    slow noise does."""
     known = {joint for f in findings for joint in f.joints} | {joint for u in told for joint in u.joints}
     everywhere = any(not f.joints for f in findings)
     rows, out = state.rows, list[Unexplained]()
-    away = keeping_direction(state)
+    away, quiet = keeping_direction(state), list[int]()
     for c, channel in enumerate(last.columns.need.channels):
         joint = last.columns.need.joints[channel.joint]
         fitted, judged = (side & rows.use[c] for side in (rows.fitted, rows.judged))
@@ -51,7 +54,23 @@ def beyond_noise(
             share = 100.0 * float(1.0 - new / noise)
             shown = picture(state, None, c, ("t",))
             out.append(Unexplained((joint,), kind, ("t",), share, nats, None, False, shown))
-    return tuple(out)
+        else:
+            quiet.append(c)
+    stretches = loud_stretches(state, quiet, away)
+    return (*out, *(u for its in stretches for u in _of_stretch(its, last, state)))
+
+
+def _of_stretch(its: Stretch, last: FitResult, state: State) -> list[Unexplained]:
+    """One of the motors' torques, one of the sensors'."""
+    kinds: dict[str, list[int]] = {}
+    for c in sorted(its.parts):
+        kinds.setdefault(last.columns.channels[c].rstrip("0123456789"), []).append(c)
+    need, where, out = last.columns.need, (its.recording, its.start, its.stop), list[Unexplained]()
+    for kind, own in kinds.items():
+        joints = tuple(need.joints[need.channels[c].joint] for c in own)
+        share = 100.0 * its.of(own)
+        out.append(Unexplained(joints, kind, ("t",), share, 0.0, None, False, stretch=where))
+    return out
 
 
 def _lasting(state: State, c: int, judged: np.ndarray) -> np.ndarray:

@@ -129,6 +129,7 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
     return {
         "joints": list(u.joints),
         "channel": u.channel,
+        **({} if u.stretch is None else dict(zip(("recording", "from", "to"), u.stretch))),
         "depends_on": list(u.depends_on),
         "or_on": list(u.alike),
         "share_of_residual_percent": u.share_of_residual_percent,

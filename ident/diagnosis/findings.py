@@ -94,6 +94,7 @@ class Unexplained:
     by_chance: float | None = None  # p of the sizes of `nearest`, by the stretches, which keeps it away
     errors: tuple[float, float] | None = None  # % without `nearest` and with it, which keep it away
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
+    stretch: tuple[str, float, float] | None = None  # recording, from, to [s]: there alone
 
 
 @dataclass(frozen=True, slots=True)

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.candidates import Library, Ranked, Ranking, beside, elsewhere, ranked, short_list
-from ident.diagnosis.events import Event, best_event
-from ident.diagnosis.evidence import Evidence, weigh
+from ident.diagnosis.events import Event, best_event, chosen
+from ident.diagnosis.evidence import Evidence, weigh, whole
 from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
-from ident.diagnosis.refine import Refined
+from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.settling import (
     Settled,
     as_late,
@@ -214,10 +214,17 @@ def _late_instead(weighed: Weighed, best: Refined, evidence: Evidence) -> Place 
 
 def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: float) -> bool:
     """Whether a law that may be, though too few blocks speak for it to be told, leaves the load nothing to
-    say: a base's tilt of 3 mrad was told as a force on all but a second of a run."""
-    r = event.refined
+    say, and says as much of all rows as it, each number that was chosen for either paid: a base's tilt of
+    3 mrad was told as a force on all but a second of a run, one of half a milliradian as another."""
+    r, every = event.refined, whole(state.metric, state.rows.usable)
     load = Found(r.term, r.columns, r.sizes)
-    likely = [(o, e) for o, e in weighed.possible if e.log_e > tau and e.gain > event.evidence.gain]
+    price = 0.5 * float(np.log(every.fitted.mask.sum()))
+    least = event.gain - price * chosen(r.term)
+    likely = [
+        (o, e)
+        for o, e in weighed.possible
+        if e.log_e > tau and fit_sizes(every, o.columns)[1] - price * o.term.free > least
+    ]
     return any(
         not still_holds(solved(state.plus(Found(o.term, o.columns, o.sizes))), load, tau, alpha)
         for o, _ in likely

@@ -287,6 +287,13 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
                 "and nothing known explains it; fit longer, faster or more varied motion."
             )
         return f"{text}on some run the model predicts it worse than none would; nothing known explains it."
+    if item.get("recording") is not None:
+        return (
+            f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves on the fitted "
+            f"{sides} is of {item['recording']} from {number(item['from'], 3)} to {number(item['to'], 3)} s "
+            "alone, and no load or contact of the catalogue explains it: something happened there; look at "
+            "that stretch, or leave it out."
+        )
     if item["depends_on"] == ["t"] and item.get("carries_over") is False:
         return (
             f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there "

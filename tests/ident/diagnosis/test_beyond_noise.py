@@ -48,3 +48,21 @@ def test_a_stop_that_the_fitted_run_does_not_reach(tmp_path):
     diagnosis = diagnose_study(load_study(tmp_path / "study.yaml"))
     assert [u.joints for u in diagnosis.unexplained] == [(3,)]
     assert not diagnosis.findings
+
+
+def test_a_stretch_in_which_something_unknown_happens(arm):
+    """A torque that swells and fades again, in one fitted run: no contact and no noise. "None" was told, of
+    an error twelve times the floor."""
+
+    def swelling(columns):
+        t, tau = columns["t"], columns["tau_m2"]
+        if t[-1] > 12:  # the first run
+            on = (t > 4) & (t < 9)
+            tau[on] += 1.5 * np.std(tau) * (np.sin(np.pi * (t[on] - 4) / 5) * np.sin(5 * (t[on] - 4)))
+
+    diagnosis = diagnose_study(arm(change=swelling))
+    assert not diagnosis.findings
+    (what,) = [u for u in diagnosis.unexplained if u.stretch is not None]
+    recording, start, stop = what.stretch
+    assert (what.joints, recording) == ((2,), "run1")
+    assert 3 < start < 6 and 7 < stop < 10

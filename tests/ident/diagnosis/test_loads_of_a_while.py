@@ -11,6 +11,7 @@ import ident
 from benchmarks.planted_faults import BASES, DATA, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.candidates import Library, ranked, short_list
+from ident.diagnosis.diagnosis import diagnose_study
 from ident.diagnosis.events import Event, _gains, best_event
 from ident.diagnosis.evidence import acting, whole
 from ident.diagnosis.is_a_load import crossed, stands_apart
@@ -46,6 +47,16 @@ def test_a_contact(arm):
     assert place.recording == "run1"
     assert place.start == pytest.approx(5.0, abs=0.2) and place.stop == pytest.approx(9.0, abs=0.2)
     assert event.evidence.log_e > threshold(ALPHA)
+
+
+def test_a_contact_before_the_flange(arm):
+    """Held at the flange it said less than all of the model's parameters: nothing was told of 19 N."""
+    request = "external_force:fx=0.4,fy=-0.3,fz=0.3,pz=0.2,from=5,to=9,recording=run1"
+    (finding,) = diagnose_study(arm(request)).findings
+    assert finding.effect == "external_force"
+    for name, truth in {"fx": 0.4, "fy": -0.3, "fz": 0.3, "px": 0.0, "py": 0.0, "pz": 0.2}.items():
+        told = finding.parameters[name]
+        assert abs(told["value"] - truth) < 4 * told["std"] < 0.25
 
 
 def test_two_contacts_in_one_run(arm):
