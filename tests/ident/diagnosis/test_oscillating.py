@@ -49,6 +49,19 @@ def test_a_slosh_is_said_of_runs_that_it_was_not_learned_on(lost):
     assert oscillation_says(HOP, with_it[:3], without) < 0.0
 
 
+def test_a_torque_whose_frequency_sweeps():
+    """No frequency stands out of it as the noise's tail does of its neighbours."""
+    rng = np.random.default_rng(5)
+
+    def sweep(t):
+        return 3.0 * np.sin(2 * np.pi * (0.6 + 0.15 * t) * t + 6 * rng.random()) + 0.3 * rng.normal(
+            size=len(t)
+        )
+
+    six = [rows_of(sweep, 0.1, rng) for _ in range(6)]
+    assert oscillation_says(HOP, six[:3], six[3:]) > 20.0
+
+
 def test_sizes_are_the_most_likely_ones():
     """Of white noise alone the mean square; no other size has a larger likelihood."""
     rng = np.random.default_rng(2)
