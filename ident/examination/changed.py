@@ -7,7 +7,7 @@ alone: what has no number is here (a sign, a place, degrees), what has one is am
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, product
 
 import numpy as np
@@ -18,7 +18,7 @@ from ident.examination.places import exchanged
 from ident.examination.quick import Quick
 from ident.examination.signals import TURNS
 from ident.examination.stretches import Explained
-from ident.examination.units import DEGREES, reach_of
+from ident.examination.units import DEGREES, Factor, ratios, reach_of, times_too
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,20 +61,34 @@ def unsigned(asked: Asked, whole: Quick, labels: Sequence[str]) -> Iterator[Chan
 
 
 def positions_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:
-    """A position turned, or in degrees where it goes beyond two turns; two exchanged."""
+    """A position turned, or in degrees or before a gear where it goes beyond two turns; two exchanged."""
     n, reach, prismatic = len(asked.joints), reach_of(asked), whole.columns.model.prismatic
     for j, joint in enumerate(asked.joints):
         name, its = f"q{joint}", np.arange(n) == j
-        turned = "position_sign", "has the other sign (or its axis in the robot file)", "sign", -1
-        degrees = "angle_unit", "is in degrees", "scale", DEGREES
-        far = joint not in prismatic and reach[j] > TURNS
-        for check, words, key, factor in (turned, degrees) if far else (turned,):
+        ways = [("position_sign", "has the other sign (or its axis in the robot file)", "sign", -1.0)]
+        if joint not in prismatic and reach[j] > TURNS:
+            ways.append(_before_a_gear(replace(asked, quick=whole, fit=whole.fit(asked.how)), its, reach[j]))
+        for check, words, key, factor in ways:
             explained = Explained.by(whole.moved(factor=np.where(its, factor, 1.0)), asked.how)
             line = asked.line({name: {key: factor}})
             yield Changed("", (name,), check, f"{name} {words}", line, explained)
     for a, b in combinations(range(n), 2):
         moved = Explained.by(whole.moved(exchanged(n, a, b)), asked.how)
         yield _exchanged(asked, f"q{asked.joints[a]}", f"q{asked.joints[b]}", moved)
+
+
+def _before_a_gear(asked: Asked, its: np.ndarray, reach: float) -> tuple[str, str, str, float]:
+    """Check, words, key and factor of a position that goes beyond two turns. (Of a rokae's first one times
+    100 degrees were told.)"""
+    (factor,) = Factor.each(asked, its, ratios(reach))
+    if factor.allows(DEGREES):
+        return "angle_unit", "is in degrees, or before a gear of about that ratio", "scale", DEGREES
+    low, high = factor.ends()
+    words = (
+        f"is {times_too(1 / factor.best)} ({1 / high:.3g} to {1 / low:.3g}, by the motor's side of the gear, "
+    )
+    words += "or another unit)"
+    return "angle_unit", words, "scale", float(f"{factor.best:.4g}")
 
 
 def _exchanged(asked: Asked, one: str, other: str, explained: Explained) -> Changed:

@@ -130,8 +130,8 @@ def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[
     larger. (Of an LWR4+'s second joint on the motor's side of a gear of 100, the position was told to be 258
     times too large with the other sign, and the fourth torque 347 times.)"""
     own = tuple(np.flatnonzero(its[np.array(asked.quick.columns.joint_of, int)]).tolist())
-    ratios = [sign * f for f in _ratios(reach) for sign in (1, -1)]
-    alone, factor = Factor.each(asked, its, ratios, ((), own))
+    tried = [sign * f for f in ratios(reach) for sign in (1, -1)]
+    alone, factor = Factor.each(asked, its, tried, ((), own))
     if not steadily(alone.explained, factor.explained, RARE):
         factor = alone
     if factor.allows(DEGREES) and not factor.own:  # which `degrees` tells
@@ -168,7 +168,7 @@ def reach_of(asked: Asked) -> np.ndarray:
     return np.max([np.abs(s.q).max(axis=0) for s in asked.quick.samples], axis=0)
 
 
-def _ratios(reach: float) -> list[float]:
+def ratios(reach: float) -> list[float]:
     """Factors that leave a joint a turn at most and a tenth of a radian at least, so close that no angle
     differs by more than a radian between two of them."""
     count = int(np.ceil(np.log(2 * np.pi / LEAST) / np.log(NEXT)))
@@ -194,11 +194,11 @@ def degrees(asked: Asked) -> Iterator[Hypothesis]:
             yield from asked.along(taken(asked, turning, 2 * np.pi), in_turns, words)
         return
     far = turning & (reach > TURNS)
-    (every,) = Factor.each(asked, turning, _ratios(reach[turning].max()))
+    (every,) = Factor.each(asked, turning, ratios(reach[turning].max()))
     if not far.any() or (far == turning).all():
         yield from _of_one_unit(every, "the positions")
         return
-    (some,) = Factor.each(asked, far, _ratios(reach[far].max()))
+    (some,) = Factor.each(asked, far, ratios(reach[far].max()))
     yield from _of_one_unit(some)
     if steadily(some.explained, every.explained, RARE):  # or the others, which hardly move then, are right
         yield from _of_one_unit(every, "the positions")

@@ -19,10 +19,18 @@ import numpy as np
 
 from ident.errors import StudyError
 from ident.examination.check import Check, refuse, worst_first
-from ident.examination.clock import Pace, rounded_stamps, time_stamps, time_unit_beside, uniform_clock
+from ident.examination.clock import (
+    Pace,
+    late_stamps,
+    rounded_stamps,
+    time_stamps,
+    time_unit_beside,
+    uniform_clock,
+)
 from ident.examination.of_table import more_joints, of_table
 from ident.examination.signals import Columns
 from ident.examination.stopped import stopped_positions
+from ident.examination.uneven_stamps import uneven_stamps
 from ident.examination.velocity import velocity_agrees
 from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
@@ -82,12 +90,15 @@ def open_recording(
     )
     seen, checks = surveyed(stream, study), []
     mended: Check | None = None
-    if (seen.bursts or seen.grid.rounded) and stream.counted_rate_hz is None:
+    uneven = next(uneven_stamps(seen.excerpt, len(need.joints)), None)
+    if (seen.bursts or seen.grid.rounded or uneven) and stream.counted_rate_hz is None:
         stamps = table.blocks(names[:1])
         clock = uniform_clock((b[:, 0] * factors[0] + offsets[0] for b in stamps), window)
         mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
         if mended is None and seen.bursts:
             mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
+        if mended is None and uneven and clock.believable:
+            mended = late_stamps(stream.label, clock, uneven, seen.survey.rows)
     if mended is not None:
         checks.append(mended)
         refuse(stream.file, checks)

@@ -119,3 +119,36 @@ def test_a_torque_of_another_run_is_no_motion_that_shows_too_little(tmp_path):
     checks = examine_fit(prepare_study(study.with_(recordings=short, filter=type(study.filter)())))
     assert [(c.check, c.signals) for c in checks] == [("unrelated_torque", ("tau_m2",))]
     assert "no check tells which" in checks[0].message
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_six_seconds_of_joints_that_move_alike_are_of_no_turned_position(tmp_path):
+    """Of an LWR4+ with somewhat uneven stamps the first or the fifth was told, or an exchange."""
+
+    def change(c):
+        noise = np.random.default_rng(7).normal(size=len(c["t"]))
+        stamps = np.sort(c["t"] + 0.1 * np.median(np.diff(c["t"])) * noise)
+        return {k: x for k, x in c.items() if k[:2] != "dq"} | {"t": stamps}
+
+    study = measured("kuka_lwr4plus")
+    (entry,) = [e for e in study.recordings if e.file.startswith("traj_a")][:1]
+    parts = (("identify", 8.15, 14.16), ("validate", 14.16, 16.16))
+    runs = [
+        entry.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
+        for use, begin, end in parts
+    ]
+    short = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    checks = examine_fit(prepare_study(planted(tmp_path, change, short)))
+    assert {c.check for c in checks} <= {"poor_excitation"}
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_term_that_a_study_leaves_out_turns_no_torque():
+    """Of six seconds of a KR 300 without viscous friction two were told as turned."""
+    study = measured("kuka_kr300").with_(without=("viscous_friction",))
+    study = parted(study.with_(recordings=study.recordings[:1]), 6.0, 8.0)
+    checks = examine_fit(prepare_study(study))
+    assert {c.check for c in checks} <= {"poor_excitation"}

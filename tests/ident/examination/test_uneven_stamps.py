@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from planted import ON_RECORDINGS, measured, planted, tables, ur10e
 
+import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.excerpt import Excerpt
@@ -40,6 +41,26 @@ def test_a_measured_log_whose_stamps_are_rounded_to_10_ms(tmp_path):
 @pytest.mark.parametrize("robot", ["kinova_gen3_joint7_friction", "franka_friction_j2"])
 def test_stamps_of_measured_logs_are_left_alone(robot):
     assert not [c for c in tables(measured(robot)) if c.check == "time_stamps"]
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_stamps_taken_late_are_those_of_even_samples(tmp_path):
+    """Of an LWR4+ 7 % were left, for 2, where they scatter by a third of a sample."""
+
+    def change(c):
+        noise = np.random.default_rng(7).normal(size=len(c["t"]))
+        return c | {"t": np.sort(c["t"] + 0.3 * np.median(np.diff(c["t"])) * noise)}
+
+    (entry, *_) = (r for r in measured("kuka_lwr4plus").recordings if r.file.startswith("traj_b"))
+    study = measured("kuka_lwr4plus").with_(
+        recordings=(entry.model_copy(update={"use": "identify", "from_s": 2.0, "to_s": 14.0}),)
+    )
+    planted_study = planted(tmp_path, change, study)
+    (said,) = (c for c in tables(planted_study) if c.check == "time_stamps")
+    assert said.outcome == "mended" and "those of a uniform clock" in said.message
+    errors = [ident.fit(its).error_percent["identify"]["total"] for its in (study, planted_study)]
+    assert errors[1] < 1.1 * errors[0]
 
 
 @pytest.mark.long

@@ -132,3 +132,16 @@ def test_measured_positions_in_a_unit(tmp_path, robot, to_a_rad, joints, words):
     for check in told:
         scale = float(check.remedy.split("scale: ")[1].split("}")[0])
         assert scale * to_a_rad == pytest.approx(1.0, rel=1e-4 if "rad" in words else 0.15)
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_the_gear_of_a_first_joint_that_only_inertia_tells(tmp_path):
+    """Of a rokae's position times 100 degrees were told."""
+    change = lambda c: {k: 100 * x if k in ("q1", "dq1") else x for k, x in c.items()}  # noqa: E731
+    study = parted(planted(tmp_path, change, measured("rokae_xmate3pro")), 7.0, 9.7)
+    (said,) = examine_fit(prepare_study(study))
+    assert said.check == "angle_unit" and said.signals == ("q1",) and "degrees" not in said.message
+    low, high = (float(x) for x in said.message.split("(")[1].split(",")[0].split(" to "))
+    assert low < 100 < high

@@ -1,0 +1,32 @@
+"""A position that stands still in a part of a recording: an encoder that stopped, or a brake."""
+
+import numpy as np
+import pytest
+from planted import ON_RECORDINGS, planted, ur10e
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+
+pytestmark = [*ON_RECORDINGS, pytest.mark.long]
+
+
+@pytest.mark.parametrize("braked", [False, True])
+def test_an_encoder_that_stops_midway_and_a_joint_that_is_braked(tmp_path, braked):
+    """Of a UR10e whose second position stopped all torques were left, and nothing was said."""
+    joint = 6 if braked else 2
+
+    def change(c):
+        t = c["t"] - c["t"][0]
+        at = np.flatnonzero(t > 15.0)
+        out = {k: np.array(x, float) for k, x in c.items()}
+        out[f"q{joint}"][at] = c[f"q{joint}"][at[0]]
+        out[f"dq{joint}"][at] = 0.0
+        if braked:
+            out["i6"][at] = 0.1 * np.random.default_rng(5).normal(size=len(at))
+        return out
+
+    (fitted, judged) = ur10e().recordings
+    study = ur10e().with_(recordings=(fitted.model_copy(update={"to_s": 30.0}), judged))
+    checks = examine_fit(prepare_study(planted(tmp_path, change, study)))
+    told = [(c.check, c.signals, c.recording) for c in checks]
+    assert told == ([] if braked else [("dead_channel", ("q2",), r.label) for r in study.recordings])
