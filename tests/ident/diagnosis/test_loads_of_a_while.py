@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from planted import thinned, with_fault
+from planted import ON_RECORDINGS, thinned, ur10e, with_fault
+from planted import planted as with_change
 
 import ident
 from benchmarks.planted_faults import BASES, DATA, Fault, carried, planted
@@ -246,3 +247,16 @@ def test_a_weight_on_the_second_link_of_a_franka(tmp_path):
     assert abs(mx["value"]) < 3 * mx["std"] and my["value"] < -3 * my["std"]
     before, after = (document["error_percent"][k]["test"]["total"] for k in ("before", "after"))
     assert after < 0.2 * before
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_positions_that_come_late_are_no_contact(tmp_path):
+    """Of a UR10e's by 5 ms a second of 3 and -3 kN was told, which moved one torque."""
+
+    def late(c):
+        return {k: np.interp(c["t"] - 0.005, c["t"], x) if k[0] in "qd" else x for k, x in c.items()}
+
+    document = ident.diagnose(with_change(tmp_path, late, ur10e())).document()
+    assert "external_force" not in {its["effect"] for its in document["findings"]}

@@ -48,3 +48,8 @@ def test_force_alone_has_the_usual_direction():
 def test_reported_spread_is_that_of_draws():
     check_report("external_force")
     assert E.physical(values_of(E)) is None
+
+
+def test_parts_that_cancel_each_other_are_no_contact():
+    """Of a UR10e whose positions came late 3 and -3 kN were told beside half a metre from its last link."""
+    assert E.physical(values_of(E, fy=-3100.0, fz=3240.0, py=-0.5, pz=0.5)) is not None
