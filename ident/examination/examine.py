@@ -48,7 +48,7 @@ from ident.examination.magnitudes import magnitudes
 from ident.examination.motions import by_themselves, moved_positions, signed
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Quick, Sample, gain_of, gains_of, quick_of, take
-from ident.examination.recordings_apart import recordings_apart, recordings_unlike
+from ident.examination.recordings_apart import foretold_badly, recordings_apart, recordings_unlike
 from ident.examination.rivals import alike, rivals
 from ident.examination.same_samples import same_samples
 from ident.examination.scales import scales, too_large, turned_scales
@@ -169,8 +169,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         beside = [ambiguous(held, scaled)] if scaled else beside
         beside += _by_all(prepared, asked) if asks and not beside else []
         beside += [] if beside or doubted else unpredicted(asked)
-    if not beside:
-        beside += contradicting(asked)
+    beside = beside or list(foretold_badly(asked, apart)) or list(contradicting(asked))
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
