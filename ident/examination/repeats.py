@@ -146,11 +146,12 @@ def noise_alone(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     """Torques that are white noise about a constant while their joint moves: means over 2, 4, 8 ... samples
     scatter as those of independent samples do, at every length (Haar's variances), and so do the longest
     about the mean of all. Gravity, friction or an offset that turns with the motion would show in the long
-    ones, however far below the noise. (Of four seconds of a UR10e lengths up to 0.2 s alone were asked, and
-    three torques told as dead.)"""
+    ones, however far below the noise, where the joint goes there and back. (Of four seconds of a UR10e up to
+    0.2 s alone were asked, and three torques told as dead; of a second of a KR 300, one way, one.)"""
     for k in range(columns.n, len(columns.signals)):
-        moved = float(np.ptp(excerpt.column(int(columns.joint[k]))))
-        if moved < TRAVELLED or excerpt.fewer(k, 3):
+        q = excerpt.column(int(columns.joint[k]))
+        there, back = np.max(q - np.minimum.accumulate(q)), np.max(np.maximum.accumulate(q) - q)
+        if min(there, back) < TRAVELLED or excerpt.fewer(k, 3):
             continue
         low, high = np.quantile(excerpt.column(k), [0.1, 0.9])  # spikes would drown what is below them
         means = [np.clip(values[:, k], low, high) for _, _, values in excerpt.pieces]  # over `size` samples
