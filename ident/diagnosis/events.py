@@ -139,7 +139,10 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     told = told and by_what_it_needs(halves, term, columns, evidence, tau, alpha)
     runs, refined = comparable(state, term, columns), Refined(term, columns, sizes, gain)
     if told and evidence.supported(alpha) and is_load(state, halves, columns, evidence, limit, alpha):
-        if runs and one_number_between(state, term, columns, tau):
+        inside = acting(columns)
+        if runs and one_number_between(
+            state, term, columns, tau, lambda z: cross_evidence(halves, z, inside).log_e
+        ):
             return None
         return Event(refined, evidence, r.gain)
     nats = between_runs(state, term, columns, limit, tau) if runs else None
