@@ -15,7 +15,7 @@ from small_arm import ARM
 import ident
 from benchmarks.planted_faults import DATA
 from ident.diagnosis.between_runs import between_runs, says_between
-from ident.diagnosis.diagnosis import without_explained
+from ident.diagnosis.diagnosis import diagnose_study, without_explained
 from ident.diagnosis.events import best_event
 from ident.diagnosis.evidence import acting, weigh
 from ident.diagnosis.opening import opened
@@ -209,3 +209,24 @@ def test_a_weight_on_the_second_link_of_a_barrett(tmp_path):
     assert m["value"] > 3 * m["std"] and abs(my["value"]) < 3 * my["std"]
     before, after = (document["error_percent"][k]["test"]["total"] for k in ("before", "after"))
     assert after < 0.2 * before
+
+
+def test_bodies_on_either_of_two_fitted_runs(tmp_path):
+    """By what the runs have in common another zero says as much as the first body, as the second is on the
+    other one; by the run's own rows it says far less."""
+    (tmp_path / "robot.yaml").write_text(ARM)
+    bodies = ("m=0.3,mx=0.02,my=0.01,mz=0.01,recording=run1", "m=0.15,mz=0.02,from=5,recording=run2")
+    runs = [PlannedRun("run1", "identify", 14.0), PlannedRun("run2", "identify", 14.0)]
+    made = simulate(
+        tmp_path / "robot.yaml",
+        "A",
+        [f"payload_change:{body}" for body in bodies],
+        seed=3,
+        sensors=Sensors(rate_hz=200.0),
+        runs=[*runs, PlannedRun("run3", "validate", 10.0)],
+    )
+    diagnosis = diagnose_study(load_study(write_simulation(made, tmp_path / "made")))
+    told = {f.where["recording"]: f for f in diagnosis.findings}
+    assert {f.effect for f in diagnosis.findings} == {"payload_change"} and set(told) == {"run1", "run2"}
+    for recording, mass in {"run1": 0.3, "run2": 0.15}.items():
+        assert told[recording].parameters["m"]["value"] == pytest.approx(mass, rel=0.15)

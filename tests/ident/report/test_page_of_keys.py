@@ -54,7 +54,8 @@ def documents(tmp_path_factory):
     columns["tau_m3"] = columns["tau_m3"] + 8.0 * columns["q3"]
     write_parquet(folder / "run.parquet", columns)
     near = Alternative("spring", (3,), 9.0, 1.0)
-    loose = _unexplained(Unexplained((3,), "tau_m", ("q3",), 10.0, 9.0, near, True))
+    stretch = ("run", 2.0, 5.0)
+    loose = _unexplained(Unexplained((3,), "tau_m", ("q3",), 10.0, 9.0, near, True, stretch=stretch))
     hint = _hint(Hint(near, "tau_m3", 2, 9, (near,)))
     found = ident.diagnose(write_study(folder, [{"file": "run.parquet"}])).document()
     assert [f["effect"] for f in found["findings"]] == ["spring"]
