@@ -29,6 +29,7 @@ from ident.diagnosis.parameters_apart import times_noise
 from ident.diagnosis.refine import Refined, fit_sizes, refine
 from ident.diagnosis.state import Found, State, solved
 from ident.diagnosis.terms import Term
+from ident.diagnosis.weighing import Equivalent
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
 
@@ -84,20 +85,20 @@ def _search(state: State, effects: Sequence[Effect], layout: Layout, tau: float)
 def _beside_another(
     state: State, search: _Search, effects: Sequence[Effect], layout: Layout, tau: float, alpha: float
 ) -> Event | None:
-    """Of two loads that come and go in one recording the one that says most, where each holds with the other
-    in the model: fitted to the other one's rows, the model predicts none of its blocks. (Two contacts of an
-    arm, 43 nats that the rest of the run contradicted by 17.)"""
+    """Of two loads, of which one comes and goes, that one, where each holds with the other in the model:
+    fitted to the other one's rows, the model predicts none of its blocks. (Two contacts of an arm, 43 nats
+    that the rest of the run contradicted by 17; a body on one run, and another one from a moment on in the
+    next.)"""
     windows = [r for r in search.asked if r.gain > search.limit and _comes_and_goes(r.term.place)]
     first = max(windows, key=lambda r: r.gain, default=None)
     if first is None:
         return None
-    its = replace(layout, recordings=(str(first.term.place.recording),))
     beside = _with(state, first)
-    others = _search(beside, effects, its, tau)
+    others = _search(beside, effects, layout, tau)
     if others is None:
         return None
     for r in sorted(others.asked, key=lambda r: -r.gain):
-        if not _comes_and_goes(r.term.place) or _held(beside, r, search.limit, tau, alpha) is None:
+        if r.gain < search.limit or _held(beside, r, search.limit, tau, alpha) is None:
             continue
         held = _held(_with(state, r), first, search.limit, tau, alpha)
         if held is not None:
@@ -206,7 +207,7 @@ def _simplest(state: State, m: Metric, held: Sequence[Event], asked: Sequence[Re
     equal = [e for e in held if e.evidence.log_e > near and e.refined.term.place.recording == run]
     best = min(equal, key=lambda event: (chosen(event.refined.term), -event.evidence.log_e))
     its = best.refined.term  # with more or fewer of its parameters it is no other explanation
-    others = [e for e in equal if _what(e.refined.term) != _what(its)]
+    others = [e for e in equal if what(e.refined.term) != what(its)]
     mirrors = [r for r in asked if _mirrors(r.term, its)]
     apart = times_noise(state.metric, best.refined.columns, best.refined.sizes) if mirrors else 1.0
     for r in mirrors:
@@ -215,7 +216,13 @@ def _simplest(state: State, m: Metric, held: Sequence[Event], asked: Sequence[Re
     return replace(best, rivals=tuple(others))
 
 
-def _what(term: Term) -> tuple[Effect, int | None, int | None]:
+def others_of(event: Event) -> tuple[Equivalent, ...]:
+    """What is not to be told from it."""
+    return tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
+
+
+def what(term: Term) -> tuple[Effect, int | None, int | None]:
+    """The kind of a load, and what it is on."""
     return term.effect, term.place.joint, term.place.link
 
 
@@ -226,7 +233,7 @@ def _mirrors(one: Term, other: Term) -> bool:
     What one of them is ahead by on all rows counts by what the parameters change by beside it from run
     to run: of 20 degrees in the one fitted run of a TX40, whose two runs of three seconds a model of 9 %
     predicts, the run that judges was ahead by 24 nats."""
-    return _what(one) == _what(other) and one.place.recording != other.place.recording
+    return what(one) == what(other) and one.place.recording != other.place.recording
 
 
 def chosen(term: Term) -> int:

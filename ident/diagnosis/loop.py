@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ident.diagnosis.candidates import Library, Ranked, Ranking, beside, elsewhere, ranked, short_list
-from ident.diagnosis.events import Event, best_event, chosen
+from ident.diagnosis.events import Event, best_event, chosen, others_of
 from ident.diagnosis.evidence import Evidence, weigh, whole
 from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common
@@ -160,8 +160,8 @@ def _load(state: State, event: Event | None, weighed: Weighed, tau: float, alpha
     if event is None or event.evidence.log_e <= most or _outdone(event, state, weighed, tau, alpha):
         return None
     r = event.refined
-    rivals = tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
-    return Taken(with_found(state, Found(r.term, r.columns, r.sizes)), Step(r.term, event.evidence, rivals))
+    told = Step(r.term, event.evidence, others_of(event))
+    return Taken(with_found(state, Found(r.term, r.columns, r.sizes)), told)
 
 
 def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: float) -> Taken:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.candidates import SHARE, Library, Ranked, ranked
+from ident.diagnosis.events import Event, best_event, others_of, what
 from ident.diagnosis.evidence import Evidence
 from ident.diagnosis.in_common import shown_by_fitted
 from ident.diagnosis.outcome import Outcome, Step
@@ -26,11 +27,18 @@ def reconsidered(
 ) -> tuple[State, list[Step]]:
     """Each effect weighed again against what could have stood in its place, and what else as simple its joint
     may lack, beside all that was found since: what was missing then can have made one explanation look better
-    than it is, or a simpler one too poor. (Of a spring of an LWR4+'s third joint a crosstalk was told, the
-    other one beside it: the spring had not been asked.)"""
+    than it is, or a simpler one too poor; loads against those of their recording. (Of a spring of an LWR4+'s
+    third joint a crosstalk was told, the other one beside it: the spring had not been asked.)"""
     for number, f in enumerate(state.found):
         at = next((k for k, s in enumerate(steps) if f.term is not None and s.term.key == f.term.key), None)
         if f.term is None or at is None:
+            continue
+        if f.term.effect.windowed:
+            event = _another_load(state, number, library, tau, alpha)
+            if event is not None:
+                r = event.refined
+                steps[at] = Step(r.term, event.evidence, others_of(event))
+                state = _in_place_of(state, number, Found(r.term, r.columns, r.sizes))
             continue
         beside = {t.key: t for t in (*steps[at].passed, *(e.term for e in steps[at].equivalent))}
         others = state.but(number)
@@ -52,10 +60,26 @@ def reconsidered(
         if short_of(others, weighed.metric, best, evidence, c, tau) is not None:
             continue
         steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
-        found = list(state.found)
-        found[number] = Found(best.term, best.columns, best.sizes)
-        state = refined_together(solved(replace(state, found=tuple(found))))
+        state = _in_place_of(state, number, Found(best.term, best.columns, best.sizes))
     return state, steps
+
+
+def _in_place_of(state: State, number: int, other: Found) -> State:
+    found = list(state.found)
+    found[number] = other
+    return refined_together(solved(replace(state, found=tuple(found))))
+
+
+def _another_load(state: State, number: int, library: Library, tau: float, alpha: float) -> Event | None:
+    """What is told of a load's recording in its place beside what was found since, if that is a load of
+    another kind or on something else. (Of two bodies on two runs that were fitted the second was a force of
+    its weight as long as the first was not in the model.)"""
+    term = state.found[number].term
+    if term is None or number == len(state.found) - 1:
+        return None
+    its = replace(library.layout, recordings=(str(term.place.recording),))
+    event = best_event(state.but(number), library.events, its, tau, alpha)
+    return event if event is not None and what(event.refined.term) != what(term) else None
 
 
 def _as_simple(others: State, library: Library, term: Term) -> list[Term]:
