@@ -36,8 +36,7 @@ def unexplained(asked: Asked) -> Iterator[Check]:
     alone = asked.alone  # what is explained by itself, others contradict
     empty = [int(c) for c in seen if fit.error[c] > NOTHING and alone[c] > PARTLY]
     everything = asked.names(range(len(quick.columns.channels)))
-    nothing = (error > EXPLAINED).sum() > len(seen) / 2 and len(seen) > 1
-    if nothing or (len(seen) == 1 and error[0] > NOTHING):
+    if (error > EXPLAINED).sum() > len(seen) / 2 and len(seen) > 1:
         yield Check(
             "wrong_robot",
             everything,
@@ -47,7 +46,7 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             "check the robot, and that positions and torques belong to one run",
         )
         return
-    if empty and len(seen) > 1:
+    if empty:  # one torque alone blames no robot
         names = asked.names(empty)
         yield _unrelated(
             names,

@@ -297,8 +297,8 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
     if item["depends_on"] == ["t"] and item.get("carries_over") is False:
         return (
             f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there "
-            "oscillates of its own: its past foretells it, and no signal of the robot was found that does (a "
-            "vibration, a slosh)."
+            "oscillates: its past foretells it, and no function of the robot's signals was found that does "
+            "(a vibration, a slosh, or a law that is none of these)."
         )
     alike = list(item.get("or_on") or ())
     shape = (
