@@ -3,8 +3,9 @@
 Slow noise forgets: its autocovariance is a sum of relaxations, a exp(-|lag| / T) with a >= 0, and its
 spectrum only falls. An oscillation is b exp(-|lag| / T) cos(2 pi f lag) beside it, and has more of the
 residual's power than all of these (less of it is the edge of a filter, too). Noise of positions that go in
-steps is one of accelerations behind the filter that the steps ask for: its spectrum rises as f^4 up to there,
-which is no oscillation either (of an arm with steps of 0.35 mrad one of 2.4 Hz was told). f, T and b are
+steps is one of velocities and accelerations behind the filter that the steps ask for: its spectrum rises as
+f^2 and f^4 up to there, which is no oscillation either (of an arm with steps of 0.35 mrad one of 2.4 Hz was
+told, of another one of 1.3 Hz beside accelerations alone). f, T and b are
 learned on the fitted rows; what the judged ones say of it is their Gaussian log-likelihood with it, less that
 without, the sizes of all noise at their most likely each time. Both are of contrasts of the rows that no
 parameter of the model changes: of slow noise a fit takes up what is slowest, and what it leaves rises with
@@ -52,7 +53,7 @@ def oscillation_says(
     if not fitted or not judged:
         return 0.0
     shapes = [0.0, *np.geomspace(2 * hop, SIZE * hop, RELAXATIONS)]
-    noise = [_relaxations(b, shapes) + _accelerations(b, filters) for b in fitted]
+    noise = [_relaxations(b, shapes) + _of_motion(b, filters) for b in fitted]
     f = _frequency(hop, fitted, shapes, filters)
     learned = []
     for T in (periods / f for periods in PERIODS):
@@ -63,7 +64,7 @@ def oscillation_says(
     _, T, size, share = max(learned, key=lambda its: its[0])
     if share < 0.5:
         return 0.0
-    noise = [_relaxations(b, shapes) + _accelerations(b, filters) for b in judged]
+    noise = [_relaxations(b, shapes) + _of_motion(b, filters) for b in judged]
     beside = [replace(b, known=b.known + size * _oscillation(b, f, T)) for b in judged]
     return most_likely(beside, noise)[1] - most_likely(judged, noise)[1]
 
@@ -113,15 +114,17 @@ def _relaxations(b: Block, lasting: Sequence[float]) -> list[np.ndarray]:
     return [b.of(np.exp(-lag / T)) if T > 0 else np.eye(len(b.residual)) for T in lasting]
 
 
-def _accelerations(b: Block, filters: Sequence[LowPass]) -> list[np.ndarray]:
-    """Covariances (n, n) of the second derivative of white noise behind each of the filters, of unit size."""
+def _of_motion(b: Block, filters: Sequence[LowPass]) -> list[np.ndarray]:
+    """Covariances (n, n) of the first two derivatives of white noise behind each of the filters, of unit
+    size."""
     lag, out = np.abs(b.t[:, None] - b.t), []
     at = np.linspace(0.0, float(lag.max()), LAGS)
     for its in filters:
         f = np.linspace(0.0, min(4 * its.cutoff_hz, 0.5 * its.rate_hz), FREQUENCIES)
-        spectrum = f**4 * its.response(f) ** 2
-        R = np.cos(2 * np.pi * np.outer(at, f)) @ (spectrum / spectrum.sum())
-        out.append(b.of(np.interp(lag, at, R)))
+        for power in (2, 4):
+            spectrum = f**power * its.response(f) ** 2
+            R = np.cos(2 * np.pi * np.outer(at, f)) @ (spectrum / spectrum.sum())
+            out.append(b.of(np.interp(lag, at, R)))
     return out
 
 
@@ -147,7 +150,7 @@ def _frequency(
     tried = f[seen & (f < 0.4 / hop)]
     P, f = P[seen], f[seen]
     noise = [1 / (1 + (2 * np.pi * f * T) ** 2) for T in shapes]
-    noise += [f**4 * its.response(f) ** 2 for its in filters]
+    noise += [f**power * its.response(f) ** 2 for its in filters for power in (2, 4)]
     T = PERIODS[1] / tried[:, None]
     its = sum(1 / (1 + (2 * np.pi * (f + sign * tried[:, None]) * T) ** 2) for sign in (1, -1))
     every = np.broadcast_to(np.stack(noise), (len(tried), len(noise), len(f)))
