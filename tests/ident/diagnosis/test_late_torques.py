@@ -176,6 +176,7 @@ def test_all_torques_of_a_robot_that_lacks_more(tmp_path):
 
 
 @pytest.mark.parametrize("robot", ["barrett_wam_2dof", "staubli_tx40"])
+@pytest.mark.long
 def test_late_torques_that_two_seconds_show(tmp_path, robot):
     """A Barrett's two torques 20 ms late: the judged rows alone say so by 11 nats, in too few blocks. Of the
     six of a TX40 two to four rows each are so far from turns that they are not felt, and say nothing."""

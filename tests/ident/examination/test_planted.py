@@ -165,6 +165,7 @@ def test_a_scale_that_validate_alone_tells(tmp_path):
     assert check.check == "poor_excitation" and "tau_m2 times 0.2:" in check.message
 
 
+@pytest.mark.long
 def test_a_torque_that_is_a_third_too_large(tmp_path):
     study = planted(tmp_path, changed("tau_l2", lambda x: 1.3 * x), measured("franka_panda"))
     (check,) = examine_fit(prepare_study(parted(study, 6.5, 9.8)))
@@ -198,6 +199,7 @@ def test_a_small_tilt_is_no_torque_s_scale_and_no_base_upside_down(robot):
     assert not {c.check for c in checks} & {"torque_scale", "base_orientation", "poor_excitation"}
 
 
+@pytest.mark.long
 def test_a_recording_that_the_fit_cannot_foretell_is_not_blamed():
     """Without Coulomb friction the KR 300's fit foretells the other run at 220 %, and cannot say more."""
     study = _five_seconds(measured("kuka_kr300")).with_(without=("coulomb_friction",))

@@ -137,6 +137,7 @@ def test_a_share_that_only_validate_shows_is_no_drift(tmp_path, c, k, size):
     assert f"why: {c} takes up {size} of {k}: this alone" in check.message
 
 
+@pytest.mark.long
 def test_a_sensor_that_was_tared_anew_between_two_recordings(tmp_path):
     """Another robot, load or signal was told, or that the torque is half as large in one of them."""
     tared = lambda x: x | {"tau_l4": x["tau_l4"] - 11.0 * (x["t"] - x["t"][0] > 7.0)}  # noqa: E731
@@ -247,6 +248,7 @@ def test_positions_that_are_smoothed_are_no_torque_that_is_early(tmp_path):
     assert "all torques are recorded about 0.1 s before" in check.message
 
 
+@pytest.mark.long
 def test_clipped_torques_are_in_no_other_order(tmp_path):
     """Of an LWR4+ with all torques clipped joints 5 and 7 were told as exchanged."""
 

@@ -158,6 +158,7 @@ def test_a_term_that_a_study_leaves_out_turns_no_torque():
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 def test_a_load_in_the_run_that_judges_is_not_passed_over(tmp_path):
     """Of a rokae with 2 kg 30 % were foretold for 3, and a fit said nothing."""
     study = parted(measured("rokae_xmate3pro"), 7.0, 9.7)
