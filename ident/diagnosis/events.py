@@ -20,6 +20,7 @@ from ident.diagnosis.is_a_load import (
     by_what_it_needs,
     can_be,
     cross_evidence,
+    crosswise,
     halves_of,
     is_load,
     stands_apart,
@@ -140,10 +141,7 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     told = told and by_what_it_needs(halves, term, columns, evidence, tau, alpha)
     runs, refined = comparable(state, term, columns), Refined(term, columns, sizes, gain)
     if told and evidence.supported(alpha) and is_load(state, halves, columns, evidence, limit, alpha):
-        inside = acting(columns)
-        if runs and one_number_between(
-            state, term, columns, tau, lambda z: cross_evidence(halves, z, inside).log_e
-        ):
+        if runs and one_number_between(state, term, columns, tau, crosswise(halves, columns)):
             return None
         return Event(refined, evidence, r.gain)
     nats = between_runs(state, term, columns, limit, tau) if runs else None

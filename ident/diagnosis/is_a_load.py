@@ -10,7 +10,7 @@ that window, must not say more than it does (sufficiency: a load is among the ch
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -62,7 +62,7 @@ def is_load(
     wrong by grows with it), if only where all noise is white. (A contact of 4 N and 2 s on a UR10e says 1366
     nats, the friction of six drives 1317, both 1332: what these learn of it is their price.)"""
     inside = acting(columns)
-    drives, nats = own_friction(state, inside, lambda z: cross_evidence(halves, z, inside).log_e)
+    drives, nats = own_friction(state, inside, crosswise(halves, columns))
     friction = None if nats is None else cross_evidence(halves, drives, inside)
     beside = together(columns, drives)
     load = cross_evidence(halves, beside, inside)
@@ -113,12 +113,8 @@ def as_one_number(
     there, or whose torque has another factor, says as much by one number."""
     if term.place.stop is not None:
         return False
-    inside = acting(columns)
-
-    def says(z: Columns) -> float:
-        return cross_evidence(halves, z, inside).log_e
-
-    return says_as_much(*one_number(state, term, inside), says, evidence.log_e, tau)
+    its = one_number(state, term, acting(columns))
+    return says_as_much(*its, crosswise(halves, columns), evidence.log_e, tau)
 
 
 def stands_apart(state: State, own: Metric, term: Term, columns: Columns, tau: float) -> bool:
@@ -149,6 +145,12 @@ def _says(state: State, m: Metric, columns: Columns, where: np.ndarray, tau: flo
     rest = {c: z * ~where[:, None] for c, z in columns.items()}
     told = cross_evidence(halves, columns, inside).log_e
     return told > tau + max(0.0, cross_evidence(halves, rest, inside).log_e)
+
+
+def crosswise(halves: tuple[Metric, Metric], columns: Columns) -> Callable[[Columns], float]:
+    """Nats that others say where a load's columns act, either half foretold by the other."""
+    inside = acting(columns)
+    return lambda z: cross_evidence(halves, z, inside).log_e
 
 
 def cross_evidence(

@@ -5,11 +5,11 @@ spectrum only falls. An oscillation is b exp(-|lag| / T) cos(2 pi f lag) beside 
 residual's power than all of these (less of it is the edge of a filter, too). Noise of positions that go in
 steps is one of velocities and accelerations behind the filter that the steps ask for: its spectrum rises as
 f^2 and f^4 up to there, which is no oscillation either (of an arm with steps of 0.35 mrad one of 2.4 Hz was
-told, of another one of 1.3 Hz beside accelerations alone). f, T and b are
-learned on the fitted rows; what the judged ones say of it is their Gaussian log-likelihood with it, less that
-without, the sizes of all noise at their most likely each time. Both are of contrasts of the rows that no
-parameter of the model changes: of slow noise a fit takes up what is slowest, and what it leaves rises with
-the frequency before it falls. Rows that do not count are gaps."""
+told, of another one of 1.3 Hz beside accelerations alone). f, T and b are learned on the fitted rows; what
+the judged ones say of it is their Gaussian log-likelihood with it, less that without, the sizes of all noise
+at their most likely each time. Both are of contrasts of the rows that no parameter of the model changes: of
+slow noise a fit takes up what is slowest, and what it leaves rises with the frequency before it falls. Rows
+that do not count are gaps."""
 
 from __future__ import annotations
 
@@ -121,11 +121,15 @@ def _of_motion(b: Block, filters: Sequence[LowPass]) -> list[np.ndarray]:
     at = np.linspace(0.0, float(lag.max()), LAGS)
     for its in filters:
         f = np.linspace(0.0, min(4 * its.cutoff_hz, 0.5 * its.rate_hz), FREQUENCIES)
-        for power in (2, 4):
-            spectrum = f**power * its.response(f) ** 2
+        for spectrum in _rising(its, f):
             R = np.cos(2 * np.pi * np.outer(at, f)) @ (spectrum / spectrum.sum())
             out.append(b.of(np.interp(lag, at, R)))
     return out
+
+
+def _rising(filter: LowPass, f: np.ndarray) -> list[np.ndarray]:
+    """Spectra at f (k,) [Hz] of the first two derivatives of white noise behind a filter."""
+    return [f**power * filter.response(f) ** 2 for power in (2, 4)]
 
 
 def _oscillation(b: Block, f: float, T: float) -> np.ndarray:
@@ -150,7 +154,7 @@ def _frequency(
     tried = f[seen & (f < 0.4 / hop)]
     P, f = P[seen], f[seen]
     noise = [1 / (1 + (2 * np.pi * f * T) ** 2) for T in shapes]
-    noise += [f**power * its.response(f) ** 2 for its in filters for power in (2, 4)]
+    noise += [spectrum for its in filters for spectrum in _rising(its, f)]
     T = PERIODS[1] / tried[:, None]
     its = sum(1 / (1 + (2 * np.pi * (f + sign * tried[:, None]) * T) ** 2) for sign in (1, -1))
     every = np.broadcast_to(np.stack(noise), (len(tried), len(noise), len(f)))
