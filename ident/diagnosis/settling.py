@@ -79,9 +79,7 @@ def _refined_once(state: State) -> State:
             continue
         several = best.term.size is not None and len(best.term.size) > 1
         term = with_size(best.term, best.sizes) if several else best.term
-        found = list(state.found)
-        found[number] = Found(term, best.columns, best.sizes)
-        state = solved(replace(state, found=tuple(found)))
+        state = solved(state.swapped(number, Found(term, best.columns, best.sizes)))
     return settled(converged(state), 1)
 
 

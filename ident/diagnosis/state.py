@@ -129,6 +129,10 @@ class State:
         """Without one thing found, not settled yet."""
         return replace(self, found=tuple(f for k, f in enumerate(self.found) if k != number))
 
+    def swapped(self, number: int, other: Found) -> State:
+        """With another in the place of one thing found, not settled yet."""
+        return replace(self, found=tuple(other if k == number else f for k, f in enumerate(self.found)))
+
     @property
     def terms(self) -> tuple[Term, ...]:
         return tuple(f.term for f in self.found if f.term is not None)

@@ -38,7 +38,8 @@ def reconsidered(
             if event is not None:
                 r = event.refined
                 steps[at] = Step(r.term, event.evidence, others_of(event))
-                state = _in_place_of(state, number, Found(r.term, r.columns, r.sizes))
+                instead = state.swapped(number, Found(r.term, r.columns, r.sizes))
+                state = refined_together(solved(instead))
             continue
         beside = {t.key: t for t in (*steps[at].passed, *(e.term for e in steps[at].equivalent))}
         others = state.but(number)
@@ -60,14 +61,9 @@ def reconsidered(
         if short_of(others, weighed.metric, best, evidence, c, tau) is not None:
             continue
         steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
-        state = _in_place_of(state, number, Found(best.term, best.columns, best.sizes))
+        instead = state.swapped(number, Found(best.term, best.columns, best.sizes))
+        state = refined_together(solved(instead))
     return state, steps
-
-
-def _in_place_of(state: State, number: int, other: Found) -> State:
-    found = list(state.found)
-    found[number] = other
-    return refined_together(solved(replace(state, found=tuple(found))))
 
 
 def _another_load(state: State, number: int, library: Library, tau: float, alpha: float) -> Event | None:
