@@ -13,6 +13,7 @@ import numpy as np
 from ident.examination.bodies import Parts, beyond_own, by_own, errors, gain
 from ident.examination.carried import CARRIED, Carried, ambiguous, carried, span
 from ident.examination.check import Check, listed
+from ident.examination.first_axis import ROUND_ANGLE, FirstAxis, gravity_line
 from ident.examination.gravity import Direction
 from ident.examination.hypothesis import BAD, Hypothesis
 from ident.examination.quick import Assignment
@@ -23,7 +24,6 @@ AXES = 6  # of a base
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
 UNSEEN = 0.5  # gain of the gravity that is assumed over another, below which neither is known
 LEAST_ANGLE = 8.0  # degrees; smaller tilts are the diagnosis's effect base_tilt
-ROUND_ANGLE = 4.0  # within it an axis of the base is meant
 HALFWAY = 45.0  # from one axis of the base to another: what is known no better has no line
 
 
@@ -45,12 +45,14 @@ def base_orientation(
     names: Sequence[str] = (),
     aside: np.ndarray | None = None,
     measured: Callable[[np.ndarray, Sequence[int]], Direction] | None = None,
+    first: FirstAxis | None = None,
 ) -> Iterator[Hypothesis | Tilt]:
     """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
     rivals: the other faults with which the model would predict validate; None where a fault is known already.
     stretches: all that fits and judges, as one and in pieces. names (C,) of the signals; aside: channels that
     are not taken, as with the gravity that all tell they contradict the others. measured: where gravity is by
-    all rows, begun at a (3,), without some channels, and how well they tell it.
+    all rows, begun at a (3,), without some channels, and how well they tell it. first: the joint whose zero
+    may be what gravity is told to be.
     What the fitted recordings do not show, validate tells only if none of them predicts it about as well. A
     small tilt has no check (of an AIRBOT tilted by 6 degrees it was told
     that it hangs the other way round)."""
@@ -114,7 +116,7 @@ def base_orientation(
     if beside.any() and aside is None:  # what turns gravity may be a fault of their own
         less = None if validate is None else validate.without(beside)
         its, kept_out = identify.without(beside), np.flatnonzero(beside)
-        of_rest = base_orientation(its, less, assumed, how, None, None, names, kept_out, measured)
+        of_rest = base_orientation(its, less, assumed, how, None, None, names, kept_out, measured, first)
         yield from (h for h in of_rest if isinstance(h, Hypothesis))
     if beside.any() or not _explained(before, error):  # something else is missing
         return
@@ -126,14 +128,15 @@ def base_orientation(
         return
     if aside is not None:
         where += f" without {listed([names[c] for c in aside])}, which the others contradict,"
-    line = f"gravity: [{', '.join(f'{x:.3g}' if abs(x) > 0.005 * size else '0' for x in best)}]"
+    line = gravity_line(best)
     angle = degrees_between(assumed, best)
     turned = f"turned by {angle:.0f} degrees against the robot file's{known}" if norm else "absent"
     if norm and angle < LEAST_ANGLE:
         turned = f"{norm:.3g} m/s^2, not {size:.4g} as the robot file says"
         why = "its unit is another"
     else:
-        why = "the base is mounted otherwise, or its frame is"
+        zero = "" if first is None else first.zero_of(assumed, best, max(within, ROUND_ANGLE))
+        why = f"the base is mounted otherwise, or its frame is{zero}"
     yield Hypothesis(
         value,
         how,

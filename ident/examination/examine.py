@@ -29,6 +29,7 @@ from ident.examination.check import Check, refuse, turned_sign, worst_first
 from ident.examination.coupled import coupled_positions
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
+from ident.examination.first_axis import FirstAxis
 from ident.examination.frictionless import frictionless
 from ident.examination.gravity import Direction, direction
 from ident.examination.hypothesis import (
@@ -450,7 +451,7 @@ def _geometry(prepared: Prepared, asked: Asked, prior: float, axes: bool) -> Ite
 
     alone = prior == 0 and how == asked.quick.plain()
     others, names = rivals if alone else None, asked.names(range(len(columns.channels)))
-    asks = (others, stretches, names, None, measured)
+    asks = (others, stretches, names, None, measured, FirstAxis.of(table, asked.joints))
     tilted = list(base_orientation(identify, validate, gravity, how, *asks))
     yield from tilted
     if axes:

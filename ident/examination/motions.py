@@ -9,7 +9,7 @@ another joint's position turned a row of the robot file was told, of an LWR4+ an
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
 
@@ -17,11 +17,14 @@ import numpy as np
 
 from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
+from ident.examination.first_axis import FirstAxis, gravity_line
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis
 from ident.examination.quick import FLOOR, Assignment
 from ident.examination.signs import MOST_SIGNS, sign_patterns
 from ident.examination.smooth_torques import with_smooth_torques
+from ident.examination.sphere import degrees_between
 from ident.examination.stretches import RARE, ByItself, Explained, all_rows, steadily
+from modelgen.geometry.kinematics import Geometry
 
 ROWS = 400  # of all recordings
 FACTORS = (0.5, 2.0)
@@ -164,7 +167,16 @@ def _told(asked: Asked, its: Motion, plain: ByItself) -> Hypothesis:
     if "offset" in its.change:  # nearly
         line = f"write {line}, or the zero that is known"
     check = Check(its.check, its.signals, f"{its.words}: {fallen} (geometric mean)", line)
-    return Hypothesis(gain, asked.how, check, moved, its.words, own=True)
+    zero = Hypothesis(gain, asked.how, check, moved, its.words, own=True)
+    table = Geometry.of(asked.quick.columns.model.geometry)
+    first = FirstAxis.of(table, asked.joints)
+    if "offset" not in its.change or first is None or its.signals != (first.name,):
+        return zero
+    gravity = first.turned(table.gravity, its.change["offset"])
+    words = f"gravity is turned by {degrees_between(np.array(table.gravity, float), gravity):.0f} degrees"
+    message = f"{words} against the robot file's: the base is mounted otherwise; {fallen} (geometric mean)"
+    mounted = Check("base_orientation", (), message, gravity_line(gravity))
+    return replace(zero, check=mounted, words=words).beside([zero])
 
 
 def _turned_whole(asked: Asked, its: Motion) -> Assignment | None:
