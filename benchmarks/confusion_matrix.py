@@ -124,6 +124,18 @@ def detectable(truth: dict[str, Any]) -> bool | None:
     return bool(np.max(1 - known / rigid) > 0.02)
 
 
+def floor_ratios(truth: dict[str, Any], document: dict[str, Any]) -> list[float]:
+    """Of every channel the noise floor that was told over what a fit of the truth leaves, by the share of the
+    plain fit's error that it leaves there; nothing of a study that has no such fit."""
+    oracle, error = truth["oracle"], document.get("error_percent", {}).get("before", {}).get("identify", {})
+    names = [name for name in error if name != "total"]
+    if "true_identify_percent" not in oracle or len(names) != len(oracle["true_identify_percent"]):
+        return []
+    shares = np.divide(oracle["true_identify_percent"], oracle["rigid_identify_percent"])
+    floor = document.get("noise_floor_percent", {})
+    return [floor.get(n, np.nan) / (error[n] * share) for n, share in zip(names, shares) if error[n]]
+
+
 def _share(values: list[bool]) -> str:
     return f"{100 * np.mean(values):5.1f} % of {len(values)}" if values else "    -"
 
@@ -213,6 +225,10 @@ def report(results: list[dict[str, Any]]) -> str:
     row("validate error / fit of the truth: median", f"{np.median(ratios):.3f}" if ratios else "-", "-")
     row("  within 10 %", _share([x <= 1.10 for x in ratios]), "all")
     row("  drop relative to the drop of the truth, within 10 %", _share([x <= 1.10 for x in floor]), "-")
+    noise = [x for t, _, r in marks for x in floor_ratios(t, r["document"])]
+    middle = f"{np.median(noise):.2f}" if noise else "-"
+    row("noise floor / what the fit of the truth leaves: median", middle, "-")
+    row("  within 20 %", _share([abs(x - 1) <= 0.2 for x in noise]), "all")
     errors = [(n, e) for _, m, _ in singles for n, e in m.parameter_errors]
     row(
         "parameters: median relative error",

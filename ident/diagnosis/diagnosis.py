@@ -18,6 +18,7 @@ from ident.diagnosis.approximated import moved
 from ident.diagnosis.beyond_noise import beyond_noise
 from ident.diagnosis.candidates import Library
 from ident.diagnosis.findings import (
+    PARTLY,
     Finding,
     Hint,
     Unexplained,
@@ -31,7 +32,7 @@ from ident.diagnosis.findings import (
     told_once,
     unexplained_of,
 )
-from ident.diagnosis.floor import noise_floor
+from ident.diagnosis.floor import noise_floor, white_noise
 from ident.diagnosis.last_fit import (
     compared_exactly,
     extended,
@@ -70,6 +71,7 @@ class Diagnosis:
     unexplained: tuple[Unexplained, ...]
     checks: tuple[Check, ...]
     noise_floor_percent: Mapping[str, float]
+    white_noise_percent: Mapping[str, float]
     explainable: Mapping[str, Mapping[str, float]]
     alpha: float
     notes: tuple[str, ...] = ()
@@ -175,6 +177,9 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     unexplained += tuple(u for u in no_better if not told.intersection(u.joints))
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained, outcome.tau)
     unexplained = tuple(u for u in unexplained if not _doubted(u, checks))
+    white = white_noise(last)
+    in_part = tuple(f for f in findings if f.grade == PARTLY)
+    floor = noise_floor(last, outcome, (*in_part, *unexplained), white)
     progress("done", 1.0)
     return Diagnosis(
         study,
@@ -184,7 +189,8 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         findings,
         unexplained,
         checks,
-        noise_floor(last),
+        floor,
+        {name: min(its, floor.get(name, its)) for name, its in white.items()},
         explainable(outcome),
         alpha,
         tuple(notes),

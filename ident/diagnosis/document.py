@@ -37,6 +37,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "after": after.errors.full_rate.by_recording(),
         },
         "noise_floor_percent": dict(diagnosis.noise_floor_percent),
+        "white_noise_percent": dict(diagnosis.white_noise_percent),
         "smallest_visible": [{**asdict(its), "joints": list(its.joints)} for its in diagnosis.visible],
         "notes": [*diagnosis.notes, *after.notes],
     }

@@ -1,15 +1,29 @@
-"""The noise floor of a channel: what of its error no model of the motion could ever explain.
+"""The noise of a channel, in percent of its rms torque on the fitted recordings, as the error is.
 
-Where the model's own torque has little power against what is left, a model that is wrong by a fifth could not
-make what is left: that is noise, whatever the model lacks. Below, where the robot moves, the noise is taken
-to be as dense as at the lowest such frequencies, and no denser than what is left. So the floor has the unit
-of the error at the full rate and does not follow the residual. Slower noise is not in it."""
+The floor is what is left of the error without all that is explained: by effects in the last fit, and where
+more is told that has no name, by functions without a name, one after the other as long as fitted rows ask for
+one. Slow noise is in it, and what these motions do not tell from noise.
+
+The white noise is what no model of the motion could ever explain. Where the model's own torque has little
+power against what is left, a model that is wrong by a fifth could not make what is left: that is noise,
+whatever the model lacks. Below, where the robot moves, the noise is taken to be as dense as at the lowest of
+such frequencies, and no denser than what is left. So it does not follow the residual; slow noise is
+not in it.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.signal
 
+from ident.diagnosis.findings import Finding, Unexplained
+from ident.diagnosis.left_over import chosen_by_chance
+from ident.diagnosis.outcome import Outcome
+from ident.diagnosis.state import Found, solved
+from ident.diagnosis.sufficiency import heard
 from ident.equations.comparison import Curves
 from ident.estimation.fit import FitResult
 from ident.signals.filtering import LowPass
@@ -20,10 +34,51 @@ PASSED = 0.1  # of the position filter: where it lets less through, nothing can 
 LITTLE = (5.0, 25.0)  # power of the model's torque in that of what is left, where enough is so quiet: a fifth
 # of that torque wrong makes a fifth of what is left, or all of it
 MOVES = 0.9  # share of the torque's power about its mean that is taken for motion
+FUNCTIONS = 6  # of a channel, at most
 
 
-def noise_floor(fit: FitResult) -> dict[str, float]:
-    """{channel: percent of the rms torque} over the identify recordings, as the error is."""
+def noise_floor(
+    last: FitResult,
+    outcome: Outcome,
+    told: Sequence[Finding | Unexplained],
+    white: Mapping[str, float],
+) -> dict[str, float]:
+    """{channel: percent}; told: what is explained in part, or not at all; white: `white_noise` of the last
+    fit, which what has no name does not move."""
+    error, floor = last.full_rate_error["identify"], {}
+    more = {f"{its.channel}{joint}": its for its in told for joint in its.joints}
+    for c, name in enumerate(last.columns.channels):
+        left = error.get(name)
+        if left is None:
+            continue
+        if (its := more.get(name)) is not None:
+            left = min(left * np.sqrt(_left_by_functions(outcome, c, its)), white.get(name, np.inf))
+        floor[name] = float(left)
+    return floor
+
+
+def _left_by_functions(outcome: Outcome, c: int, told: Finding | Unexplained) -> float:
+    """The share of a channel's squares on the fitted rows that functions without a name leave; what was told
+    of it where they say nothing (it oscillates, it is of a stretch)."""
+    state, whole = outcome.last, outcome.last
+    fitted = state.rows.fitted & state.rows.use[c]
+    named = tuple(f for f in state.found if f.term is not None or c not in f.columns)
+    if len(named) < len(state.found):
+        whole = solved(replace(state, found=named))
+    for _ in range(FUNCTIONS):
+        flex, _ = heard(state, c, outcome.tau)
+        if flex is None or flex.prior_evidence < chosen_by_chance(state, outcome.tau):
+            break
+        found = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
+        state = solved(state.plus(found))
+    if state is whole:
+        of_past = isinstance(told, Unexplained) and told.depends_on
+        return 1.0 - told.share_of_residual_percent / 100.0 if of_past else 1.0
+    return float(np.mean(state.residual[c, fitted] ** 2) / np.mean(whole.residual[c, fitted] ** 2))
+
+
+def white_noise(fit: FitResult) -> dict[str, float]:
+    """{channel: percent}; without those of which it cannot be read."""
     settings = fit.study.filter
     C = len(fit.columns.channels)
     noise, power = np.zeros(C), np.zeros(C)
@@ -34,7 +89,7 @@ def noise_floor(fit: FitResult) -> dict[str, float]:
             continue
         filter = LowPass(settings.position_cutoff_hz, streams[curve.label].rate_hz, settings.order)
         for c in range(C):
-            density = noise_floor_power(curve, c, filter)
+            density = white_noise_power(curve, c, filter)
             if density is None:
                 known[c] = False
                 continue
@@ -49,8 +104,8 @@ def noise_floor(fit: FitResult) -> dict[str, float]:
     }
 
 
-def noise_floor_power(curve: Curves, c: int, filter: LowPass) -> float | None:
-    """Mean square of the noise that the filter lets through; None where it cannot be read."""
+def white_noise_power(curve: Curves, c: int, filter: LowPass) -> float | None:
+    """Mean square of the white noise that the filter lets through; None where it cannot be read."""
     seconds = float(np.nanmedian(np.diff(curve.t)))
     size = int(WINDOW_S / seconds)
     if 1.0 / seconds < 2.2 * filter.cutoff_hz or size < 2 * NEAR:

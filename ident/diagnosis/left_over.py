@@ -109,10 +109,10 @@ def overrated(
 
 def _is_there(flex: Flexible, state: State, tau: float) -> bool:
     """Whether the fitted rows ask for a function."""
-    return flex.prior_evidence > _chosen(state, tau)
+    return flex.prior_evidence > chosen_by_chance(state, tau)
 
 
-def _chosen(state: State, tau: float) -> float:
+def chosen_by_chance(state: State, tau: float) -> float:
     """What the best of all functions that were asked has to say of the rows that chose it [nats]: of so many
     one says something of any noise."""
     return tau + float(np.log(GROUPS * state.rows.channels))
@@ -124,7 +124,7 @@ def _is_foretold(flex: Flexible, state: State, m: Metric, c: int, tau: float, al
     there, a block would be foretold worse by x nats in a share exp(-x) of all cases at most.)"""
     gains = block_gains(state, m, c, flex)
     contradicted = gains.min(initial=0.0) < -np.log(max(len(gains), 1) / alpha)
-    much = gains.sum() > _chosen(state, tau)
+    much = gains.sum() > chosen_by_chance(state, tau)
     return much and not contradicted and agree(gains, np.full(len(gains), np.inf), alpha)
 
 

@@ -152,14 +152,17 @@ def _tone(first: float | None, last: float | None) -> str:
 def error_section(document: Mapping[str, Any]) -> Section:
     """Per role and channel, before and after, and the noise floor; what of the explainable has a name."""
     before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    floor = document.get("noise_floor_percent", {})
+    floor, white = document.get("noise_floor_percent", {}), document.get("white_noise_percent", {})
     columns = [Column("channel")]
     for role in before:
         columns += [
             Column(f"{role}, before", number=True),
             Column(f"{role}, after", number=True, help="with the effects found, fitted again"),
         ]
-    columns.append(Column("noise floor", number=True, help="white noise, read above the band of the motion"))
+    columns += [
+        Column("noise floor", number=True, help="what neither an effect nor a nameless function explains"),
+        Column("white noise", number=True, help="of it, read above the band of the motion"),
+    ]
     rows = []
     for channel in next(iter(before.values())):
         cells = [Cell("all channels" if channel == "total" else channel)]
@@ -167,7 +170,7 @@ def error_section(document: Mapping[str, Any]) -> Section:
             first, last = before[role].get(channel), after[role].get(channel)
             cells.append(Cell(percent(first), first if first is not None else ""))
             cells.append(Cell(percent(last), last if last is not None else "", _tone(first, last)))
-        cells.append(Cell(percent(floor.get(channel)), floor.get(channel, ""), "faint"))
+        cells += [Cell(percent(its.get(channel)), its.get(channel, ""), "faint") for its in (floor, white)]
         rows.append(tuple(cells))
     text = f"At the full filtered rate, on the same rows before and after. {ROLES[held_out(document)]}"
     tables = (Table("", tuple(columns), tuple(rows)), *_explained(document))

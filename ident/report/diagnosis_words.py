@@ -8,7 +8,7 @@ from ident.report.wording import joined, number, percent, with_deviation
 
 PLACED = ("source_joint", "recording", "from", "to", "link")  # said as a place, not as a value
 SIDES = {"motor": "motor side", "link": "link side", "sensor": "torque sensor", "drive": "drive"}
-NOISY = 1.5  # times its noise floor, up to which what is left is called noise: as far as the floor may be off
+NOISY = 1.5  # times its white noise, up to which what is left is called noise: as far as that may be off
 AS_MUCH = 0.05  # nats: less is rounding
 FAR = 2.0  # from this ratio on an error is called larger than another; only words depend on it
 
@@ -87,34 +87,34 @@ def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:
 
 def _above_noise(document: Mapping[str, Any]) -> list[str]:
     """Channels whose error on the fitted runs is more than noise, the worst first."""
-    after, floor = document["error_percent"]["after"]["identify"], document["noise_floor_percent"]
-    above = (n for n in after if n != "total" and floor.get(n) and (after[n] or 0.0) > NOISY * floor[n])
-    return sorted(above, key=lambda n: -after[n] / floor[n])
+    after, white = document["error_percent"]["after"]["identify"], document.get("white_noise_percent", {})
+    above = (n for n in after if n != "total" and white.get(n) and (after[n] or 0.0) > NOISY * white[n])
+    return sorted(above, key=lambda n: -after[n] / white[n])
 
 
 def left_in_words(document: Mapping[str, Any]) -> str:
-    """What the last fit leaves of the fitted runs, against the noise floor where there is one."""
-    after, floor = document["error_percent"]["after"]["identify"], document["noise_floor_percent"]
+    """What the last fit leaves of the fitted runs, against white noise where that can be read."""
+    after, white = document["error_percent"]["after"]["identify"], document.get("white_noise_percent", {})
     channels = [name for name in after if name != "total" and after[name] is not None]
-    seen = [name for name in channels if floor.get(name)]
+    seen = [name for name in channels if white.get(name)]
     if not seen:
         return (
             f"{percent(after['total'])} of the torque is left on the fitted runs; whether that is noise is "
-            "not known: no noise floor can be read off these recordings."
+            "not known: no noise can be read off these recordings."
         )
     above = _above_noise(document)
     if not above and len(seen) == len(channels):
-        return "What is left looks like noise: no torque keeps more than 1.5 times its noise floor."
+        return "What is left looks like noise: no torque keeps more than 1.5 times its white noise."
     if not above:
         rest = joined([name for name in channels if name not in seen])
-        return f"What is left of {joined(seen)} looks like noise; for {rest} no noise floor is known."
+        return f"What is left of {joined(seen)} looks like noise; for {rest} no noise can be read."
     worst = above[0]
-    beyond = (after[worst] ** 2 - floor[worst] ** 2) ** 0.5
-    more = f", and more than 1.5 times the floor in {joined(above[1:])}" if len(above) > 1 else ""
+    beyond = (after[worst] ** 2 - white[worst] ** 2) ** 0.5
+    more = f", and more than 1.5 times its own in {joined(above[1:])}" if len(above) > 1 else ""
     return (
-        f"{percent(after[worst])} of {worst} is left on the fitted runs where noise alone would leave "
-        f"{percent(floor[worst])}: {percent(beyond)} of the torque is above that floor{more}. Slow noise is "
-        "not in it."
+        f"{percent(after[worst])} of {worst} is left on the fitted runs where white noise alone would leave "
+        f"{percent(white[worst])}: {percent(beyond)} of the torque is beyond it{more}, slow noise or what "
+        "these motions do not tell from it."
     )
 
 
@@ -389,16 +389,18 @@ def told(document: Mapping[str, Any]) -> list[str]:
 
 
 def before_and_after(document: Mapping[str, Any]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
-    """Header and rows of the error table: per channel before and after for each role, and the noise floor."""
+    """Header and rows of the error table: per channel before and after for each role, the noise floor, and
+    what of it is white."""
     before, after = document["error_percent"]["before"], document["error_percent"]["after"]
-    floor = document["noise_floor_percent"]
+    floor, white = document.get("noise_floor_percent", {}), document.get("white_noise_percent", {})
     pairs = [(role, when) for role in before for when in ("before", "after")]
     rows = []
     for channel in next(iter(before.values())):
         values = [{"before": before, "after": after}[when][role].get(channel) for role, when in pairs]
-        shown = ["" if value is None else f"{value:.2f}" for value in (*values, floor.get(channel))]
+        noise = (floor.get(channel), white.get(channel))
+        shown = ["" if value is None else f"{value:.2f}" for value in (*values, *noise)]
         rows.append((channel, *shown))
-    return ("channel", *(f"{role} {when}" for role, when in pairs), "noise floor"), rows
+    return ("channel", *(f"{role} {when}" for role, when in pairs), "noise floor", "white"), rows
 
 
 def held_out(document: Mapping[str, Any]) -> str:

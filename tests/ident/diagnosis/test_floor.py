@@ -1,10 +1,10 @@
-"""The noise floor is the noise that was put in, whatever the model lacks."""
+"""White noise is the noise that was put in, whatever the model lacks."""
 
 import numpy as np
 import pytest
 import scipy.signal
 
-from ident.diagnosis.floor import noise_floor_power
+from ident.diagnosis.floor import white_noise_power
 from ident.equations.comparison import Curves
 from ident.signals.filtering import LowPass
 
@@ -34,7 +34,7 @@ def curves(wrong: float, corner_hz: float, seed: int) -> tuple[Curves, float]:
 def test_it_is_the_noise_and_not_what_the_model_lacks(wrong, corner_hz):
     """Within a fifth, in noise from white to coloured in the band, the model wrong by up to 10 %."""
     seen = [
-        np.sqrt(noise_floor_power(made, 0, LowPass(CUTOFF, RATE)) / true)
+        np.sqrt(white_noise_power(made, 0, LowPass(CUTOFF, RATE)) / true)
         for made, true in (curves(wrong, corner_hz, seed) for seed in range(3))
     ]
     assert np.median(seen) == pytest.approx(1.0, abs=0.2)
@@ -42,4 +42,4 @@ def test_it_is_the_noise_and_not_what_the_model_lacks(wrong, corner_hz):
 
 def test_nothing_is_said_where_no_frequency_is_without_motion():
     made, _ = curves(0.0, 16.0, 0)
-    assert noise_floor_power(made, 0, LowPass(0.5, RATE)) is None
+    assert white_noise_power(made, 0, LowPass(0.5, RATE)) is None

@@ -81,6 +81,11 @@ def test_a_strange_shape_is_unexplained(arm):
     told = diagnosis.unexplained[0]
     assert told.joints == (2,) and "q1" in told.depends_on and told.carries_over
     assert 10 < told.share_of_residual_percent <= 100
+    left = fit_study(arm()).full_rate_error["identify"]  # the same noise without it
+    assert diagnosis.first.full_rate_error["identify"]["tau_m2"] > 2 * left["tau_m2"]
+    for name, floor in diagnosis.noise_floor_percent.items():
+        assert floor == pytest.approx(left[name], rel=0.2)
+        assert floor >= diagnosis.white_noise_percent[name]
 
 
 def test_a_torque_with_the_other_sign_is_said_first(arm):

@@ -60,6 +60,7 @@ DIAGNOSIS = {
         "after": {"identify": {"total": 2.0, "tau_m4": 2.1}, "test": {"total": 2.3, "tau_m4": 2.4}},
     },
     "noise_floor_percent": {"tau_m4": 1.8},
+    "white_noise_percent": {"tau_m4": 1.6},
 }  # fmt: skip
 
 
@@ -119,7 +120,7 @@ def test_a_diagnosis_names_what_is_missing_and_what_nobody_knows():
 def nothing(identify, floor, test=2.0):
     errors = {"identify": {"total": 2.0, **identify}, "test": {"total": test}}
     return DIAGNOSIS | {
-        "verdict": "none", "findings": [], "unexplained": [], "noise_floor_percent": floor,
+        "verdict": "none", "findings": [], "unexplained": [], "white_noise_percent": floor,
         "error_percent": {"before": errors, "after": errors},
     }  # fmt: skip
 
@@ -130,17 +131,17 @@ def test_nothing_found_is_called_noise_only_where_the_floor_says_so():
 
     assert plain(nothing({"tau_m1": 2.0}, {"tau_m1": 1.8})) == (
         "The model lacks nothing that these recordings show. "
-        "What is left looks like noise: no torque keeps more than 1.5 times its noise floor."
+        "What is left looks like noise: no torque keeps more than 1.5 times its white noise."
     )
     assert plain(nothing({"tau_m1": 8.1, "tau_m2": 2.0}, {"tau_m1": 1.6, "tau_m2": 1.9})) == (
         "These recordings do not confirm that the model lacks anything, nor that it lacks nothing. "
-        "8.1 % of tau_m1 is left on the fitted runs where noise alone would leave 1.6 %: 7.9 % of the "
-        "torque is above that floor. Slow noise is not in it."
+        "8.1 % of tau_m1 is left on the fitted runs where white noise alone would leave 1.6 %: 7.9 % of the "
+        "torque is beyond it, slow noise or what these motions do not tell from it."
     )
     without = plain(nothing({"tau_m1": 8.1}, {}))
     assert "whether that is noise is not known" in without and "looks like" not in without
     half = plain(nothing({"tau_m1": 2.0, "tau_m2": 2.0}, {"tau_m1": 1.8}))
-    assert "What is left of tau_m1 looks like noise; for tau_m2 no noise floor is known." in half
+    assert "What is left of tau_m1 looks like noise; for tau_m2 no noise can be read." in half
     far = plain(nothing({"tau_m1": 2.0}, {"tau_m1": 1.8}, test=9.0))
     assert "The error on test runs is 4.5 times that of the fitted ones" in far
     assert far.startswith("These recordings do not confirm that the model lacks anything, nor")
