@@ -225,10 +225,10 @@ def report(results: list[dict[str, Any]]) -> str:
     row("validate error / fit of the truth: median", f"{np.median(ratios):.3f}" if ratios else "-", "-")
     row("  within 10 %", _share([x <= 1.10 for x in ratios]), "all")
     row("  drop relative to the drop of the truth, within 10 %", _share([x <= 1.10 for x in floor]), "-")
-    noise = [x for t, _, r in marks for x in floor_ratios(t, r["document"])]
-    middle = f"{np.median(noise):.2f}" if noise else "-"
+    floors = [x for t, _, r in marks for x in floor_ratios(t, r["document"])]
+    middle = f"{np.median(floors):.2f}" if floors else "-"
     row("noise floor / what the fit of the truth leaves: median", middle, "-")
-    row("  within 20 %", _share([abs(x - 1) <= 0.2 for x in noise]), "all")
+    row("  within 20 %", _share([abs(x - 1) <= 0.2 for x in floors]), "all")
     errors = [(n, e) for _, m, _ in singles for n, e in m.parameter_errors]
     row(
         "parameters: median relative error",

@@ -72,8 +72,9 @@ def _left_by_functions(outcome: Outcome, c: int, told: Finding | Unexplained) ->
         found = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
         state = solved(state.plus(found))
     if state is whole:
-        of_past = isinstance(told, Unexplained) and told.depends_on
-        return 1.0 - told.share_of_residual_percent / 100.0 if of_past else 1.0
+        if isinstance(told, Unexplained) and told.depends_on:
+            return 1.0 - told.share_of_residual_percent / 100.0
+        return 1.0
     return float(np.mean(state.residual[c, fitted] ** 2) / np.mean(whole.residual[c, fitted] ** 2))
 
 
