@@ -137,13 +137,14 @@ def stands_apart(state: State, own: Metric, term: Term, columns: Columns, tau: f
 
 def _says(state: State, m: Metric, columns: Columns, where: np.ndarray, tau: float) -> bool:
     """Whether a load says more than it would without the rows `where` (M,), if these are as many as a
-    load's."""
+    load's, at one size or each part at its own: told as one load where there are two, it fits neither. (Of
+    bodies of 0.07 and 0.19 kg in turn, the first told as 0.09, the second was told as a force.)"""
     inside = acting(columns)
     if (inside & where).sum() * state.rows.hop < SHORTEST_S:
         return False
     halves = halves_of(state, m, columns)
-    rest = {c: z * ~where[:, None] for c, z in columns.items()}
-    told = cross_evidence(halves, columns, inside).log_e
+    here, rest = ({c: z * on[:, None] for c, z in columns.items()} for on in (where, ~where))
+    told = max(cross_evidence(halves, z, inside).log_e for z in (columns, together(here, rest)))
     return told > tau + max(0.0, cross_evidence(halves, rest, inside).log_e)
 
 

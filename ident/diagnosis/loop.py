@@ -38,6 +38,7 @@ from ident.diagnosis.state import Found, State, solved, with_found
 from ident.diagnosis.still_a_load import still_holds
 from ident.diagnosis.sufficiency import (
     Short,
+    as_much,
     explained_share,
     margin,
     move_alike,
@@ -63,6 +64,7 @@ from ident.progress import Progress, silent
 from modelgen.effects.place import Place
 
 STEPS = 14  # effects at most
+SECOND = 3  # effects that are asked beside one that is short of a law
 LATE = 2  # joints of which it is asked whether their torque comes late where nothing else is told
 
 
@@ -180,7 +182,7 @@ def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: f
         if afresh is not None:
             return _settled(afresh, could_stand(weighed, best, tau))
         flex, alike = short.flex, move_alike(short.flex, tau)
-        if alike or _pair(state, weighed, best, short, tau, alpha) is None:
+        if alike or not _has_a_second(state, weighed, best, short, library, tau, alpha):
             what = Unnamed(
                 c,
                 flex.variables,
@@ -283,10 +285,13 @@ def _ended(state: State, r: Refined, e: Evidence) -> Taken:
     return Taken(with_found(state, Found(None, r.columns, r.sizes, read)), what)
 
 
-def _pair(
-    state: State, weighed: Weighed, best: Refined, short: Short, tau: float, alpha: float
-) -> Refined | None:
-    """Another effect on the channel beside which the best one is sufficient after all."""
+def _has_a_second(
+    state: State, weighed: Weighed, best: Refined, short: Short, library: Library, tau: float, alpha: float
+) -> bool:
+    """Whether another effect on the channel makes the best one sufficient after all: one of those weighed, or
+    what the joint lacks beside it, both refined together. (A UR10e's first joint, whose friction grows with
+    the square of its rate, and a Stribeck friction planted in it: each alone is short of functions of the
+    rate.)"""
     for other, _ in weighed.all:
         if other.term.key == best.term.key or not set(other.columns) & set(best.columns):
             continue
@@ -294,5 +299,20 @@ def _pair(
         more = margin(max(best.term.free, other.term.free), tau)
         judged, fitted = together.log_e - flex.evidence.log_e, together.gain - flex.fitted
         if min(judged, fitted) > more and together.supported(alpha):
-            return other
-    return None
+            return True
+    begun = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
+    others = frozenset(range(state.segments[0].q.shape[1])) - {best.term.place.joint}
+    likely = compared(begun, short_list(ranked(begun, library, others)), tau, alpha).all
+    likely = tuple(
+        r for r, e in likely if e.gain > tau and not r.at_bound and set(r.columns) & set(best.columns)
+    )
+    return any(_together(begun, other, short, tau, alpha) for other in likely[:SECOND])
+
+
+def _together(begun: State, other: Refined, short: Short, tau: float, alpha: float) -> bool:
+    """Whether what was found last in a state and another effect say as much as functions do."""
+    both = refined_together(with_found(begun, Found(other.term, other.columns, other.sizes))).found[-2:]
+    columns = {c: np.hstack([f.columns[c] for f in both if c in f.columns]) for f in both for c in f.columns}
+    e, numbers = weigh(short.metric, columns), sum(f.term.free for f in both if f.term is not None)
+    judged = as_much(e.log_e, short.flex.evidence.log_e, numbers, tau)
+    return judged and as_much(e.gain, short.flex.fitted, numbers, tau) and e.supported(alpha)

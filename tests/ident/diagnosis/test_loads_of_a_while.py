@@ -25,6 +25,8 @@ from ident.diagnosis.state import Found, settled, with_found
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighing import compared
 from ident.equations.prepared import prepare_study
+from ident.recordings.study import load_study
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place
 
@@ -117,6 +119,24 @@ def test_two_loads_at_one_time_are_one(clean_arm):
         columns = state.scene.columns(term)
         own = outside_metric(state, Refined(term, columns, weight.sizes, 0.0), acting(columns))
         assert stands_apart(state, own, term, columns, tau) == expected
+
+
+@pytest.mark.long
+def test_a_body_that_joins_another_is_one_of_its_own(tmp_path):
+    """The first was told as heavy as both are in the mean, which fits neither's seconds, and the second as a
+    force."""
+    runs = (PlannedRun("run1", "identify", 30.0), PlannedRun("run2", "validate", 20.0))
+    loads = (
+        "m=0.07,mx=0.0014,my=-0.0021,mz=0.0039,from=14",
+        "m=0.124,mx=-0.0017,my=0.0019,mz=0.0056,from=20",
+    )
+    effects = tuple(f"payload_change:{its},recording=run1" for its in loads)
+    made = simulate("ur10e", "B", effects, seed=3, sensors=Sensors(rate_hz=100.0), runs=runs)
+    diagnosis = diagnose_study(load_study(write_simulation(made, tmp_path)))
+    assert [f.effect for f in diagnosis.findings] == ["payload_change"] * 2
+    for told, m in zip(sorted(diagnosis.findings, key=lambda f: f.where["from"]), (0.07, 0.124)):
+        its = told.parameters["m"]
+        assert abs(its["value"] - m) < 4 * its["std"] < 0.5 * m
 
 
 def test_a_joint_that_counts_from_another_zero_in_one_run_is_no_load(clean_arm):

@@ -88,6 +88,21 @@ def test_a_strange_shape_is_unexplained(arm):
         assert floor >= diagnosis.white_noise_percent[name]
 
 
+@pytest.mark.parametrize(
+    ("joint", "laws"),
+    [
+        (2, ("stribeck_friction:2:Fs=0.4,vs=0.3", "stribeck_friction:2:Fs=0.8,vs=0.08")),
+        (1, ("stribeck_friction:1:Fs=0.6,vs=0.1", "quadratic_friction:1:Fv2=-0.5")),
+    ],
+)
+def test_two_laws_of_one_signal_are_told_together(arm, joint, laws):
+    """Each alone is short of what functions of the rate say, and was nearest to what has no name."""
+    diagnosis = diagnose_study(arm(*laws))
+    assert not diagnosis.unexplained
+    told = sorted((f.effect, f.joints) for f in diagnosis.findings)
+    assert told == sorted((law.split(":")[0], (joint,)) for law in laws)
+
+
 def test_a_torque_with_the_other_sign_is_said_first(arm):
     def turned(columns):
         columns["tau_m2"] = -columns["tau_m2"]
