@@ -159,14 +159,23 @@ def test_every_effect_is_found(name: str, small_robot: Path, tmp_path: Path) -> 
 
 @pytest.mark.long
 @pytest.mark.parametrize(
-    ("name", "seed", "seconds"),
+    ("kind", "name", "seed", "seconds", "model"),
     [
-        ("backlash", 2223836930, 25.0),  # 1.9 mrad, hidden by a turn-over until settled whole
-        ("load_dependent_friction", 2865414172, 30.0),  # 0.3 of the load, which noise has swallowed at first
+        ("single", "backlash", 2223836930, 25.0, "A"),  # 1.9 mrad, hidden by a turn-over until settled whole
+        ("single", "load_dependent_friction", 2865414172, 30.0, "A"),  # 0.3 of the load, swallowed by noise
+        (
+            "noisy",
+            "stribeck_friction",
+            1508634094,
+            30.0,
+            "",
+        ),  # 13 mrad/s, and a sharp sign
     ],
 )
-def test_what_something_else_hides(name: str, seed: int, seconds: float, tmp_path: Path) -> None:
-    truth = make_case("single", [name], seed, "case", tmp_path, seconds, 250.0, "A")
+def test_what_something_else_hides(
+    kind: str, name: str, seed: int, seconds: float, model: str, tmp_path: Path
+) -> None:
+    truth = make_case(kind, [name], seed, "case", tmp_path, seconds, 250.0, model)
     assert truth is not None
     diagnosis = diagnose_study(load_study(tmp_path / "cases" / "case" / "study.yaml"))
     mark = score(truth, diagnosis_document(diagnosis))

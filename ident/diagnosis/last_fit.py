@@ -98,8 +98,10 @@ def extended(
             refused[keys.pop()] = Refusal()
             continue
         told = found_effects(last)
-        impossible = [k for k, f in enumerate(told) if k >= declared and (_ended(f) or not _possible(f.term))]
-        if impossible:
+        if _impossible(told, declared):  # with a sign that is too sharp it is the sign's shape that is fitted
+            last = _turned(last, outcome.last, known, progress)
+            told = found_effects(last)
+        if impossible := _impossible(told, declared):
             at = max(impossible, key=lambda k: told[k].p_value)
             refused[keys.pop(at)] = Refusal()
             entries.pop(at)
@@ -129,6 +131,11 @@ def without_findings(base: FitResult, state: State, known: Examined, progress: P
     left, and called noise; 0.8 are.)"""
     turned = _turned(base, state, known, progress)
     return turned if spoilt(base, turned) else base
+
+
+def _impossible(told: Sequence[FoundEffect], declared: int) -> list[int]:
+    """The numbers of findings whose values physics does not allow, or whose shape ends with its search."""
+    return [k for k, f in enumerate(told) if k >= declared and (_ended(f) or not _possible(f.term))]
 
 
 def _weakest(told: Sequence[FoundEffect], declared: int, limit: float) -> list[int]:
