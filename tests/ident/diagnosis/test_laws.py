@@ -32,6 +32,11 @@ def test_a_gain_is_none_where_functions_of_the_torque_say_more_on_the_rows_that_
     assert _law("drive_gain_error", (859.0, 289.0), (signals, 77.0, 1940.0), (171.0, 2228.0)) is law
 
 
+@pytest.mark.parametrize(("signals", "law"), [(("tau",), False), (("q2",), True)])
+def test_a_gain_is_none_where_functions_of_the_torque_say_more_beside_it(signals, law):
+    assert _law("drive_gain_error", (27.1, 15.1), (signals, 35.5, 77.9), (-14.4, 23.3)) is law
+
+
 def test_a_gain_beside_a_friction_of_its_own_is_one():
     """Functions of everything learn a joint's gravity from its position."""
     assert _law("drive_gain_error", (133.0, 300.0), (("ddq2",), 15.0, 40.0), (147.0, 330.0))
