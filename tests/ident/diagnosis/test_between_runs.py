@@ -211,6 +211,7 @@ def test_a_weight_on_the_second_link_of_a_barrett(tmp_path):
     assert after < 0.2 * before
 
 
+@pytest.mark.long
 def test_bodies_on_either_of_two_fitted_runs(tmp_path):
     """Neither holds by itself, as the other is not in the model; beside a force of the weight of the second
     the first does, and beside that the second is a body."""

@@ -92,7 +92,9 @@ def test_a_strange_shape_is_unexplained(arm):
     ("joint", "laws"),
     [
         (2, ("stribeck_friction:2:Fs=0.4,vs=0.3", "stribeck_friction:2:Fs=0.8,vs=0.08")),
-        (1, ("stribeck_friction:1:Fs=0.6,vs=0.1", "quadratic_friction:1:Fv2=-0.5")),
+        pytest.param(
+            1, ("stribeck_friction:1:Fs=0.6,vs=0.1", "quadratic_friction:1:Fv2=-0.5"), marks=pytest.mark.long
+        ),
     ],
 )
 def test_two_laws_of_one_signal_are_told_together(arm, joint, laws):

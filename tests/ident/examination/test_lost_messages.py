@@ -19,6 +19,7 @@ def _lost(columns, first, values):
     return out
 
 
+@pytest.mark.long
 def test_zeros_in_all_signals(tmp_path):
     """A load of 4.6 kg was told, and a torque that the others contradict."""
     zeros = lambda c: _lost(c, range(900, len(c["t"]) - 900, 700), lambda x, k: 0.0)  # noqa: E731
