@@ -23,7 +23,7 @@ from ident.examination.signals import (
     units,
     wraps,
 )
-from ident.examination.uneven_stamps import uneven_stamps
+from ident.examination.stopped_at_once import stopped_at_once
 
 TORQUES = ("tau_m", "tau_l", "i")
 
@@ -44,7 +44,6 @@ def of_table(
     few = {columns.signals.index(name) for check in coarse for name in check.signals}  # one is the largest
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
     found = chain(
-        uneven_stamps(excerpt, len(columns.labels)),
         lost_samples(columns, mender, rows),
         wraps(columns, mender),
         units(columns, mender, lowest, highest),
@@ -54,6 +53,7 @@ def of_table(
         flags(columns, excerpt),
         limits_hit(columns, excerpt, slow | few),
         said,
+        stopped_at_once(columns, excerpt, slow | gone),
         repeats.copies(columns, excerpt),
         repeats.standing(columns, excerpt, slow | gone),
         repeats.noise_alone(columns, excerpt),

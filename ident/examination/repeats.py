@@ -58,7 +58,7 @@ def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         )
 
 
-def _runs(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def runs_of_equals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Begin (K,) and length (K,) of the runs of equal values of x (N,)."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
     return edges[:-1], np.diff(edges)
@@ -73,7 +73,7 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
         low, high = (f(excerpt.column(k)) for f in (np.min, np.max))
         reach, lengths, found = np.ptp(excerpt.column(j)), [], []
         for rows, t, values in excerpt.stretches(k, j):
-            begin, length = _runs(values[:, 0])
+            begin, length = runs_of_equals(values[:, 0])
             lengths.append(length)
             for at in np.flatnonzero(length >= STILL_ROWS):
                 own = slice(begin[at], begin[at] + length[at])
@@ -202,7 +202,7 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
             continue
         gaps, steps = [], []
         for _, t, values in excerpt.pieces:
-            gaps.append(_runs(values[:, k])[1][1:-1])
+            gaps.append(runs_of_equals(values[:, k])[1][1:-1])
             steps.append(float(np.median(np.diff(t))) if len(t) > 1 else 0.0)
         every = np.concatenate(gaps)
         if len(every) < 10:

@@ -99,6 +99,8 @@ def open_recording(
             mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
         if mended is None and uneven and clock.believable:
             mended = late_stamps(stream.label, clock, uneven, seen.survey.rows)
+    if mended is None and uneven:
+        checks.append(replace(uneven, recording=stream.label))
     if mended is not None:
         checks.append(mended)
         refuse(stream.file, checks)

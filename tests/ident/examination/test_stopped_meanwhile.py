@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from planted import ON_RECORDINGS, planted, ur10e
+from planted import ON_RECORDINGS, measured, planted, ur10e
 
 from ident.equations.prepared import prepare_study
-from ident.examination.examine import examine_fit
+from ident.examination.examine import examine_fit, examine_tables
 
 pytestmark = [*ON_RECORDINGS, pytest.mark.long]
 
@@ -21,7 +21,12 @@ def test_an_encoder_that_stops_midway_and_a_joint_that_is_braked(tmp_path, brake
         out = {k: np.array(x, float) for k, x in c.items()}
         out[f"q{joint}"][at] = c[f"q{joint}"][at[0]]
         out[f"dq{joint}"][at] = 0.0
-        if braked:
+        if braked:  # within a tenth of a second
+            soon = at[t[at] < 15.1]
+            rate = np.gradient(c["q6"], t)[at[0]]
+            way = rate * (t[soon] - 15.0) * (1 - 5 * (t[soon] - 15.0))
+            out["q6"][at] = c["q6"][at[0]] + way[-1]
+            out["q6"][soon] = c["q6"][at[0]] + way
             out["i6"][at] = 0.1 * np.random.default_rng(5).normal(size=len(at))
         return out
 
@@ -30,3 +35,19 @@ def test_an_encoder_that_stops_midway_and_a_joint_that_is_braked(tmp_path, brake
     checks = examine_fit(prepare_study(planted(tmp_path, change, study)))
     told = [(c.check, c.signals, c.recording) for c in checks]
     assert told == ([] if braked else [("dead_channel", ("q2",), r.label) for r in study.recordings])
+
+
+@pytest.mark.parametrize("slow", [False, True])
+def test_a_position_that_stops_within_a_row(tmp_path, slow):
+    """Short stretches of the other torques do not tell it: of a Franka's first one nothing was said."""
+
+    def change(c):
+        t = c["t"] - c["t"][0]
+        at = int(np.argmin(np.where(t > 15.0, np.abs(c["dq1"]), np.inf) if slow else -np.abs(c["dq1"])))
+        out = {k: np.array(x, float) for k, x in c.items()}
+        out["q1"][at:], out["dq1"][at:] = c["q1"][at], 0.0
+        return out
+
+    study = planted(tmp_path, change, measured("franka_panda"))
+    said = [c for c in examine_tables(prepare_study(study)) if c.check == "dead_channel"]
+    assert [c.signals for c in said] == ([] if slow else [("q1",)] * len(said)) and bool(said) != slow
