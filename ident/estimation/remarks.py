@@ -152,7 +152,8 @@ def implausible(
             "torque_scale",
             tuple(signals),
             f"parameters such as {heavy[0]} come out larger than robots are: torques, or one of them, are in "
-            "N mm or in the drive's own units, or positions or time in another unit",
+            "N mm or in the drive's own units, or positions or time in another unit, or the robot file has a "
+            "joint of another kind, or is another robot's",
             f"write {column_line({}, {name: {'scale': 0.001} for name in signals})} if all torques are in "
             "N mm, drive_gains: if they are in units of the drives",
         )

@@ -1,14 +1,15 @@
-"""Whether an axis of the robot file's table is turned, or its columns stand a row too high.
+"""Whether an axis of the robot file's table is turned, a joint of the other kind, or rows stand elsewhere.
 
-The second is a table of the other Denavit-Hartenberg convention, in which a row's alpha and d are those of
-the next joint: one and the same table is read otherwise, and every axis behind the first one is another.
+Columns that stand a row too high are those of the other Denavit-Hartenberg convention, in which a row's alpha
+and d are those of the next joint: one and the same table is read otherwise, and every axis behind the first
+one is another. Two rows are exchanged, or their joints slide where they turn, by a slip of the hand.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -17,6 +18,7 @@ from ident.equations.columns import Columns
 from ident.examination.bodies import SAMPLES, Parts, beyond_own, by_own, errors, gain, parts_of
 from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
+from ident.examination.halves import halves_of
 from ident.examination.hypothesis import BAD, Hypothesis
 from ident.examination.quick import Assignment, Sample
 
@@ -39,21 +41,28 @@ def joint_axes(
     fitted = [s for s in samples if s.role == "identify"]
     held_out = [s for s in samples if s.role == "validate"]
 
-    def parts(other: Any, most: int = AXES_SAMPLES) -> Parts:
-        its = parts_of(other, columns, fitted, how, most, False)
+    def parts(other: Any, most: int = AXES_SAMPLES, samples: Sequence[Sample] = fitted) -> Parts:
+        its = parts_of(other, columns, samples, how, most, False)
         assert its is not None
         return its
+
+    def of_either_half(other: Any) -> bool:
+        """As halves.of_either_half of recordings taken otherwise."""
+        before, after = ([parts(t, AXES_SAMPLES, half) for half in halves] for t in (table, other))
+        made = [[errors(x[k], x[1 - k], gravity) for x in (before, after)] for k in (0, 1)]
+        return all(gain(one, two) > 0 for plain, taken in made for one, two in zip(plain, taken))
 
     def judged(other: Any, identify: Parts) -> np.ndarray | None:
         validate = parts_of(other, columns, held_out, how, AXES_SAMPLES // 2, False)
         return errors(identify, validate, gravity)[1]
 
-    table = replace(table, gravity=tuple(float(g) for g in gravity))
+    table, halves = replace(table, gravity=tuple(float(g) for g in gravity)), halves_of(samples)
     as_told = parts(table)
     plain, held = errors(as_told, None, gravity)[0], judged(table, as_told)
     found: list[tuple[float, str, np.ndarray, Parts, Any]] = []
     moved = dict(_moved(table.rows))
-    for text, rows in (*_one_turned(table.rows, [str(j) for j in columns.need.joints]), *moved.items()):
+    one = _one_turned(table.rows, [str(j) for j in columns.need.joints])
+    for text, rows in (*one, *_exchanged(table.rows), *moved.items()):
         other = replace(table, rows=rows)
         identify = parts(other)
         now = errors(identify, None, gravity)[0]
@@ -68,6 +77,8 @@ def joint_axes(
     value, told, now, identify, other = max(found, key=lambda item: item[0])
     if value < (prior - 2 * CLEARLY if told in moved else prior) or not np.nanmin(now) <= BAD:
         return
+    if not of_either_half(other):
+        return
     more = parts(other, SAMPLES)  # of few samples a torque's own bodies explain too much
     if beyond_own(errors(more, None, gravity)[0], by_own(more, gravity)).any():
         return  # something else is missing
@@ -79,10 +90,10 @@ def joint_axes(
         Check(
             "joint_axis",
             (),
-            f"the robot file seems wrong: {told}{also}; so turned, the errors of the torques fall "
+            f"the robot file seems wrong: {told}{also}; so taken, the errors of the torques fall "
             f"from {span(plain)} "
             f"to {span(now)}",
-            f"correct the row{'s' if told in moved else ''} in the robot file",
+            "correct it in the robot file",
         ),
         words=f"the robot file's {told}" if told in moved else "",
         each=gain(by_own(as_told, gravity), by_own(identify, gravity)),
@@ -110,6 +121,19 @@ def _one_turned(rows: tuple[Any, ...], joints: Sequence[str]) -> Iterator[tuple[
             words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
             text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
             yield text, _turned(rows, j, key, turn)
+        if label:
+            told, kind = ("turns", "slides") if row.sigma == 0 else ("slides", "turns")
+            other = replace(row, sigma=1 - row.sigma)
+            yield f"joint {label} {told} there, not {kind}", (*rows[:j], other, *rows[j + 1 :])
+
+
+def _exchanged(rows: tuple[Any, ...]) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Tables with neighbouring rows of one kind in each other's place, their antecedents and joints apart."""
+    for j, (a, b) in enumerate(pairwise(rows)):
+        if a.sigma == b.sigma:
+            keys = {"antecedent": a.antecedent}, {"antecedent": b.antecedent}
+            other = (*rows[:j], replace(b, **keys[0]), replace(a, **keys[1]), *rows[j + 2 :])
+            yield f"rows {j + 1} and {j + 2} are exchanged", other
 
 
 def _moved(rows: tuple[Any, ...]) -> Iterator[tuple[str, tuple[Any, ...]]]:

@@ -32,6 +32,7 @@ from ident.examination.delays import delays
 from ident.examination.first_axis import FirstAxis
 from ident.examination.frictionless import frictionless
 from ident.examination.gravity import Direction, direction
+from ident.examination.halves import of_either_half
 from ident.examination.hypothesis import (
     CLEARLY,
     EXPLAINED,
@@ -42,6 +43,7 @@ from ident.examination.hypothesis import (
     bad,
     explains,
     not_recorded,
+    of_several,
     signal_of,
 )
 from ident.examination.limits import beyond_limits, reads_currents
@@ -54,8 +56,9 @@ from ident.examination.rivals import alike, rivals
 from ident.examination.same_samples import same_samples
 from ident.examination.scales import scales, too_large, turned_scales
 from ident.examination.signs import SURE, all_signs, evidence, several_signs
+from ident.examination.sphere import sought
 from ident.examination.stopped_meanwhile import stopped_meanwhile
-from ident.examination.stretches import RARE, Explained, all_rows, pieces, steadily
+from ident.examination.stretches import RARE, Explained, all_rows, pieces, same, steadily
 from ident.examination.turned import all_turned, one_turned, turned_positions
 from ident.examination.unexplained import (
     apart_by_one_fit,
@@ -115,8 +118,10 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     maps = dict(prepared.study.columns)
     anywhere = frozenset().union(*clipped.values())
     asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere)
-    stopped = tuple(stopped_meanwhile(asked))
-    if stopped:  # what else is odd is its shadow
+    dead = {n for s in prepared.streams for c in s.checks if c.check == "dead_channel" for n in c.signals}
+    held = any(name[0] == "q" for name in dead)
+    stopped = () if held else tuple(stopped_meanwhile(asked))
+    if held or stopped:  # what else is odd is its shadow
         return stopped
     at_an_end = False
     found: list[Check] = []
@@ -252,7 +257,7 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
     others = [h for h in told if h.words not in ("", best.words) and not asked.of_robot(h)]
     near = robots + [h for h in others if not steadily(explained(h), its, RARE)]
     pool = rivals(whole, asked.how, asked.currents)
-    also = alike((r for r in pool if not _same(r.explained, its)), Explained.by(whole, asked.how), its)
+    also = alike((r for r in pool if not same(r.explained, its, 1e-6)), Explained.by(whole, asked.how), its)
     silent = replace(best.check, remedy="")
     return near + [Hypothesis(0.0, asked.how, silent, words=r.words) for r in also]
 
@@ -265,10 +270,6 @@ def _moving(asked: Asked, h: Hypothesis) -> Hypothesis:
         return h
     check = not_recorded(still)
     return replace(h, check=check, words=check.message)
-
-
-def _same(one: Explained, other: Explained) -> bool:
-    return bool(np.allclose(one.fit.error, other.fit.error, rtol=1e-6, atol=0.0, equal_nan=True))
 
 
 def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
@@ -290,8 +291,7 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
         found += [*several_signs(asked), *swapped(asked), *other_torques(asked), *degrees(asked)]
         found += turned_scales(asked) if not prepared.study.without else []
         found += coupled_positions(asked)
-    at_all = bad(asked.fit)
-    if at_all:
+    if bad(asked.fit):
         found += [*_positions(asked), *geared(asked), *scaled_positions(asked), *other_orders(asked)]
     found += [*weightless(asked), *delays(asked), *clock_of_all(asked)]
     found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
@@ -300,7 +300,7 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     hidden = _hidden(asked, found) if error.max() > DOUBTFUL else []
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        geometry = list(_geometry(prepared, asked, best, axes=at_all or _unforeseen(asked.fit)))
+        geometry = list(_geometry(prepared, asked, best))
         each = max((its.each for its in geometry if isinstance(its, Hypothesis)), default=-np.inf)
         if hidden and hidden[0].gain > each + CLEARLY:
             return hidden
@@ -377,6 +377,12 @@ def _believed(asked: Asked, h: Hypothesis) -> bool:
         return bool(fit.error[0] < NOTHING)
     if h.quick is None and not h.own and odd_beside(fit.error, taken.alone)[its].any():
         return False
+    moved = {j for j, label in enumerate(joints) if f"q{label}" in h.check.signals}
+    if motion and not of_several(asked.quick.columns, before, fit, moved):
+        return False
+    known = h.own or asked.of_robot(h) or not np.isfinite(h.gain)  # by friction, by size, or by no fit
+    if not known and not of_either_half(asked.quick, asked.how, taken.quick, h.how):
+        return False
     explained = explains(before.error[its], fit.error[its])
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
@@ -427,7 +433,7 @@ def _rms(fit: Fit) -> float:
     return float(np.sqrt(np.nanmean(fit.error**2)))
 
 
-def _geometry(prepared: Prepared, asked: Asked, prior: float, axes: bool) -> Iterable[Hypothesis | Tilt]:
+def _geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypothesis | Tilt]:
     """Gravity and the axes of the table; asked last because they cost most."""
     made = _parts(prepared, asked)
     if made is None:
@@ -454,11 +460,14 @@ def _geometry(prepared: Prepared, asked: Asked, prior: float, axes: bool) -> Ite
     asks = (others, stretches, names, None, measured, FirstAxis.of(table, asked.joints))
     tilted = list(base_orientation(identify, validate, gravity, how, *asks))
     yield from tilted
-    if axes:
-        # a row of the table may stand for the base, or for a joint that is recorded the other way
-        clearly = [its.gain + CLEARLY * isinstance(its, Hypothesis) for its in tilted]
-        prior = max([prior + CLEARLY if prior else 0.0, *clearly])
-        yield from joint_axes(table, columns, samples, gravity, how, prior)
+    # a row of the table may stand for the base, or for a joint that is recorded the other way
+    clearly = [its.gain + CLEARLY * isinstance(its, Hypothesis) for its in tilted]
+    prior = max([prior + CLEARLY if prior else 0.0, *clearly])
+    for axis in joint_axes(table, columns, samples, gravity, how, prior):
+        plain = errors(identify, None, gravity)[0]
+        best = sought(identify, plain, float(np.linalg.norm(gravity)) or 9.81)[0]
+        if axis.gain > gain_of(plain, errors(identify, None, best)[0]):
+            yield axis
 
 
 def _unseen(prepared: Prepared, asked: Asked) -> Iterable[Check]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.examination.check import FEW, Check, column_line, instead, listed, nothing_tells
-from ident.examination.quick import FLOOR, Assignment, Fit, Quick, alone
+from ident.examination.quick import FLOOR, Assignment, Fit, Quick, alone, gains_of
 from ident.examination.signals import MOVED
 
 CLEARLY = 0.7  # gain: one channel's error is halved
@@ -180,6 +180,17 @@ def explains(before: np.ndarray, after: np.ndarray) -> bool:
     untouched = np.abs(np.log(np.maximum(after, 1e-9) / np.maximum(before, 1e-9))) < np.log(SAME)
     seen = np.isfinite(after)
     return bool(done.any() and (done | untouched)[seen].all())
+
+
+def of_several(columns: Columns, before: Fit, after: Fit, joints: Collection[int]) -> bool:
+    """Whether the torque of a blamed joint (by its place) itself speaks for another motion of it most, or
+    several torques do: those of joints before it feel it, too. (Of an LWR4+ with an axis turned in its table
+    joints 5 and 6 were told to be exchanged, and of a clean one the sixth position to start from another
+    zero, by the last torque alone, which is hardly any.)"""
+    gains = gains_of(before.error, after.error)
+    most = int(np.argmax(gains))
+    its_own = int(columns.joint_of[most]) in joints
+    return not joints or its_own or bool(gains.sum() - gains[most] > 0.5 * CLEARLY)
 
 
 def falls(before: Fit, after: Fit) -> str:

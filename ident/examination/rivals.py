@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from ident.examination.coupled import held_too
-from ident.examination.hypothesis import signal_of
+from ident.examination.hypothesis import CLEARLY, signal_of
 from ident.examination.quick import Assignment, Fit, Quick, Sample
 from ident.examination.stretches import RARE, Explained, half_of, steadily
 from ident.examination.weightless import felt, without_gravity
@@ -28,6 +28,7 @@ from ident.examination.weightless import felt, without_gravity
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
 STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
 FACTORS, FINER = np.geomspace(1e-3, 1e3, 25), 3  # of torques of another unit; finer so often
+ABSURD = 1e5
 POWERS = {0.5: "the square", 2.0: "the root"}  # by which it is what it should be
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
 Motion = dict[str, Any]  # what `Quick.moved` takes
@@ -45,6 +46,7 @@ class Rival:
     recording: str = ""  # that alone it is about
     zero: bool = False  # where a torque starts from another one there
     beside: bool = False  # asked elsewhere: here only what may be there in place of another one
+    joint: int | None = None  # by its place, whose position it is
 
 
 def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Rival]:
@@ -157,11 +159,16 @@ def _after(r: int, at: float, place: int | None) -> Signal:
 
 
 def _units(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
-    """Torques of the first joints, two at least, a number times those of two at least behind them. (Of a
-    UR10e with half of its torques in kgf m the fourth was told as ten times too large.)"""
+    """Torques of the first joints, two at least, a number times those of two at least behind them, where it
+    explains clearly more than one by which neither says anything of the other. (Of a UR10e with half of its
+    torques in kgf m the fourth was told as ten times too large; of an LWR4+ whose fourth position started
+    from another zero in one run, that four torques may be 992 times too large.)"""
     seen = np.flatnonzero(whole.identify.rows > 10).tolist()
     for k in range(2, len(seen) - 1):
         factor = best_factor(whole, how, seen[:k])
+        best, *apart = whole.fits([how.times(seen[:k], f) for f in (factor, 1 / ABSURD, ABSURD)])
+        if min(best.gain_over(its) for its in apart) < CLEARLY:
+            continue
         names = ", ".join(signal_of(whole.columns, c, currents) for c in seen[:k])
         size, word = (factor, "small") if factor > 1 else (1 / factor, "large")
         yield Rival(
@@ -225,9 +232,9 @@ def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
         x, explained = _solved(whole, fit, how, times, STARTS)
         factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
-        yield Rival(f"q{label} is {factor:.3g} times too {word}", explained)
+        yield Rival(f"q{label} is {factor:.3g} times too {word}", explained, joint=j)
         x, explained = _solved(whole, fit, how, zero)
-        yield Rival(f"q{label} starts from another zero, {-x:.2g} {unit} off", explained)
+        yield Rival(f"q{label} starts from another zero, {-x:.2g} {unit} off", explained, joint=j)
 
 
 def _solved(

@@ -13,7 +13,16 @@ from ident.examination.own_factors import WORDS, each_by_itself, own_factors
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
 from ident.examination.rivals import rivals
 from ident.examination.signs import evidence
-from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, half_of, steadily
+from ident.examination.stretches import (
+    ODD,
+    RARE,
+    Explained,
+    agreed,
+    all_rows,
+    half_of,
+    same,
+    steadily,
+)
 
 SCALED = 0.5  # over no factor, and over any that is absurd; what else robots lacked gained 0.4 at most
 USUAL = 0.2  # gain by a factor of torques of robots as they are
@@ -68,7 +77,7 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     factors = [_best_factor(whole, how, k) for k in seen if (k,) != which]
     beside = [other for other in factors if _alike(plain, its.explained, other.explained)]
     near = [o for o in others if not o.beside or not agreed(o.explained, its.explained, ODD)]
-    near = [o for o in near if not _same(o.explained, its.explained)]
+    near = [o for o in near if not same(o.explained, its.explained, 0.01)]  # of some, or of all the others
     near.sort(key=lambda o: -o.explained.fit.gain_over(plain.fit))
     words = [other.words for other in near if _alike(plain, its.explained, other.explained)]
     alone, clearly = each_by_itself(whole, how, seen, its.explained)
@@ -89,13 +98,6 @@ def _of_one_or_more(plain: Explained, told: Sequence[tuple[Scale, Fit]]) -> tupl
     one = [its for its in told if len(its[0].channels) == 1]
     more = [its for its in told if all(steadily(x.explained, its[0].explained, RARE) for x, _ in one)]
     return most(more or one or told)
-
-
-def _same(one: Explained, other: Explained) -> bool:
-    """Whether two are one explanation: torques of some joints times a factor, or those of the others."""
-    return abs(one.fit.gain_over(other.fit)) < 0.01 and bool(
-        np.allclose(one.fit.error, other.fit.error, rtol=0.01, atol=0.0, equal_nan=True)
-    )
 
 
 def turned_scales(asked: Asked) -> Iterator[Hypothesis]:

@@ -16,6 +16,7 @@ from functools import cached_property, reduce
 import numpy as np
 
 from ident.examination.check import listed
+from ident.examination.halves import by_halves
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis
 from ident.examination.quick import Fit, Quick, Sample
 from ident.examination.stretches import RARE, Explained, all_rows, half_of, steadily
@@ -48,11 +49,20 @@ class SmoothTorques:
         plain = Explained.by(all_rows(self.asked.quick), self.asked.how)
         if steadily(self.explained, taken, RARE) or not half_of(plain, taken, self.explained):
             yield its
-        elif not (steadily(taken, self.explained, RARE) or self._foretells(quick.fit(its.how))):
+        elif not (self._explain_more(taken) or self._foretells(quick.fit(its.how))):
             names = listed(f"q{self.asked.joints[j]}" for j in self.joints)
             between = "between them" if len(self.joints) == 2 else "there"
             words = f"the model lacks a torque that goes with {names} (a spring or a cable {between})"
             yield its.beside([replace(its, check=replace(its.check, remedy=""), words=words)])
+
+    def _explain_more(self, taken: Explained) -> bool:
+        """Than a motion does, unless of either half they foretell the other clearly worse: they have many
+        parameters. (Of a Barrett with its joints exchanged three factors were told instead.)"""
+        its = self.explained
+        more = steadily(taken, its, RARE)
+        return (
+            more and max(hold for _, hold in by_halves(taken.quick, taken.how, its.quick, its.how)) > -CLEARLY
+        )
 
     def _foretells(self, other: Fit) -> bool:
         smooth = self.beside.fit(self.asked.how)

@@ -135,6 +135,11 @@ def half_of(before: Explained, told: Explained, other: Explained) -> bool:
     return bool(its.sum() > HALF * own.sum() and same > HALF * own.clip(0).sum())
 
 
+def same(one: Explained, other: Explained, share: float) -> bool:
+    """Whether two leave the same of every torque, but for this share: they are one explanation."""
+    return bool(np.allclose(one.fit.error, other.fit.error, rtol=share, atol=0.0, equal_nan=True))
+
+
 def pieces(quick: Quick, s: Sample) -> list[np.ndarray]:
     """Rows of the stretches of a recording that is fitted."""
     return np.array_split(np.arange(len(s.q)), max(2, CLUSTERS // len(quick.fitted)))

@@ -61,3 +61,25 @@ def test_a_row_beside_a_torque_that_is_mostly_noise(tmp_path):
     """The last one of an LWR4+, which bodies of its own do not explain either: another's sign was told."""
     (told,) = _told(tmp_path, "kuka_lwr4plus", lambda links: links[1].update(theta="q2 + pi/2"))
     assert "link 2 (joint 2): theta is off by" in told.check.message
+
+
+def _rows_exchanged(links):
+    for key in ("alpha", "d", "r"):
+        one, other = (links[k].get(key, 0) for k in (1, 2))
+        links[1][key], links[2][key] = other, one
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (_rows_exchanged, "rows 2 and 3 are exchanged"),
+        (
+            lambda links: links[2].update(joint="prismatic", theta=0, r="q3"),
+            "joint 3 slides there, not turns",
+        ),
+    ],
+)
+def test_rows_in_each_other_s_place_and_a_joint_of_the_other_kind(tmp_path, change, words):
+    """A position and a torque of a Franka's second joint were told as turned, of its third joint nothing."""
+    (told,) = _told(tmp_path, "franka_panda", change)
+    assert words in told.check.message
