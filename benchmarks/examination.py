@@ -27,7 +27,8 @@ import pyarrow.parquet as pq
 from ident.equations.prepared import prepare_study
 from ident.errors import IdentError
 from ident.examination.check import Check, worst_first
-from ident.examination.examine import examine_fit, examine_tables, mended_study
+from ident.examination.examine import examine_fit, examine_tables
+from ident.examination.undone import mended_study
 from ident.recordings.study import Study, load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 

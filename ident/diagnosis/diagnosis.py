@@ -51,7 +51,8 @@ from ident.diagnosis.visible import Visible, smallest_visible
 from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
 from ident.examination.check import Check
-from ident.examination.examine import examine_tables, mended_study, worst_first
+from ident.examination.examine import examine_tables, worst_first
+from ident.examination.undone import mended_study
 from ident.progress import Progress, silent
 from ident.recordings.study import Study
 from modelgen.effects import catalogue

@@ -24,7 +24,7 @@ from ident.diagnosis.weighing import Equivalent
 from ident.estimation.fit import FitResult
 from ident.estimation.found_effects import FoundEffect, found_effects
 from ident.examination.check import Check
-from ident.examination.examine import undoing
+from ident.examination.undone import undoing
 from ident.recordings.study import Study
 from modelgen.effects import catalogue
 

@@ -17,8 +17,9 @@ from ident.examination.changed import Changed
 from ident.examination.check import Check
 from ident.examination.clock import UNITS
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import Assignment, Fit, Quick, at_rest
+from ident.examination.quick import Assignment, Fit, Quick
 from ident.examination.recordings_apart import thinned
+from ident.examination.samples import at_rest
 from ident.examination.stretches import RARE, Explained, all_rows, confirmed, steadily
 from ident.examination.units import times_too
 

@@ -37,9 +37,10 @@ from ident.examination.hypothesis import (
     not_recorded,
 )
 from ident.examination.places import along, exchanged
-from ident.examination.quick import FLOOR, LAGS, Quick, Sample, added, solve
+from ident.examination.quick import FLOOR, Quick, added, solve
 from ident.examination.recordings_apart import thinned
 from ident.examination.rivals import alike, rivals
+from ident.examination.samples import LAGS, Sample
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.unexplained import apart_by_one_fit
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too

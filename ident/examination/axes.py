@@ -20,7 +20,8 @@ from ident.examination.carried import KEPT, span
 from ident.examination.check import Check
 from ident.examination.halves import halves_of
 from ident.examination.hypothesis import BAD, Hypothesis
-from ident.examination.quick import Assignment, Sample
+from ident.examination.quick import Assignment
+from ident.examination.samples import Sample
 
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
 AXES_SAMPLES = 160

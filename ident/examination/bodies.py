@@ -15,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.quick import Assignment, Sample, gain_of
+from ident.examination.quick import Assignment, gain_of
+from ident.examination.samples import Sample
 from modelgen.geometry.names import INERTIAL, ParameterName
 
 SAMPLES = 260

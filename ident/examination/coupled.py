@@ -17,7 +17,8 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import Columns, Fit, Quick, Sample
+from ident.examination.quick import Columns, Fit, Quick
+from ident.examination.samples import Sample
 from ident.examination.smooth_torques import SmoothTorques
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 

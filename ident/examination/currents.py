@@ -15,7 +15,8 @@ import numpy as np
 
 from ident.examination.check import Check, turned_sign
 from ident.examination.hypothesis import Asked
-from ident.examination.quick import CLUSTERS, Fit, Sample
+from ident.examination.quick import CLUSTERS, Fit
+from ident.examination.samples import Sample
 from ident.examination.signs import SURE
 
 

@@ -19,7 +19,8 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis
-from ident.examination.quick import LAGS, Assignment, Fit, Normal, Quick, Sample, alone, gain_of, solve
+from ident.examination.quick import Assignment, Fit, Normal, Quick, alone, gain_of, solve
+from ident.examination.samples import LAGS, Sample
 from ident.examination.stretches import RARE, Explained, all_rows, confirmed, half_of, steadily
 from ident.examination.turning import with_any_turn_over
 

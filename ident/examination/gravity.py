@@ -16,7 +16,8 @@ import numpy as np
 
 from ident.distributions import f_quantile
 from ident.examination.bodies import errors, own_columns, parts_of, standard, torques
-from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, Sample, functionals, quick_of
+from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, functionals, quick_of
+from ident.examination.samples import Sample
 from ident.examination.sphere import across, degrees_between, sought
 from ident.examination.stretches import ODD, Explained, agreed
 

@@ -11,7 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.examination.quick import Assignment, Normal, Quick, Sample, added, solve
+from ident.examination.quick import Assignment, Normal, Quick, added, solve
+from ident.examination.samples import Sample
 
 PARTS = 4  # of every recording
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import RAIL, Quick, Sample
+from ident.examination.quick import Quick
+from ident.examination.samples import RAIL, Sample
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 TURNS = 6  # of signs by a fit, and of a fit by signs

@@ -18,7 +18,8 @@ import numpy as np
 from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import EXPLAINED, Asked
-from ident.examination.quick import Assignment, Normal, Quick, Sample, added, solve
+from ident.examination.quick import Assignment, Normal, Quick, added, solve
+from ident.examination.samples import Sample
 from ident.examination.unexplained import ODD, TIMES, odd_one
 
 TOGETHER = 1.8  # that of all channels, in the mean

@@ -21,7 +21,8 @@ import numpy as np
 
 from ident.examination.coupled import held_too
 from ident.examination.hypothesis import CLEARLY, signal_of
-from ident.examination.quick import Assignment, Fit, Quick, Sample
+from ident.examination.quick import Assignment, Fit, Quick
+from ident.examination.samples import Sample
 from ident.examination.stretches import RARE, Explained, half_of, steadily
 from ident.examination.weightless import felt, without_gravity
 

@@ -15,7 +15,8 @@ import numpy as np
 
 from ident.examination.check import listed, turned_sign
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import Assignment, Fit, Quick, functionals, regressor
+from ident.examination.quick import Assignment, Fit, Quick, functionals
+from ident.examination.samples import regressor
 from modelgen.geometry.names import ParameterName
 
 SURE = 5.0  # standard deviations

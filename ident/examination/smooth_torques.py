@@ -18,7 +18,8 @@ import numpy as np
 from ident.examination.check import listed
 from ident.examination.halves import by_halves
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis
-from ident.examination.quick import Fit, Quick, Sample
+from ident.examination.quick import Fit, Quick
+from ident.examination.samples import Sample
 from ident.examination.stretches import RARE, Explained, all_rows, half_of, steadily
 
 KNOTS = 8  # bends that a spring's, a counterbalance's or a cable's torque has

@@ -15,9 +15,9 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import Asked
-from ident.examination.quick import Sample
 from ident.examination.recordings_apart import recordings_apart
 from ident.examination.repeats import STILL_S, TRAVELLED
+from ident.examination.samples import Sample
 
 NONE, GOES = 1e-6, 0.1  # of a joint's fastest: a rate that is none, and one with which it goes on
 LEAST = 60  # samples

@@ -11,7 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from ident.distributions import t_beyond
-from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample, gains_of
+from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, gains_of
+from ident.examination.samples import Sample
 
 RIDGE = 1e-10
 ODD = 0.05  # rate at which chance confirms what something else has told before

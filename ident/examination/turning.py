@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.examination.quick import Quick, Sample
+from ident.examination.quick import Quick
+from ident.examination.samples import Sample
 
 SHARES = 10.0 ** np.arange(-3.0, 0.0, 0.5)  # of a joint's whole travel, and of its usual rate
 

@@ -9,7 +9,8 @@ import numpy as np
 from ident.examination.bodies import beyond_own
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import BAD, EXPLAINED, NOTHING, Asked
-from ident.examination.quick import FLOOR, Assignment, Normal, Quick, Sample, added, solve
+from ident.examination.quick import FLOOR, Assignment, Normal, Quick, added, solve
+from ident.examination.samples import Sample
 from ident.examination.stretches import ByItself, all_rows
 
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one

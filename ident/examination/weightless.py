@@ -15,7 +15,8 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.quick import Quick, alone, at_rest, gain_of
+from ident.examination.quick import Quick, alone, gain_of
+from ident.examination.samples import at_rest
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 LEAST = 1e-6  # of what the channel feels that feels most: a vertical axis of a table with rounded angles

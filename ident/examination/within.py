@@ -18,7 +18,8 @@ import numpy as np
 from ident.examination.bodies import beyond_own
 from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, EXPLAINED, Asked
-from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, Sample, gain_of, solve
+from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, gain_of, solve
+from ident.examination.samples import Sample
 from ident.examination.stretches import RARE, ByItself, Explained, steadily
 
 DOUBTED = 0.15  # error of a torque that is looked into

@@ -7,7 +7,8 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.another_torque import Sums
-from ident.examination.quick import quick_of, take
+from ident.examination.quick import quick_of
+from ident.examination.samples import take
 from ident.twin import PlannedRun, simulate
 
 

@@ -12,7 +12,8 @@ import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.gravity import direction
-from ident.examination.quick import quick_of, take
+from ident.examination.quick import quick_of
+from ident.examination.samples import take
 from ident.examination.stretches import all_rows
 from ident.twin import PlannedRun, simulate
 from modelgen.geometry.kinematics import Geometry

@@ -10,7 +10,8 @@ import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.motions import by_themselves, moved_positions
-from ident.examination.quick import quick_of, take
+from ident.examination.quick import quick_of
+from ident.examination.samples import take
 from ident.examination.stretches import ByItself, all_rows
 from ident.examination.unexplained import contradicting, unexplained
 from ident.twin import PlannedRun, simulate

@@ -7,7 +7,8 @@ from recordings import motion, recording, true_chi, write_parquet, write_study
 import generated
 from ident.equations.prepared import prepare_study
 from ident.examination.hypothesis import Asked
-from ident.examination.quick import quick_of, take
+from ident.examination.quick import quick_of
+from ident.examination.samples import take
 from ident.examination.unexplained import _contradiction, odd_one
 from ident.recordings.study import load_study
 

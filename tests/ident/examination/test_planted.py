@@ -28,7 +28,8 @@ from ident.equations.prepared import prepare_study
 from ident.errors import FitFailedError, StudyError
 from ident.estimation.fit import examined, fit_study
 from ident.examination.check import worst_first
-from ident.examination.examine import examine_fit, examine_tables, mended_study
+from ident.examination.examine import examine_fit, examine_tables
+from ident.examination.undone import mended_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.geometry.kinematics import Geometry

@@ -6,9 +6,10 @@ import pytest
 from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
-from ident.examination.examine import examine_fit, mended_study
+from ident.examination.examine import examine_fit
 from ident.examination.signs import all_signs
 from ident.examination.turned import all_turned
+from ident.examination.undone import mended_study
 
 pytestmark = ON_RECORDINGS
 

@@ -7,7 +7,8 @@ from recordings import motion, recording, write_parquet, write_study
 from ident.diagnosis import diagnosis
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
-from ident.examination.examine import examine_fit, mended_study
+from ident.examination.examine import examine_fit
+from ident.examination.undone import mended_study
 from ident.recordings.study import load_study
 
 

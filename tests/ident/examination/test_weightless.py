@@ -8,8 +8,10 @@ from small_arm import ARM
 
 import ident
 from ident.equations.prepared import prepare_study
-from ident.examination.examine import examine_fit, mended_study
-from ident.examination.quick import at_rest, quick_of, take
+from ident.examination.examine import examine_fit
+from ident.examination.quick import quick_of
+from ident.examination.samples import at_rest, take
+from ident.examination.undone import mended_study
 from ident.twin import PlannedRun, simulate
 
 PLAN = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 15.0))
