@@ -121,6 +121,7 @@ def _one_turned(rows: tuple[Any, ...], joints: Sequence[str]) -> Iterator[tuple[
                 continue
             words = {1: "pi/2", -1: "-pi/2", 2: "pi"}[turn]
             text = f"link {j + 1}{f' (joint {label})' if label else ''}: {key} is off by {words}"
+            text += f", or q{label} by as much" if key == "theta" and row.sigma == 0 else ""
             yield text, _turned(rows, j, key, turn)
         if label:
             told, kind = ("turns", "slides") if row.sigma == 0 else ("slides", "turns")
