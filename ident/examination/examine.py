@@ -181,9 +181,11 @@ def _by_all(prepared: Prepared, asked: Asked) -> list[Check]:
     best = max(told, key=lambda h: h.gain, default=None)
     if best is None or best.check.outcome == "refused":
         return []
-    if not both.of_robot(best) and apart_by_one_fit(best.quick or whole, best.how).any():
+    made = best.quick or whole
+    if not both.of_robot(best) and apart_by_one_fit(made, best.how).any():
         return []
-    if best.quick is not None and _unforeseen(_in_roles(best.quick, asked.quick).fit(best.how)):
+    of_all = best.quick is not None or not best.check.signals  # torques, or nothing tells which
+    if of_all and _unforeseen(_in_roles(made, asked.quick).fit(best.how)):
         return []
     near = _alike(both, best, told)
     if len(near) > ALIKE:
