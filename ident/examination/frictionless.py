@@ -8,13 +8,11 @@ three laws of friction, and nothing else was said.)
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, EXPLAINED, Asked
-from ident.examination.quick import Quick
 from ident.examination.stretches import RARE, Explained, all_rows, beyond_chance
 from modelgen.geometry.names import ParameterName
 
@@ -37,7 +35,7 @@ def frictionless(asked: Asked) -> Iterator[Check]:
         return
     whole = all_rows(asked.quick)
     felt = Explained.by(whole, how)
-    bare = Explained.by(_without(whole, rubs), how)
+    bare = Explained.by(whole.of([s.lacking(rubs) for s in whole.samples]), how)
     logs = np.concatenate([0.5 * np.log(np.maximum(b, 1e-300) / np.maximum(f, 1e-300))
                            for b, f in zip(bare.stretches, felt.stretches)])  # fmt: skip
     gained = felt.gains_over(bare)
@@ -64,8 +62,3 @@ def _moves(asked: Asked, c: int) -> bool:
     rates = np.concatenate([s.dq[:, joint] * (s.weight[:, c] > 0) for s in asked.quick.samples])
     forth, back = np.maximum(rates, 0.0).sum(), np.maximum(-rates, 0.0).sum()
     return bool(min(forth, back) > EITHER_WAY * (forth + back))
-
-
-def _without(quick: Quick, which: np.ndarray) -> Quick:
-    """The recordings without parameters which (b,) bool."""
-    return quick.of([replace(s, W=s.W * ~which) for s in quick.samples])

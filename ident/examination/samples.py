@@ -123,10 +123,10 @@ class Sample:
         W[more] -= at_rest(columns, self.payload, self.thin.q)[more]
         return replace(self, W=W, weightless=self.weightless.union(more))
 
-    def without_bodies(self, columns: Columns, channels: Iterable[int]) -> Sample:
-        """The same torques with nothing but friction, rotors and offsets in these channels."""
-        W = self.W.copy()
-        W[list(channels)] *= ~of_bodies(columns)
+    def lacking(self, which: np.ndarray, channels: Sequence[int] | None = None) -> Sample:
+        """Without parameters which (b,) bool in these channels, or in all."""
+        W, rows = self.W.copy(), slice(None) if channels is None else list(channels)
+        W[rows] *= ~which
         return replace(self, W=W)
 
     def mixed(self, columns: Columns, positions: np.ndarray, torques: np.ndarray) -> Sample:

@@ -16,7 +16,7 @@ import numpy as np
 from ident.examination.check import Check, listed
 from ident.examination.hypothesis import CLEARLY, Asked, Hypothesis, falls
 from ident.examination.quick import Quick, alone, gain_of
-from ident.examination.samples import at_rest
+from ident.examination.samples import at_rest, of_bodies
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 LEAST = 1e-6  # of what the channel feels that feels most: a vertical axis of a table with rounded angles
@@ -41,7 +41,8 @@ def weightless(asked: Asked) -> Iterator[Hypothesis]:
 def _or_friction(asked: Asked, its: Hypothesis, which: Sequence[int], explained: Explained) -> Hypothesis:
     """One torque without gravity; beside one that shows no body at all where that explains as much. (Of three
     arms one that held its joint's velocity was told to be compensated.)"""
-    bare = asked.quick.of([s.without_bodies(asked.quick.columns, which) for s in asked.quick.samples])
+    bodies = of_bodies(asked.quick.columns)
+    bare = asked.quick.of([s.lacking(bodies, which) for s in asked.quick.samples])
     if steadily(Explained.by(all_rows(bare), asked.how), explained, RARE):
         return its
     words = f"{asked.name(which[0])} shows friction alone, as its joint's velocity in its place does"
