@@ -106,9 +106,9 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     maps = dict(prepared.study.columns)
     anywhere = frozenset().union(*clipped.values())
     asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere)
-    dead = {n for s in prepared.streams for c in s.checks if c.check == "dead_channel" for n in c.signals}
-    lost = any(name[0] == "q" for name in dead)
-    stopped = () if lost else tuple(stopped_meanwhile(asked))
+    dead = {(s.label, c.signals) for s in prepared.streams for c in s.checks if c.check == "dead_channel"}
+    lost = {(label, signals) for label, signals in dead if signals[0][0] == "q"}
+    stopped = tuple(c for c in stopped_meanwhile(asked) if (c.recording, c.signals) not in lost)
     if lost or stopped:  # what else is odd is its shadow
         return stopped
     at_an_end = False

@@ -19,6 +19,7 @@ from ident.examination.signals import Columns
 
 ROWS = (1, 2, 4, 8, 16)  # over which rates are taken: of a fine encoder few, of a coarse one more
 TIMES = 3.0  # what a rate changes by elsewhere
+KEPT = 0.4  # of the way over twice as many rows: a half at one pace, a quarter of what is brought to rest
 
 
 def stopped_at_once(columns: Columns, excerpt: Excerpt, held: set[int]) -> Iterator[Check]:
@@ -27,10 +28,9 @@ def stopped_at_once(columns: Columns, excerpt: Excerpt, held: set[int]) -> Itera
         pieces = [block for block in excerpt.stretches(k, k) if len(block[0]) > 2 * ROWS[-1] + STILL_ROWS]
         stops = [(piece, begin, end) for piece in pieces for begin, end in _still(piece[1], piece[2][:, 0])]
         for (rows, t, x), begin, end in stops:
-            before = {w: abs(x[begin - w, 0] - x[begin, 0]) for w in ROWS if w <= begin}
-            usual = {w: _most(pieces, w, int(rows[begin]), int(rows[end])) for w in before}
-            at_once = any(before[w] > TIMES * usual[w] > 0 for w in before)
-            if at_once and _others_go_on(columns, excerpt, k, rows[begin], rows[end]):
+            if _at_once(pieces, rows, x[:, 0], begin, end) and _others_go_on(
+                columns, excerpt, k, rows[begin], rows[end]
+            ):
                 name = columns.signals[k]
                 yield Check(
                     "dead_channel",
@@ -42,6 +42,20 @@ def stopped_at_once(columns: Columns, excerpt: Excerpt, held: set[int]) -> Itera
                     rows=(int(rows[begin]) + 1, int(rows[end]) + 1),
                 )
                 break
+
+
+def _at_once(pieces: list, rows: np.ndarray, x: np.ndarray, begin: int, end: int) -> bool:
+    """Whether a position goes on at its pace up to where it stands, wherever that can be told."""
+    for w in ROWS:
+        if 2 * w > begin:
+            return False
+        near, far = abs(x[begin - w] - x[begin]), abs(x[begin - 2 * w] - x[begin])
+        one, two = (_most(pieces, k, int(rows[begin]), int(rows[end])) for k in (w, 2 * w))
+        if far > TIMES * two and near < KEPT * far:
+            return False
+        if near > TIMES * one > 0:
+            return True
+    return False
 
 
 def _still(t: np.ndarray, x: np.ndarray) -> list[tuple[int, int]]:
