@@ -302,10 +302,8 @@ def _has_a_second(
             return True
     begun = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     others = frozenset(range(state.segments[0].q.shape[1])) - {best.term.place.joint}
-    likely = compared(begun, short_list(ranked(begun, library, others)), tau, alpha).all
-    likely = tuple(
-        r for r, e in likely if e.gain > tau and not r.at_bound and set(r.columns) & set(best.columns)
-    )
+    asked = compared(begun, short_list(ranked(begun, library, others)), tau, alpha).all
+    likely = [r for r, e in asked if e.gain > tau and not r.at_bound and set(r.columns) & set(best.columns)]
     return any(_together(begun, other, short, tau, alpha) for other in likely[:SECOND])
 
 
