@@ -85,7 +85,7 @@ def test_from_a_urdf_and_bags_to_a_diagnosis(folder, capsys):
     assert diagnosis["verdict"] == "none"
     assert diagnosis["error_percent"]["after"]["validate"]["total"] < 5
     assert [its["name"] for its in diagnosis["joints"]] == ["shoulder", "elbow"]
-    assert "noise floor\tjoint" in (said := capsys.readouterr().out) and "\telbow\n" in said
+    assert "noise floor\twhite\tjoint" in (said := capsys.readouterr().out) and "\telbow\n" in said
 
     pytest.importorskip("cvxpy", reason="the extra dynident[export] is not installed")
     robot = folder / "lamp_identified.urdf"
