@@ -38,7 +38,7 @@ def test_another_zero_is_another_gravity(robot):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "zero"), [("dualarm_v2_7dof", True), ("airbot_play", False)])
 def test_an_arm_told_to_be_on_a_wall(robot, zero):
     """Of the dual arm, whose first axis lies, a zero of q1 of 1.6 rad was told and no other gravity."""
