@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ident.diagnosis.evidence import Columns, acting, weigh
+from ident.diagnosis.evidence import Columns, acting, side_by_side, weigh
 from ident.diagnosis.is_a_load import can_be
 from ident.diagnosis.own_of_a_run import (
     numbers,
@@ -25,7 +25,6 @@ from ident.diagnosis.own_of_a_run import (
     own_columns,
     own_friction,
     says_as_much,
-    together,
 )
 from ident.diagnosis.parameters_apart import closer
 from ident.diagnosis.state import State
@@ -81,7 +80,7 @@ def between_runs(state: State, term: Term, columns: Columns, limit: float, tau: 
     drives, friction = own_friction(state, inside, says)
     if friction is not None:
         simpler = nats >= friction and numbers(columns) < numbers(drives)
-        if not simpler and not says(together(columns, drives)) > friction + tau:
+        if not simpler and not says(side_by_side(columns, drives)) > friction + tau:
             return None
     every = says(own_columns(state, inside, range(state.rows.b)))
     return None if NEARLY * every > nats + tau else nats

@@ -264,6 +264,13 @@ def orthonormal(gram: np.ndarray) -> np.ndarray:
     return vectors[:, good] / np.sqrt(values[good]) / np.where(seen, d, np.inf)[:, None]
 
 
+def side_by_side(one: Columns, other: Columns) -> dict[int, np.ndarray]:
+    """{channel: (M, p + q)} columns of both in one model; zeros where one has none."""
+    (rows, p), (_, q) = (next(iter(z.values())).shape for z in (one, other))
+    none = np.zeros((rows, p)), np.zeros((rows, q))
+    return {c: np.hstack([one.get(c, none[0]), other.get(c, none[1])]) for c in sorted({*one, *other})}
+
+
 def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
     """(M,) rows in which columns are not zero."""
     return np.asarray(np.any([np.any(z, axis=1) for z in columns.values()], axis=0))

@@ -15,7 +15,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Columns, Evidence, Metric, acting, side_of, spread, weigh, whole
+from ident.diagnosis.evidence import (
+    Columns,
+    Evidence,
+    Metric,
+    acting,
+    side_by_side,
+    side_of,
+    spread,
+    weigh,
+    whole,
+)
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.own_of_a_run import (
     numbers,
@@ -23,7 +33,6 @@ from ident.diagnosis.own_of_a_run import (
     own_columns,
     own_friction,
     says_as_much,
-    together,
 )
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import State, solved
@@ -64,7 +73,7 @@ def is_load(
     inside = acting(columns)
     drives, nats = own_friction(state, inside, crosswise(halves, columns))
     friction = None if nats is None else cross_evidence(halves, drives, inside)
-    beside = together(columns, drives)
+    beside = side_by_side(columns, drives)
     load = cross_evidence(halves, beside, inside)
     every = own_columns(state, inside, range(state.rows.b))
     whole = cross_evidence(halves, every, inside)
@@ -144,7 +153,7 @@ def _says(state: State, m: Metric, columns: Columns, where: np.ndarray, tau: flo
         return False
     halves = halves_of(state, m, columns)
     here, rest = ({c: z * on[:, None] for c, z in columns.items()} for on in (where, ~where))
-    told = max(cross_evidence(halves, z, inside).log_e for z in (columns, together(here, rest)))
+    told = max(cross_evidence(halves, z, inside).log_e for z in (columns, side_by_side(here, rest)))
     return told > tau + max(0.0, cross_evidence(halves, rest, inside).log_e)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from ident.diagnosis.candidates import Library, Ranked, Ranking, beside, elsewhere, ranked, short_list
 from ident.diagnosis.events import Event, best_event, chosen, others_of
-from ident.diagnosis.evidence import Evidence, weigh, whole
+from ident.diagnosis.evidence import Evidence, side_by_side, weigh, whole
 from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common
 from ident.diagnosis.left_out import left_out
@@ -57,7 +57,6 @@ from ident.diagnosis.weighing import (
     main_channel,
     nearly,
     rivals_of,
-    side_by_side,
     simplest,
 )
 from ident.progress import Progress, silent
@@ -295,7 +294,7 @@ def _has_a_second(
     for other, _ in weighed.all:
         if other.term.key == best.term.key or not set(other.columns) & set(best.columns):
             continue
-        together, flex = weigh(short.metric, side_by_side(best, other)), short.flex
+        together, flex = weigh(short.metric, side_by_side(best.columns, other.columns)), short.flex
         more = margin(max(best.term.free, other.term.free), tau)
         judged, fitted = together.log_e - flex.evidence.log_e, together.gain - flex.fitted
         if min(judged, fitted) > more and together.supported(alpha):
@@ -310,7 +309,7 @@ def _has_a_second(
 def _together(begun: State, other: Refined, short: Short, tau: float, alpha: float) -> bool:
     """Whether what was found last in a state and another effect say as much as functions do."""
     both = refined_together(with_found(begun, Found(other.term, other.columns, other.sizes))).found[-2:]
-    columns = {c: np.hstack([f.columns[c] for f in both if c in f.columns]) for f in both for c in f.columns}
+    columns = side_by_side(both[0].columns, both[1].columns)
     e, numbers = weigh(short.metric, columns), sum(f.term.free for f in both if f.term is not None)
     judged = as_much(e.log_e, short.flex.evidence.log_e, numbers, tau)
     return judged and as_much(e.gain, short.flex.fitted, numbers, tau) and e.supported(alpha)

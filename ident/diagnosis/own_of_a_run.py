@@ -114,10 +114,3 @@ def says_as_much(
 def numbers(columns: Columns) -> int:
     """How many sizes these columns have."""
     return int(next(iter(columns.values())).shape[1])
-
-
-def together(columns: Columns, own: Columns) -> dict[int, np.ndarray]:
-    """{channel: (M, p + q)} columns of both in one model."""
-    (rows, p), (_, q) = (next(iter(z.values())).shape for z in (columns, own))
-    none = np.zeros((rows, p)), np.zeros((rows, q))
-    return {c: np.hstack([columns.get(c, none[0]), own.get(c, none[1])]) for c in sorted({*columns, *own})}

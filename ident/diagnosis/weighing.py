@@ -10,7 +10,7 @@ from functools import cache, partial
 import numpy as np
 
 from ident.diagnosis.candidates import Ranked
-from ident.diagnosis.evidence import Columns, Evidence, Metric, unseen, weigh
+from ident.diagnosis.evidence import Columns, Evidence, Metric, side_by_side, unseen, weigh
 from ident.diagnosis.given import given_fitted
 from ident.diagnosis.leading import leading_metric
 from ident.diagnosis.refine import Refined, refine
@@ -275,7 +275,7 @@ def _same(m: Metric, best: tuple[Refined, Evidence], other: tuple[Refined, Evide
     """Whether two explanations on different channels are two of one thing: each alone says something, and
     beside the other neither does. (Of two torques whose factors differ either may be the wrong one.)"""
     (r, e), (its, x) = best, other
-    together = weigh(m, side_by_side(r, its)).log_e
+    together = weigh(m, side_by_side(r.columns, its.columns)).log_e
     return min(e.log_e, x.log_e) > tau and together - max(e.log_e, x.log_e) < tau
 
 
@@ -296,15 +296,6 @@ def nearly(
     return out
 
 
-def side_by_side(one: Refined, other: Refined) -> Columns:
-    """{channel: (M, p)} columns of both in one model."""
-    rows = len(next(iter(one.columns.values())))
-    return {
-        c: np.hstack([r.columns.get(c, np.zeros((rows, len(r.sizes)))) for r in (one, other)])
-        for c in {*one.columns, *other.columns}
-    }
-
-
 def _stays_beside(
     m: Metric, best: tuple[Refined, Evidence], other: tuple[Refined, Evidence], tau: float, alpha: float
 ) -> bool:
@@ -314,7 +305,7 @@ def _stays_beside(
     (r, e), (its, x) = best, other
     if e.blocks.shape != x.blocks.shape:
         return False
-    together = weigh(m, side_by_side(r, its))
+    together = weigh(m, side_by_side(r.columns, its.columns))
     more = replace(e, log_e=together.log_e - x.log_e, blocks=together.blocks - x.blocks)
     return more.log_e > tau and more.supported(alpha)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from ident.diagnosis.evidence import block_sums, enough, orthonormal, rarely, weigh, weights
+from ident.diagnosis.evidence import block_sums, enough, orthonormal, rarely, side_by_side, weigh, weights
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.weighing import Weighed, nearly
 
@@ -164,3 +164,11 @@ def test_what_too_few_blocks_confirm_is_near_and_the_rest_is_not(tiny):
     assert near(replace(split, log_e=5.0)) == [] and near(told) == []
     assert against.contradicted(0.01) and near(against) == []
     assert not split.contradicted(0.01) and not told.contradicted(0.01)
+
+
+def test_what_acts_in_other_channels_has_as_many_columns_everywhere():
+    """Two effects that were told together, one of them of a motor's torque and one of its sensor's, too."""
+    one, other = {0: np.full((4, 1), 2.0)}, {0: np.ones((4, 2)), 1: np.full((4, 2), 3.0)}
+    both = side_by_side(one, other)
+    assert {c: z.shape for c, z in both.items()} == {0: (4, 3), 1: (4, 3)}
+    assert (both[0] == [2, 1, 1]).all() and (both[1] == [0, 3, 3]).all()
