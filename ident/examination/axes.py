@@ -8,97 +8,173 @@ one is another. Two rows are exchanged, or their joints slide where they turn, b
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
 
-from ident.equations.columns import Columns
-from ident.examination.bodies import SAMPLES, Parts, beyond_own, by_own, errors, gain, parts_of
+from ident.examination.bodies import (
+    SAMPLES,
+    Parts,
+    beyond_own,
+    by_own,
+    errors,
+    gain,
+    parts_of,
+    with_bodies,
+)
 from ident.examination.carried import KEPT, span
-from ident.examination.check import Check
-from ident.examination.halves import halves_of
+from ident.examination.check import Check, listed
+from ident.examination.halves import of_either_half
 from ident.examination.hypothesis import BAD, Hypothesis
-from ident.examination.quick import Assignment
-from ident.examination.samples import Sample
+from ident.examination.quick import Assignment, Quick
+from ident.examination.recordings_apart import thinned
+from ident.examination.stretches import RARE, Explained, all_rows, half_of, same, steadily
 
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
 AXES_SAMPLES = 160
 
 
-def joint_axes(
-    table: Any,
-    columns: Columns,
-    samples: Sequence[Sample],
-    gravity: np.ndarray,
-    how: Assignment,
-    prior: float = 0.0,
-) -> Iterator[Hypothesis]:
-    """One entry of the table wrong by a quarter or half turn, or one axis reversed; or alpha, or it and d, of
-    every row a row too high. prior: what has to be gained; of the second also less, as long as these
-    recordings may not tell it from what gains that. (Of a UR10e and an LWR4+ with such a table the joints
-    were told to be in another order, of an AIRBOT one position to be a sum of two.)"""
-    fitted = [s for s in samples if s.role == "identify"]
-    held_out = [s for s in samples if s.role == "validate"]
+@dataclass(frozen=True)
+class Table:
+    """The table read otherwise, in words, with the gain, the errors of torques and their bodies' sums."""
 
-    def parts(other: Any, most: int = AXES_SAMPLES, samples: Sequence[Sample] = fitted) -> Parts:
-        its = parts_of(other, columns, samples, how, most, False)
+    table: Any
+    words: str
+    moved: bool
+    gain: float
+    error: np.ndarray
+    parts: Parts
+
+
+@dataclass(frozen=True)
+class OtherTables:
+    """The robot file's table with gravity as told, these recordings, and what explains them far better: one
+    entry of the table wrong by a quarter or half turn, or one axis reversed, a joint of the other kind, two
+    rows exchanged; or alpha, or it and d, of every row a row too high."""
+
+    table: Any
+    quick: Quick
+    how: Assignment
+    names: Sequence[str] = ()  # of the torques' signals
+    aside: tuple[int, ...] = ()  # torques that are not asked, as the others contradict them whatever is read
+
+    @property
+    def gravity(self) -> np.ndarray:
+        return np.array(self.table.gravity, float)
+
+    @cached_property
+    def _as_told(self) -> Parts:
+        return self._parts(self.table)
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """(C,) of the torques with the table as it is."""
+        return errors(self._as_told, None, self.gravity)[0]
+
+    @cached_property
+    def found(self) -> list[Table]:
+        plain, held = self.error, self._judged(self.table, self._as_told)
+        found, moved = [], dict(_moved(self.table.rows))
+        for text, other in self._others():
+            identify = self._parts(other)
+            now = errors(identify, None, self.gravity)[0]
+            if not gain(plain, now) > CLEARLY or not _by_several(plain, now):
+                continue
+            after = self._judged(other, identify)
+            predicts = after is None or np.nanmax(after) < 1.0
+            if predicts and gain(held, after) > 0.5 * CLEARLY:
+                found.append(Table(other, text, text in moved, gain(plain, now), now, identify))
+        return found
+
+    @property
+    def best(self) -> Table:
+        return max(self.found, key=lambda its: its.gain)
+
+    def _equal(self, best: Table) -> list[Table]:
+        return [its for its in self.found if its.gain > 0.97 * best.gain and its is not best]
+
+    def _others(self) -> Iterator[tuple[str, Any]]:
+        rows, joints = self.table.rows, [str(j) for j in self.quick.columns.need.joints]
+        for text, its in (*_one_turned(rows, joints), *_exchanged(rows), *_moved(rows)):
+            yield text, replace(self.table, rows=its)
+
+    def told(self, prior: float = 0.0) -> Iterator[Hypothesis]:
+        """The best of them. prior: what has to be gained; of a table of the other convention also less, as
+        long as these recordings may not tell it from what gains that. (Of a UR10e and an LWR4+ with such a
+        table the joints were told to be in another order, of an AIRBOT one position to be a sum of two.)"""
+        if not self.found:
+            return
+        best, plain, gravity = self.best, self.error, self.gravity
+        told, now, identify = best.words, best.error, best.parts
+        if best.gain < (prior - 2 * CLEARLY if best.moved else prior) or not np.nanmin(now) <= BAD:
+            return
+        one, two = (with_bodies(its, self.quick) for its in (self.table, best.table))
+        if not of_either_half(one, self.how, two, self.how):
+            return
+        more = self._parts(best.table, SAMPLES)  # of few samples a torque's own bodies explain too much
+        odd = np.flatnonzero(beyond_own(errors(more, None, gravity)[0], by_own(more, gravity))).tolist()
+        if odd:  # something else is missing: maybe in them alone
+            rest = self.quick.of([s.without(odd) for s in self.quick.samples])
+            others = replace(self, quick=rest, aside=tuple(odd))
+            alike = [best.words, *(its.words for its in self._equal(best))]
+            if not self.aside and others.found and others.best.words in alike:
+                yield from (replace(its, gain=best.gain) for its in others.told())
+            return
+        equal = [its.words for its in self._equal(best)][:3]
+        also = f" (or {'; '.join(equal)}, which these data do not tell apart)" if equal else ""
+        contradicted = listed(self.names[c] for c in self.aside)
+        but = f" without {contradicted}, which the others contradict," if self.aside else ""
+        yield Hypothesis(
+            best.gain,
+            self.how,
+            Check(
+                "joint_axis",
+                (),
+                f"the robot file seems wrong: {told}{also}; so taken, the errors of the torques{but} "
+                f"fall from {span(plain)} to {span(now)}",
+                "correct it in the robot file",
+            ),
+            words=f"the robot file's {told}" if best.moved else "",
+            each=gain(by_own(self._as_told, gravity), by_own(identify, gravity)),
+        )
+
+    def instead_of(self, table: Any, how: Assignment, aside: Sequence[int] = ()) -> list[str]:
+        """In words those that stretch by stretch are not rejected beside a base with another gravity, or
+        torques taken otherwise, by all torques but some; but rows on the base, which turn all that it
+        carries. (Of six seconds of a KR 300 with a joint that slides by its file a base was told that is
+        turned by 118 degrees, or a torque that is 54 times too small.)"""
+        few = all_rows(self.quick.of([thinned(s.without(aside)) for s in self.quick.samples]))
+
+        def by(table: Any, how: Assignment) -> Explained:
+            return Explained.by(with_bodies(table, few), how)
+
+        before, told = by(self.table, self.how), by(table, how)
+        near: list[tuple[str, Explained]] = []
+        others = [(text, its) for text, its in self._others() if not self._on_base(its)]
+        for text, way in ((text, by(its, self.how)) for text, its in others):
+            known = any(same(way, other, 1e-3) for _, other in near)
+            if not known and half_of(before, told, way) and not steadily(way, told, RARE):
+                near.append((text, way))
+        return [f"the robot file's {text}" for text, _ in near]
+
+    def _on_base(self, other: Any) -> bool:
+        """Whether no row but one that stands on the base is another one."""
+        pairs = zip(self.table.rows, other.rows)
+        return all(one == its or (one.antecedent == -1 and one.sigma == its.sigma) for one, its in pairs)
+
+    def _parts(self, table: Any, most: int = AXES_SAMPLES) -> Parts:
+        fitted = [s for s in self.quick.samples if s.role == "identify"]
+        its = parts_of(table, self.quick.columns, fitted, self.how, most, False)
         assert its is not None
         return its
 
-    def of_either_half(other: Any) -> bool:
-        """As halves.of_either_half of recordings taken otherwise."""
-        before, after = ([parts(t, AXES_SAMPLES, half) for half in halves] for t in (table, other))
-        made = [[errors(x[k], x[1 - k], gravity) for x in (before, after)] for k in (0, 1)]
-        return all(gain(one, two) > 0 for plain, taken in made for one, two in zip(plain, taken))
-
-    def judged(other: Any, identify: Parts) -> np.ndarray | None:
-        validate = parts_of(other, columns, held_out, how, AXES_SAMPLES // 2, False)
-        return errors(identify, validate, gravity)[1]
-
-    table, halves = replace(table, gravity=tuple(float(g) for g in gravity)), halves_of(samples)
-    as_told = parts(table)
-    plain, held = errors(as_told, None, gravity)[0], judged(table, as_told)
-    found: list[tuple[float, str, np.ndarray, Parts, Any]] = []
-    moved = dict(_moved(table.rows))
-    one = _one_turned(table.rows, [str(j) for j in columns.need.joints])
-    for text, rows in (*one, *_exchanged(table.rows), *moved.items()):
-        other = replace(table, rows=rows)
-        identify = parts(other)
-        now = errors(identify, None, gravity)[0]
-        if not gain(plain, now) > CLEARLY or not _by_several(plain, now):
-            continue
-        after = judged(other, identify)
-        predicts = after is None or np.nanmax(after) < 1.0
-        if predicts and gain(held, after) > 0.5 * CLEARLY:
-            found.append((gain(plain, now), text, now, identify, other))
-    if not found:
-        return
-    value, told, now, identify, other = max(found, key=lambda item: item[0])
-    if value < (prior - 2 * CLEARLY if told in moved else prior) or not np.nanmin(now) <= BAD:
-        return
-    if not of_either_half(other):
-        return
-    more = parts(other, SAMPLES)  # of few samples a torque's own bodies explain too much
-    if beyond_own(errors(more, None, gravity)[0], by_own(more, gravity)).any():
-        return  # something else is missing
-    equal = [its[1] for its in found if its[0] > 0.97 * value and its[1] != told]
-    also = f" (or {'; '.join(equal[:3])}, which these data do not tell apart)" if equal else ""
-    yield Hypothesis(
-        value,
-        how,
-        Check(
-            "joint_axis",
-            (),
-            f"the robot file seems wrong: {told}{also}; so taken, the errors of the torques fall "
-            f"from {span(plain)} "
-            f"to {span(now)}",
-            "correct it in the robot file",
-        ),
-        words=f"the robot file's {told}" if told in moved else "",
-        each=gain(by_own(as_told, gravity), by_own(identify, gravity)),
-    )
+    def _judged(self, table: Any, identify: Parts) -> np.ndarray | None:
+        held = [s for s in self.quick.samples if s.role == "validate"]
+        validate = parts_of(table, self.quick.columns, held, self.how, AXES_SAMPLES // 2, False)
+        return errors(identify, validate, self.gravity)[1]
 
 
 def _by_several(before: np.ndarray, after: np.ndarray) -> bool:

@@ -6,7 +6,7 @@ It is sought over the whole sphere, and then in its size, where accelerations fi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,13 +46,14 @@ def base_orientation(
     aside: np.ndarray | None = None,
     measured: Callable[[np.ndarray, Sequence[int]], Direction] | None = None,
     first: FirstAxis | None = None,
+    tables: Callable[[np.ndarray, Sequence[int]], Sequence[str]] | None = None,
 ) -> Iterator[Hypothesis | Tilt]:
     """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
     rivals: the other faults with which the model would predict validate; None where a fault is known already.
     stretches: all that fits and judges, as one and in pieces. names (C,) of the signals; aside: channels that
     are not taken, as with the gravity that all tell they contradict the others. measured: where gravity is by
     all rows, begun at a (3,), without some channels, and how well they tell it. first: the joint whose zero
-    may be what gravity is told to be.
+    may be what gravity is told to be. tables: what the robot file may have wrong instead, in words.
     What the fitted recordings do not show, validate tells only if none of them predicts it about as well. A
     small tilt has no check (of an AIRBOT tilted by 6 degrees it was told
     that it hangs the other way round)."""
@@ -116,7 +117,9 @@ def base_orientation(
     if beside.any() and aside is None:  # what turns gravity may be a fault of their own
         less = None if validate is None else validate.without(beside)
         its, kept_out = identify.without(beside), np.flatnonzero(beside)
-        of_rest = base_orientation(its, less, assumed, how, None, None, names, kept_out, measured, first)
+        of_rest = base_orientation(
+            its, less, assumed, how, None, None, names, kept_out, measured, first, tables
+        )
         yield from (h for h in of_rest if isinstance(h, Hypothesis))
     if beside.any() or not _explained(before, error):  # something else is missing
         return
@@ -137,7 +140,7 @@ def base_orientation(
     else:
         zero = "" if first is None else first.zero_of(assumed, best, max(within, ROUND_ANGLE))
         why = f"the base is mounted otherwise, or its frame is{zero}"
-    yield Hypothesis(
+    told_base = Hypothesis(
         value,
         how,
         Check(
@@ -150,6 +153,9 @@ def base_orientation(
         words=f"gravity is {turned}",
         each=gain(by_own(identify, assumed), each),
     )
+    instead = [] if tables is None else tables(best, [] if aside is None else aside.tolist())
+    silent = replace(told_base, check=replace(told_base.check, remedy=""))
+    yield told_base.beside([replace(silent, words=its) for its in instead])
 
 
 def _explained(before: np.ndarray, error: np.ndarray) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ident.equations.columns import Columns
-from ident.examination.quick import Assignment, gain_of
+from ident.examination.quick import Assignment, Quick, gain_of, quick_of
 from ident.examination.samples import Sample
 from modelgen.geometry.names import INERTIAL, ParameterName
 
@@ -83,6 +83,17 @@ def parts_of(
         v.append(((flat * weight[:, None]).T @ y).reshape(K, len(live)))
         yy[c] = weight @ y**2
     return Parts(p, tuple(seen), tuple(G), tuple(v), yy)
+
+
+def with_bodies(table: Any, quick: Quick, zeros: Any = 0.0) -> Quick:
+    """The recordings with every body of a table, with its gravity, in the place of base parameters; positions
+    zeros (n,) rad on."""
+    columns, own = quick.columns, own_columns(quick.columns)
+    samples = []
+    for s in quick.samples:
+        bodies = standard(table, s.q + zeros, s.dq, s.ddq, False)[0][columns.joint_of]
+        samples.append(replace(s, W=np.concatenate([bodies, s.W[:, :, own]], axis=2)))
+    return quick_of(columns, samples)
 
 
 def own_columns(columns: Columns) -> np.ndarray:

@@ -17,6 +17,7 @@ from ident.examination.magnitudes import UNSIGNED, remedy, signed
 from ident.examination.places import exchanged
 from ident.examination.quick import Quick
 from ident.examination.signals import TURNS
+from ident.examination.signs import several_signs
 from ident.examination.stretches import Explained
 from ident.examination.units import DEGREES, Factor, ratios, reach_of, times_too
 
@@ -37,8 +38,11 @@ class Changed:
 
 
 def torques_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:
-    """A torque turned, or without its sign, two of a side exchanged."""
+    """A torque turned, or several, or one without its sign, two of a side exchanged."""
     yield from unsigned(asked, whole, [""])
+    for its in several_signs(replace(asked, quick=whole, fit=whole.fit(asked.how))):
+        explained, said = Explained.by(whole, its.how), its.check
+        yield Changed("", said.signals, said.check, its.words, said.remedy, explained)
     how, channels = asked.how, whole.columns.need.channels
     for c in asked.seen:
         name, explained = asked.name(c), Explained.by(whole, how.times([c], -1.0))

@@ -28,7 +28,7 @@ from ident.examination.coupled import coupled_positions
 from ident.examination.currents import motor_signs
 from ident.examination.delays import delays
 from ident.examination.frictionless import frictionless
-from ident.examination.geometry import beside_tilt, of_geometry, unseen_base
+from ident.examination.geometry import beside_tilt, of_geometry, tables_instead, unseen_base
 from ident.examination.hypothesis import (
     CLEARLY,
     Asked,
@@ -136,7 +136,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best is None:
             break
         found.append(best.check)
-        near = _alike(asked, best, told)
+        near = [*_alike(asked, best, told), *_tables(prepared, asked, best)]
         gained += best.gain
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
@@ -187,7 +187,7 @@ def _by_all(prepared: Prepared, asked: Asked) -> list[Check]:
     of_all = best.quick is not None or not best.check.signals  # torques, or nothing tells which
     if of_all and _unforeseen(_in_roles(made, asked.quick).fit(best.how)):
         return []
-    near = _alike(both, best, told)
+    near = [*_alike(both, best, told), *_tables(prepared, both, best)]
     if len(near) > ALIKE:
         return []
     check = best.beside(near).check
@@ -248,8 +248,19 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
     near = robots + [h for h in others if not steadily(explained(h), its, RARE)]
     pool = rivals(whole, asked.how, asked.currents)
     also = alike((r for r in pool if not same(r.explained, its, 1e-6)), Explained.by(whole, asked.how), its)
-    silent = replace(best.check, remedy="")
-    return near + [Hypothesis(0.0, asked.how, silent, words=r.words) for r in also]
+    return near + _silent(asked, best, [r.words for r in also])
+
+
+def _tables(prepared: Prepared, asked: Asked, best: Hypothesis) -> list[Hypothesis]:
+    """Tables of the robot that are not rejected beside torques taken otherwise."""
+    if best.own or not np.isfinite(best.gain) or asked.of_robot(best) or not best.check.signals:
+        return []
+    return _silent(asked, best, tables_instead(prepared, asked, best))
+
+
+def _silent(asked: Asked, best: Hypothesis, words: Sequence[str]) -> list[Hypothesis]:
+    """What may be there in the place of the best one, with no line that undoes it."""
+    return [Hypothesis(0.0, asked.how, replace(best.check, remedy=""), words=its) for its in words]
 
 
 def _moving(asked: Asked, h: Hypothesis) -> Hypothesis:
@@ -264,10 +275,11 @@ def _moving(asked: Asked, h: Hypothesis) -> Hypothesis:
 
 def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     """What would explain torques that the model as it is does not; one where nothing else is to be asked."""
-    everything = all_signs(asked)
-    if everything is not None and not _unforeseen(asked.fit):  # whose friction a fit of nonsense tells
+    torques = all_signs(asked)
+    everything = torques and all_turned(asked, torques)
+    if everything and not _unforeseen(asked.after(everything).fit):  # whose friction a fit of nonsense tells
         right = [h for h in _positions(asked) if believed(asked, h) and not _mirrored(asked, h)]
-        return right or [all_turned(asked, everything)]
+        return right or [everything]
     doubted = [c for s in prepared.streams for c in s.checks if c.check == "torque_scale" and c.hint]
     large = list(too_large(asked, {name for c in doubted for name in c.signals}))
     large = [h for h in large if believed(asked, h)][:1]

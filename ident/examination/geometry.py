@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ident.equations.prepared import Prepared
-from ident.examination.axes import joint_axes
+from ident.examination.axes import OtherTables
 from ident.examination.base import Tilt, base_orientation, unseen
 from ident.examination.bodies import Parts, errors, parts_of
 from ident.examination.carried import Carried, carried_faults
@@ -45,17 +46,41 @@ def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypo
 
     alone = prior == 0 and how == asked.quick.plain()
     others, names = rivals if alone else None, asked.names(range(len(columns.channels)))
-    asks = (others, stretches, names, None, measured, FirstAxis.of(table, asked.joints))
+    tables = _tables(made, asked)
+
+    def instead(g: np.ndarray, aside: Sequence[int]) -> list[str]:
+        return tables.instead_of(_with(table, g), how, aside)
+
+    asks = (others, stretches, names, None, measured, FirstAxis.of(table, asked.joints), instead)
     tilted = list(base_orientation(identify, validate, gravity, how, *asks))
     yield from tilted
     # a row of the table may stand for the base, or for a joint that is recorded the other way
     clearly = [its.gain + CLEARLY * isinstance(its, Hypothesis) for its in tilted]
     prior = max([prior + CLEARLY if prior else 0.0, *clearly])
-    for axis in joint_axes(table, columns, samples, gravity, how, prior):
+    for axis in tables.told(prior):
         plain = errors(identify, None, gravity)[0]
         best = sought(identify, plain, float(np.linalg.norm(gravity)) or 9.81)[0]
         if axis.gain > gain_of(plain, errors(identify, None, best)[0]):
             yield axis
+
+
+def tables_instead(prepared: Prepared, asked: Asked, h: Hypothesis) -> list[str]:
+    """What the robot file may have wrong in the place of torques taken otherwise, in words."""
+    made = _parts(prepared, asked)
+    if made is None or h.quick is not None:
+        return []
+    tables = _tables(made, asked)
+    return tables.instead_of(tables.table, h.how)
+
+
+def _tables(made: tuple[Any, ...], asked: Asked) -> OtherTables:
+    table, samples, gravity, *_ = made
+    names = asked.names(range(len(asked.how.order)))
+    return OtherTables(_with(table, gravity), asked.quick.of(samples), asked.how, names)
+
+
+def _with(table: Any, gravity: np.ndarray) -> Any:
+    return replace(table, gravity=tuple(float(g) for g in gravity))
 
 
 def unseen_base(prepared: Prepared, asked: Asked) -> Iterable[Check]:

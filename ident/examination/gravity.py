@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ident.distributions import f_quantile
-from ident.examination.bodies import errors, own_columns, parts_of, standard, torques
+from ident.examination.bodies import errors, own_columns, parts_of, torques, with_bodies
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, functionals, quick_of
 from ident.examination.samples import Sample
 from ident.examination.sphere import across, degrees_between, sought
@@ -219,10 +219,5 @@ def _descended(model: _Model, others: Sequence[Other]) -> _Model:
 def _explained(
     table: Any, whole: Quick, how: Assignment, gravity: np.ndarray, zeros: np.ndarray
 ) -> Explained:
-    columns, own = whole.columns, own_columns(whole.columns)
     table = replace(table, gravity=tuple(float(x) for x in gravity))
-    samples = []
-    for s in whole.samples:
-        bodies = standard(table, s.q + zeros, s.dq, s.ddq, False)[0][columns.joint_of]
-        samples.append(replace(s, W=np.concatenate([bodies, s.W[:, :, own]], axis=2)))
-    return Explained.by(quick_of(columns, samples), how)
+    return Explained.by(with_bodies(table, whole, zeros), how)

@@ -47,7 +47,7 @@ class Hypothesis:
         head = message.split(WHICH)[0]
         end = min((k for k in (head.find(": "), head.find("; ")) if k > 0), default=len(head))
         words = [its.words for its in others]
-        if head.count(", or ") + len(words) > FEW:
+        if message[:end].count(", or ") + len(words) > FEW:
             fallen = message[end:].removeprefix(WHICH).lstrip(":; ")
             return replace(self, check=nothing_tells([message[:end], *words], fallen, self.check.recording))
         also = instead(words)

@@ -106,26 +106,38 @@ def several_signs(asked: Asked) -> Iterator[Hypothesis]:
     """Two torques or more with the other sign: turning one alone may only move the contradiction.
 
     A pattern of signs fits as well as its opposite; which of the two is meant inertia and friction say, and
-    without them the fewer torques."""
+    without them the fewer torques. Of torques that may have either sign none is told."""
     seen, quick, how = asked.seen, asked.quick, asked.how
     if not 3 <= len(seen) <= MOST_SIGNS:
         return
     patterns = sign_patterns(seen[1:])
     fits = quick.fits([how.times(which, -1.0) for which in patterns])
     gains = np.array([other.gain_over(asked.fit) for other in fits])
-    best = int(np.argmax(gains))
-    other, which = fits[best], patterns[best]
-    opposite = [c for c in seen if c not in which]
-    if min(len(which), len(opposite)) < 2 or not asked.better(other, 2 * CLEARLY):
+    sides = _told_sides(seen, [patterns[k] for k in np.flatnonzero(gains > gains.max() - 0.5 * CLEARLY)])
+    if min(map(len, sides)) < 2:
         return
-    others = [k for k, its in enumerate(patterns) if len(set(its) ^ set(which)) in (1, len(seen) - 1)]
-    if gains[best] - gains[others].max() < 0.5 * CLEARLY:
+
+    def speaks(which: list[int]) -> tuple[int, int]:
+        its = how.times(which, -1.0)
+        told = evidence(quick, quick.fit(its), its)
+        return sum(told.speaks_for(c) for c in seen) - sum(told.against(c) for c in seen), -len(which)
+
+    which, others = sorted(sides, key=speaks, reverse=True)
+    other = quick.fit(how.times(which, -1.0))
+    if not asked.better(other, 2 * CLEARLY):
         return
-    told = evidence(quick, other, how.times(which, -1.0))
-    speaking = sum(told.speaks_for(c) for c in seen) - sum(told.against(c) for c in seen)
-    if speaking < 0 or (speaking == 0 and len(opposite) < len(which)):
-        which = opposite
-    names, beside = asked.names(which), listed(asked.name(c) for c in seen if c not in which)
-    message = f"{listed(names)} have the other sign than {beside}: turned, {falls(asked.fit, other)}"
-    check = turned_sign(names, message, asked.maps)
-    yield Hypothesis(float(gains[best]), how.times(which, -1.0), check)
+    names, beside = asked.names(which), listed(asked.names(others))
+    words = f"{listed(names)} have the other sign than {beside}"
+    check = turned_sign(names, f"{words}: turned, {falls(asked.fit, other)}", asked.maps)
+    yield Hypothesis(other.gain_over(asked.fit), how.times(which, -1.0), check, words=words)
+
+
+def _told_sides(seen: Sequence[int], patterns: Sequence[Sequence[int]]) -> tuple[list[int], list[int]]:
+    """Torques of one sign and of the other that all these patterns of turned ones have so: of small torques
+    some have either. (Of an LWR4+ with two torques turned the fourth was told to be, for the last three may
+    have any sign.)"""
+    turned = np.array([[c in which for c in seen] for which in patterns])
+    beside = [turned ^ turned[:, [k]] for k in range(len(seen))]  # as the k-th, or the other way
+    its = max(beside, key=lambda x: (x == x[0]).all(axis=0).sum())
+    told = (its == its[0]).all(axis=0)
+    return [c for c, x in zip(seen, told & its[0]) if x], [c for c, x in zip(seen, told & ~its[0]) if x]

@@ -1,16 +1,27 @@
 """A robot file whose rows are turned, or of the other Denavit-Hartenberg convention."""
 
+from dataclasses import replace
 from importlib.resources import files
 
 import numpy as np
 import pytest
 import yaml
-from planted import ON_RECORDINGS, asked_of, measured
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
-from ident.examination.axes import joint_axes
+from ident.equations.prepared import prepare_study
+from ident.examination.axes import OtherTables
+from ident.examination.examine import examine_fit
 from modelgen.geometry.kinematics import Geometry
 
 pytestmark = ON_RECORDINGS
+
+
+def _with_table(folder, study, change):
+    path = files("modelgen").joinpath("robots", f"{study.robot}.yaml")
+    table = yaml.safe_load(path.read_text(encoding="utf-8"))
+    change(table["links"])
+    (folder / "robot.yaml").write_text(yaml.safe_dump(table))
+    return study.with_(robot=str(folder / "robot.yaml"))
 
 
 def _told(folder, robot, change):
@@ -23,14 +34,10 @@ def _told(folder, robot, change):
         )
         a = a.model_copy(update={"use": "identify", "name": "a", "to_s": 24.0})
         study = study.with_(recordings=(a, fitted, judged))
-    path = files("modelgen").joinpath("robots", f"{study.robot}.yaml")
-    table = yaml.safe_load(path.read_text(encoding="utf-8"))
-    change(table["links"])
-    (folder / "robot.yaml").write_text(yaml.safe_dump(table))
-    quick = asked_of(study.with_(robot=str(folder / "robot.yaml"))).quick
+    quick = asked_of(_with_table(folder, study, change)).quick
     geometry = Geometry.of(quick.columns.model.geometry)
-    gravity = np.array([float(g) for g in geometry.gravity])
-    return list(joint_axes(geometry, quick.columns, quick.samples, gravity, quick.plain()))
+    geometry = replace(geometry, gravity=tuple(float(g) for g in geometry.gravity))
+    return list(OtherTables(geometry, quick, quick.plain()).told())
 
 
 def _a_row_higher(*keys):
@@ -83,3 +90,30 @@ def test_rows_in_each_other_s_place_and_a_joint_of_the_other_kind(tmp_path, chan
     """A position and a torque of a Franka's second joint were told as turned, of its third joint nothing."""
     (told,) = _told(tmp_path, "franka_panda", change)
     assert words in told.check.message
+
+
+def test_a_row_beside_torques_that_contradict_the_others_anyway(tmp_path):
+    """The last ones of an LWR4+ do: its third torque was told as 3.5 times too small."""
+    study = measured("kuka_lwr4plus")
+    run = next(r for r in study.recordings if r.file.startswith("traj_b"))
+    runs = [
+        run.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
+        for use, begin, end in (("identify", 1.0, 14.9), ("validate", 14.9, 19.5))
+    ]
+    study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    table = _with_table(tmp_path, study, lambda links: links[1].update(alpha="-pi/2"))
+    (told,) = examine_fit(prepare_study(table))
+    assert told.check == "joint_axis" and "link 2 (joint 2): alpha is off by pi" in told.message
+    assert "without tau_l5, tau_l6, which the others contradict" in told.message
+
+
+@pytest.mark.parametrize(("bits", "check"), [(12, "base_orientation"), (30, "torque_scale")])
+def test_what_a_joint_of_the_other_kind_may_be_as_well(tmp_path, bits, check):
+    """Six slow seconds of a KR 300: a base was told that is turned by 118 degrees, or a torque that is 54
+    times too small, where the table has a sliding joint."""
+    step, study = 2 * np.pi / 2**bits, measured("kuka_kr300")
+    coarse = lambda c: {k: step * np.round(x / step) if k[0] == "q" else x for k, x in c.items()}  # noqa: E731
+    study = parted(study.with_(recordings=study.recordings[:1]), 6.0, 8.0)
+    slides = lambda links: links[2].update(joint="prismatic", theta=0, r="q3")  # noqa: E731
+    (told,) = examine_fit(prepare_study(_with_table(tmp_path, planted(tmp_path, coarse, study), slides)))
+    assert told.check == check and "or the robot file's joint 3 slides there, not turns" in told.message

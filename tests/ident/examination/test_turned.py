@@ -102,3 +102,29 @@ def test_all_torques_or_all_positions(tmp_path, what):
     told = all_turned(asked, torques)
     assert {name.rstrip("1234567") for name in told.check.signals} == {"tau_l" if what == "tau" else "q"}
     assert "not tell which" not in told.check.message and len(told.check.signals) == 7
+
+
+def test_all_positions_turned_foretell_what_all_torques_turned_do_not(tmp_path):
+    """Of an AIRBOT's positions all torques were told, and with them two whole joints."""
+    study = measured("airbot_play")
+    change = lambda c: {k: -v if k[0] == "q" else v for k, v in c.items() if k[0] != "d"}  # noqa: E731
+    runs = [next(r for r in study.recordings if r.use == use) for use in ("identify", "validate")]
+    turned = planted(tmp_path, change, study.with_(recordings=tuple(runs), filter=type(study.filter)()))
+    (said,) = examine_fit(prepare_study(turned))
+    assert said.check == "position_sign" and said.signals == tuple(f"q{j}" for j in range(1, 7))
+
+
+def test_two_torques_turned_where_the_last_ones_may_have_any_sign(tmp_path):
+    """Of an LWR4+ the fourth was told, which was not turned."""
+    study = measured("kuka_lwr4plus")
+    turned = ("tau_l1", "tau_l3")
+    change = lambda c: {k: -v if k in turned else v for k, v in c.items() if k[0] != "d"}  # noqa: E731
+    a, b = sorted({r.file: r for r in study.recordings}.values(), key=lambda r: r.file)
+    runs = (
+        a.model_copy(update={"use": "identify", "name": "a", "from_s": 1.0, "to_s": 16.0}),
+        b.model_copy(update={"use": "validate", "name": "b", "from_s": 14.0, "to_s": 19.0}),
+    )
+    study = planted(tmp_path, change, study.with_(recordings=runs, filter=type(study.filter)()))
+    (said,) = examine_fit(prepare_study(study))
+    assert (said.check, said.signals) == ("torque_sign", turned)
+    assert "than tau_l2, tau_l4:" in said.message
