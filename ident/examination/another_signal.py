@@ -21,7 +21,7 @@ import numpy as np
 
 from ident.examination.another_clock import clocks
 from ident.examination.another_torque import Reading, Sums, readings
-from ident.examination.bodies import AS_OTHERS, ENOUGH, standard
+from ident.examination.bodies import AS_OTHERS, ENOUGH, beyond_own, standard
 from ident.examination.changed import Changed, positions_in_all, torques_in_all, unsigned
 from ident.examination.check import FEW, Check, listed, nothing_tells
 from ident.examination.coupled import held
@@ -29,6 +29,7 @@ from ident.examination.delays import LEAST_S
 from ident.examination.hypothesis import (
     CLEARLY,
     EXPLAINED,
+    SAME,
     SWAPPED,
     Asked,
     Hypothesis,
@@ -37,11 +38,11 @@ from ident.examination.hypothesis import (
     not_recorded,
 )
 from ident.examination.places import along, exchanged
-from ident.examination.quick import FLOOR, Quick, added, solve
+from ident.examination.quick import FLOOR, Quick, added, gain_of, gains_of, solve
 from ident.examination.recordings_apart import thinned
 from ident.examination.rivals import alike, rivals
 from ident.examination.samples import LAGS, Sample
-from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
+from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.unexplained import apart_by_one_fit
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
 from ident.examination.weightless import every, felt, without_gravity
@@ -167,9 +168,13 @@ def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bo
                 return False
             own = changed
         each.append(own)
-    usual, left = float(np.mean([_mean(x.fit.error) for x in each])), _mean(its.explained.fit.error)
-    most = left < np.sqrt(usual * _mean(before.fit.error))  # of what makes one fit worse than those of each
-    return bool(most and left < max(AS_OTHERS * usual, ENOUGH))
+    usual = np.exp(np.mean(np.log(np.maximum([x.fit.error for x in each], FLOOR)), axis=0))
+    plain, left = before.fit.error, its.explained.fit.error
+    asks = np.full(len(left), True)
+    if all(name.startswith(("tau", "i")) for name in its.signals):  # others may fit together as well anyway
+        asks = beyond_own(plain, usual) | (np.abs(gains_of(plain, left)) > np.log(SAME))
+    most = gain_of(plain[asks], left[asks]) > HALF * gain_of(plain[asks], usual[asks])
+    return bool(most and _mean(left) < max(AS_OTHERS * _mean(usual), ENOUGH))
 
 
 def _mean(error: np.ndarray) -> float:

@@ -78,10 +78,14 @@ def unexplained(asked: Asked) -> Iterator[Check]:
 
 def apart_by_one_fit(quick: Quick, how: Assignment) -> np.ndarray:
     """(C,) bool: torques of which one fit of all recordings leaves more of them all than fits of each."""
+    return beyond_own(all_rows(quick).fit(how).error, by_each_recording(quick, how))
+
+
+def by_each_recording(quick: Quick, how: Assignment) -> np.ndarray:
+    """(C,) errors of all recordings by fits of each."""
     each = [(x, x.right(how)[0], solve(x, None, how).error) for x in quick.each]
     size = np.sum([its for _, its, _ in each], axis=0)
-    own = np.sqrt(np.nansum([its * error**2 for _, its, error in each], axis=0) / np.maximum(size, 1e-300))
-    return beyond_own(all_rows(quick).fit(how).error, own)
+    return np.sqrt(np.nansum([its * error**2 for _, its, error in each], axis=0) / np.maximum(size, 1e-300))
 
 
 def odd_beside(error: np.ndarray, own: np.ndarray) -> np.ndarray:
