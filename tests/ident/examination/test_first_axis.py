@@ -47,3 +47,16 @@ def test_an_arm_told_to_be_on_a_wall(robot, zero):
     (said,) = [c for c in checks if c.check == "base_orientation"]
     assert said.remedy.split("  #")[0] == "gravity: [0, 0, -9.81]"
     assert ("q1 starts from another zero" in said.message) == zero
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_one_run_of_an_arm_told_to_be_on_a_wall():
+    """A base was told that is turned by 60 degrees, not 90, within 9: nothing else was sought."""
+    channels = tuple(f"tau_l{j}" for j in range(1, 5)) + MOTORS
+    study = measured("dualarm_v2_7dof").with_(gravity=(9.81, 0, 0), channels=channels)
+    run = tuple(r for r in study.recordings if r.file.startswith("identify_a"))
+    checks = examine_fit(prepare_study(study.with_(recordings=run)))
+    (said,) = [c for c in checks if c.check == "base_orientation"]
+    assert said.remedy.split("  #")[0] == "gravity: [0, 0, -9.81]"
+    assert "q1 starts from another zero" in said.message
