@@ -17,6 +17,7 @@ from ident.diagnosis.evidence import Evidence, Metric, acting, said, whole
 from ident.diagnosis.is_a_load import (
     SHORTEST_S,
     as_one_number,
+    away_from_turns,
     by_what_it_needs,
     can_be,
     cross_evidence,
@@ -131,7 +132,7 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     sizes, gain = fit_sizes(whole(own, state.rows.usable), columns)
     if gain < limit or not can_be(state, own, term, columns, sizes, tau):
         return None
-    if not stands_apart(state, own, term, columns, limit):
+    if not (away_from_turns(state, own, columns, tau) and stands_apart(state, own, term, columns, limit)):
         return None
     halves = halves_of(state, own, columns)
     evidence = cross_evidence(halves, columns, acting(columns))

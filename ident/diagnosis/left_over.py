@@ -24,6 +24,7 @@ from ident.diagnosis.sufficiency import (
     signals_read,
 )
 from ident.diagnosis.terms import Term
+from ident.diagnosis.turning_rows import apart_from_turns
 from ident.diagnosis.weighed_again import asked_for
 from ident.diagnosis.weighing import Equivalent
 
@@ -50,7 +51,7 @@ def leftovers(
         if flex is None:
             continue
         near = None if doubt is None else doubt.nearest
-        if flex.evidence.log_e < tau or not flex.evidence.supported(alpha):
+        if not _carries_over(state, m, c, flex, tau, alpha):
             alone = _fitted_alone(c, flex, m, near)
             if near is not None or (
                 alone.share > LEAST
@@ -105,6 +106,12 @@ def overrated(
         steps = [s for s in steps if what.nearest is None or s.term.key != what.nearest.term.key]
         state, asked = without(state, weakest), {}
     return state, steps, doubtful, asked
+
+
+def _carries_over(state: State, m: Metric, c: int, flex: Flexible, tau: float, alpha: float) -> bool:
+    """Whether the rows that judge say so, and not only those in which the joint turns round."""
+    told = flex.evidence.log_e > tau and flex.evidence.supported(alpha)
+    return told and apart_from_turns(state, m, {c: flex.column[:, None]}, tau)
 
 
 def _is_there(flex: Flexible, state: State, tau: float) -> bool:

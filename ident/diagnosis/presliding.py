@@ -71,8 +71,10 @@ def _has_a_name(bare: State, state: State, dry: Dry, tau: float) -> bool:
         weigh(m, {c: sign_columns(bare.segments, bare.rows, dry.joint, c, [its]) for c, _ in dry.places})
         for its in (turn, *longer)
     )
-    ahead = max((e.log_e for e in theirs), default=-np.inf) - own.log_e
-    return ahead > 0 if abs(ahead) > tau else max(e.gain for e in theirs) >= own.gain
+    most = max((e.log_e for e in theirs), default=-np.inf)
+    if abs(most - own.log_e) > tau:
+        return most > max(own.log_e, tau)
+    return max(e.gain for e in theirs) >= own.gain
 
 
 def _by_rate_alone(state: State, joints: Collection[int]) -> State:

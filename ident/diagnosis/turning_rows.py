@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from ident.diagnosis.evidence import Metric, metric, project
+from ident.diagnosis.evidence import Columns, Metric, metric, project, weigh
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import State, turned
 from ident.diagnosis.unknown_turns import unknown_turns
@@ -50,6 +50,15 @@ def beside_any_turn(state: State, m: Metric) -> Metric:
         wide.append((np.append(places, np.arange(at, at + T.shape[1])), np.hstack([values, T])))
         at += T.shape[1]
     return metric(state.rows, wide, at, m.whiteners)
+
+
+def apart_from_turns(state: State, m: Metric, columns: Columns, tau: float) -> bool:
+    """Whether columns of size one say something on the rows that judge where joints keep their direction, or
+    beside any torque of each turn: else they are what is not known of turns. (Of a clean arm, whose encoder's
+    steps were as long as its friction's travel, a function of dq1 and what the joint remembers said 20 nats
+    more; -4 where it kept its direction, -3 beside any turn.)"""
+    asked = (make(state, m) for make in (without_turning, beside_any_turn))
+    return any(weigh(its, columns, np.ones(1)).log_e > tau for its in asked)
 
 
 def keeping_direction(state: State, as_far_as_felt: bool = False) -> np.ndarray:
