@@ -20,6 +20,7 @@ from ident.diagnosis.halves import by_halves
 from ident.diagnosis.in_common import by_common
 from ident.diagnosis.left_out import left_out
 from ident.diagnosis.left_over import leftovers
+from ident.diagnosis.loads_in_turn import in_turn
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
 from ident.diagnosis.refine import Refined, fit_sizes
 from ident.diagnosis.settling import (
@@ -139,6 +140,7 @@ def trace(
             closed.add(state.model.channels[taken.told.channel].joint)
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, library, tau, alpha)
+    state, steps = in_turn(state, steps, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
     state = on_late_rows(state)
     state, steps, left = leftovers(state, steps, unnamed, tau, alpha)

@@ -1,0 +1,67 @@
+"""Loads whose windows overlap are told as those that follow each other, and windows open between rows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ident.diagnosis.events import edged
+from ident.diagnosis.evidence import whole
+from ident.diagnosis.loads_in_turn import in_turn
+from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import Step, threshold
+from ident.diagnosis.refine import Refined, fit_sizes
+from ident.diagnosis.settling import refined_together
+from ident.diagnosis.state import Found, solved
+from ident.diagnosis.terms import Term
+from ident.equations.prepared import prepare_study
+from modelgen.effects import effect
+from modelgen.effects.place import Place
+
+TAU, ALPHA = threshold(0.01), 0.01
+POINT = {"px": 0.0, "py": 0.0, "pz": 0.0}
+
+
+def force(start, stop, copy=0):
+    place = Place(side="link", recording="run1", start=start, stop=stop)
+    return Term(effect("external_force"), place, POINT, copy=copy)
+
+
+def found(state, *terms):
+    made = [state.scene.columns(t) for t in terms]
+    return refined_together(solved(state.plus(*(Found(t, z, np.zeros(3)) for t, z in zip(terms, made)))))
+
+
+@pytest.fixture(scope="module")
+def pushed_twice(arm):
+    forces = ("fx=0.4,fy=-0.3,fz=0.3,from=3.04,to=5.52", "fx=-0.3,fy=0.4,fz=0.3,from=7.27,to=10.31")
+    return opened(prepare_study(arm(*(f"external_force:{its},recording=run1" for its in forces)))).state
+
+
+def test_three_that_overlap_are_two_in_turn(pushed_twice):
+    state = found(pushed_twice, force(3.0, 10.3), force(5.5, 7.3, 1), force(3.0, 5.5, 2))
+    steps = [Step(t, None, ()) for t in state.terms]
+    state, steps = in_turn(state, steps, TAU, ALPHA)
+    windows = sorted((s.term.place.start, s.term.place.stop) for s in steps)
+    assert windows == [pytest.approx((3.04, 5.52), abs=0.1), pytest.approx((7.27, 10.31), abs=0.1)]
+    assert sorted(t.key for t in state.terms) == sorted(s.term.key for s in steps)
+
+
+def test_two_in_turn_stay(pushed_twice):
+    state = found(pushed_twice, force(3.0, 5.5), force(7.3, 10.3, 1))
+    steps = [Step(t, None, ()) for t in state.terms]
+    assert in_turn(state, steps, TAU, ALPHA) == (state, steps)
+
+
+def test_a_window_opens_between_the_rows(pushed_twice):
+    """Two rows off it is found where it was put, to a fraction of a row."""
+    state = pushed_twice
+    hop = state.rows.hop
+    beside = found(state, force(7.27, 10.31))
+    m = whole(beside.metric, beside.rows.usable)
+    begun = force(3.04 - 2 * hop, 5.52 + 2 * hop, 1)
+    columns = beside.scene.columns(begun)
+    r = edged(m, beside, Refined(begun, columns, *fit_sizes(m, columns)))
+    assert r.term == replace(begun, place=r.term.place)
+    assert (r.term.place.start, r.term.place.stop) == pytest.approx((3.04, 5.52), abs=hop)
+    assert r.gain > fit_sizes(m, columns)[1] + TAU
