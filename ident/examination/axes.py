@@ -31,7 +31,7 @@ from ident.examination.halves import of_either_half
 from ident.examination.hypothesis import BAD, Hypothesis
 from ident.examination.quick import Assignment, Quick
 from ident.examination.recordings_apart import thinned
-from ident.examination.stretches import RARE, Explained, all_rows, half_of, same, steadily
+from ident.examination.stretches import HALF, RARE, Explained, all_rows, half_of, same, steadily
 
 CLEARLY = 1.0  # gain, summed over the channels, on identify; half of it on validate
 AXES_SAMPLES = 160
@@ -114,6 +114,8 @@ class OtherTables:
         one, two = (with_bodies(its, self.quick) for its in (self.table, best.table))
         if not of_either_half(one, self.how, two, self.how):
             return
+        if self.aside and best.gain < HALF * gain(plain, by_own(self._parts(self.table, SAMPLES), gravity)):
+            return  # hardly a half of what one robot leaves of the others beyond bodies of their own
         more = self._parts(best.table, SAMPLES)  # of few samples a torque's own bodies explain too much
         odd = np.flatnonzero(beyond_own(errors(more, None, gravity)[0], by_own(more, gravity))).tolist()
         if odd:  # something else is missing: maybe in them alone

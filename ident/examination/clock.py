@@ -183,10 +183,10 @@ def time_stamps(recording: str, clock: Clock, shared: int, rows: int) -> Check:
     )
 
 
-def late_stamps(recording: str, clock: Clock, uneven: Check, rows: int) -> Check:
-    """Stamps by whose steps joints do not go: that were taken late, of samples that are even. (Of an LWR4+
-    whose stamps scatter by a third of a sample 8 % were left for 2.)"""
-    return _of_stamps(recording, rows, f"{uneven.message.split(': ')[0]}: {_instead(clock)}")
+def late_stamps(recording: str, clock: Clock, steps: str, rows: int) -> Check:
+    """Stamps by whose steps, in words, joints do not go: that were taken late, of samples that are even. (Of
+    an LWR4+ whose stamps scatter by a third of a sample 8 % were left for 2.)"""
+    return _of_stamps(recording, rows, f"{steps}: {_instead(clock)}")
 
 
 def _instead(clock: Clock) -> str:

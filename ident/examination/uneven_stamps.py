@@ -8,8 +8,6 @@ torques was then unexplained, and nothing was said.)
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from ident.examination.check import Check
@@ -21,9 +19,9 @@ SIDE = 8  # rows on either side that tell how fast joints go
 FEWEST = 25  # long steps: how far joints go in them is then known to a seventh, a third of what is asked
 
 
-def uneven_stamps(excerpt: Excerpt, joints: int) -> Iterator[Check]:
-    """Said where at least one step in twenty is long and positions, the first so many columns, go in these
-    less than half of what they have to go beyond what they go in the others."""
+def uneven_steps(excerpt: Excerpt, joints: int) -> str:
+    """In words where at least one step in twenty is long and positions, the first so many columns, go in
+    these less than half of what they have to go beyond what they go in the others; nothing elsewhere."""
     long, usual = (np.zeros(4) for _ in range(2))  # steps, their sum [s], what joints go, have to at one pace
     for _, t, values in excerpt.pieces:
         q, dt = values[:, :joints], np.diff(t)
@@ -38,15 +36,23 @@ def uneven_stamps(excerpt: Excerpt, joints: int) -> Iterator[Check]:
         long += each[:, far & (dt < PAUSE * middle)].sum(axis=1)
         usual += each[:, ~far & (dt > 0)].sum(axis=1)
     if long[0] < max(FEWEST, BURSTS * (long[0] + usual[0])) or not min(long[3], usual[3]) > 0:
-        return
+        return ""
     steps, share = (long[1] / long[0], usual[1] / usual[0]), long[0] / (long[0] + usual[0])
     further = (long[2] / long[3]) / (usual[2] / usual[3])
-    if further - 1 < 0.5 * (steps[0] / steps[1] - 1):
-        yield Check(
-            "time_stamps",
-            ("t",),
-            f"{100 * share:.0f} % of the steps of t are {1e3 * steps[0]:.3g} ms, the others "
-            f"{1e3 * steps[1]:.3g} ms, though joints go {further:.2f} times as far in them: the stamps are "
-            "rounded, or taken late, and rates and accelerations by them are wrong",
-            "record finer stamps, or leave t out and give rate_hz: beside the file",
-        )
+    if not further - 1 < 0.5 * (steps[0] / steps[1] - 1):
+        return ""
+    return (
+        f"{100 * share:.0f} % of the steps of t are {1e3 * steps[0]:.3g} ms, the others "
+        f"{1e3 * steps[1]:.3g} ms, though joints go {further:.2f} times as far in them"
+    )
+
+
+def uneven_stamps(recording: str, steps: str) -> Check:
+    """Such stamps, with no uniform clock behind them."""
+    return Check(
+        "time_stamps",
+        ("t",),
+        f"{steps}: the stamps are rounded, or taken late, and rates and accelerations by them are wrong",
+        "record finer stamps, or leave t out and give rate_hz: beside the file",
+        recording=recording,
+    )

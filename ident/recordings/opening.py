@@ -30,7 +30,7 @@ from ident.examination.clock import (
 from ident.examination.of_table import more_joints, of_table
 from ident.examination.signals import Columns
 from ident.examination.stopped import stopped_positions
-from ident.examination.uneven_stamps import uneven_stamps
+from ident.examination.uneven_stamps import uneven_stamps, uneven_steps
 from ident.examination.velocity import velocity_agrees
 from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
@@ -90,7 +90,7 @@ def open_recording(
     )
     seen, checks = surveyed(stream, study), []
     mended: Check | None = None
-    uneven = next(uneven_stamps(seen.excerpt, len(need.joints)), None)
+    uneven = uneven_steps(seen.excerpt, len(need.joints))
     if (seen.bursts or seen.grid.rounded or uneven) and stream.counted_rate_hz is None:
         stamps = table.blocks(names[:1])
         clock = uniform_clock((b[:, 0] * factors[0] + offsets[0] for b in stamps), window)
@@ -100,7 +100,7 @@ def open_recording(
         if mended is None and uneven and clock.believable:
             mended = late_stamps(stream.label, clock, uneven, seen.survey.rows)
     if mended is None and uneven:
-        checks.append(replace(uneven, recording=stream.label))
+        checks.append(uneven_stamps(stream.label, uneven))
     if mended is not None:
         checks.append(mended)
         refuse(stream.file, checks)

@@ -8,7 +8,7 @@ import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.excerpt import Excerpt
-from ident.examination.uneven_stamps import uneven_stamps
+from ident.examination.uneven_stamps import uneven_steps
 
 
 def _said(t, stamps, kept=slice(None)):
@@ -16,12 +16,12 @@ def _said(t, stamps, kept=slice(None)):
     q += 1e-4 * np.random.default_rng(1).normal(size=q.shape)
     excerpt = Excerpt()
     excerpt.take((np.arange(len(t[kept])), stamps[kept], np.hstack([q, q])[kept]))
-    return list(uneven_stamps(excerpt, 2))
+    return uneven_steps(excerpt, 2)
 
 
 def test_rounded_stamps_are_told_and_lost_rows_are_not():
     t = np.arange(4000) / 94.0
-    assert [c.check for c in _said(t, np.round(t, 2))] == ["time_stamps"]
+    assert "of the steps of t are" in _said(t, np.round(t, 2))
     assert not _said(t, t, np.flatnonzero(np.random.default_rng(2).random(4000) > 0.1))
     assert not _said(t, np.round(t, 3)) and not _said(t, t)
 
