@@ -126,6 +126,17 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     )
 
 
+def more_in_one(asked: Asked, h: Hypothesis) -> bool:
+    """Whether a signal of one recording alone explains more than what is told of all. (Of an LWR4+ whose
+    fourth position starts from another zero in the run that judges two were told to look swapped.)"""
+    whole = _few(asked.quick)
+    if len(whole.samples) < 2:
+        return False
+    before, told = Explained.by(whole, asked.how), Explained.by(_few(h.quick or asked.quick), h.how)
+    found = (*_torques(asked, whole, before), *_positions(asked, whole))
+    return any(its.recording and its.explained.fit.gain_over(told.fit) > 0 for its in found)
+
+
 def _moving(asked: Asked, its: Changed) -> Changed:
     """Of a position that stands still in all recordings any other place is one that was not recorded."""
     still = asked.still(its.signals)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ident.equations.prepared import Prepared, resting_joints
 from ident.examination.another_clock import clock_of_all
-from ident.examination.another_signal import another_signal
+from ident.examination.another_signal import another_signal, more_in_one
 from ident.examination.base import Tilt
 from ident.examination.believed import believed
 from ident.examination.bodies import beyond_own
@@ -158,7 +158,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     beside = beside or ([] if doubted else list(unexplained(asked)))
     held = asked.fit.validate
     if (alone or not beside) and held is not None:
-        asks = not found and gain_of(held, asked.fit.error) > CARRIED
+        elsewhere = any(c.hint and c.signals[0][0] == "q" for s in prepared.streams for c in s.checks)
+        asks = not found and not elsewhere and gain_of(held, asked.fit.error) > CARRIED
         scaled = carried_faults(asked) if asks else []
         beside = [ambiguous(held, scaled)] if scaled else beside
         beside += _by_all(prepared, asked) if asks and not beside else []
@@ -188,7 +189,8 @@ def _by_all(prepared: Prepared, asked: Asked) -> list[Check]:
     if of_all and _unforeseen(_in_roles(made, asked.quick).fit(best.how)):
         return []
     near = [*_alike(both, best, told), *_tables(prepared, both, best)]
-    if len(near) > ALIKE:
+    known = both.of_robot(best) or best.own or not np.isfinite(best.gain)  # by friction, not by what is left
+    if len(near) > ALIKE or (not known and more_in_one(both, best)):
         return []
     check = best.beside(near).check
     return [replace(check, message=f"{check.message}, over all recordings")]

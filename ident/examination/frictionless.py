@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ident.examination.check import Check, listed
-from ident.examination.hypothesis import CLEARLY, EXPLAINED, Asked
+from ident.examination.hypothesis import BAD, CLEARLY, Asked
 from ident.examination.stretches import RARE, Explained, all_rows, beyond_chance
 from modelgen.geometry.names import ParameterName
 
@@ -25,7 +25,8 @@ def frictionless(asked: Asked) -> Iterator[Check]:
     """Said where of most motors' torques stretch by stretch no more is explained with friction than without,
     and clearly more is ruled out, though the model explains most of them: of one alone a joint that hardly
     rubs, or hardly moves, is not told from it. Sensors behind the gear may feel none. (Of a Barrett whose
-    second encoder stopped midway both were said to show none: what was left of them hid it.)"""
+    second encoder stopped midway, or with the rows of its table exchanged, both were said to show none: what
+    was left of them hid it.)"""
     columns, how = asked.quick.columns, asked.how
     names = [ParameterName.of(name) for name in columns.parameters]
     rubs = np.array([name is not None and name.kind in FRICTION for name in names])
@@ -41,7 +42,7 @@ def frictionless(asked: Asked) -> Iterator[Check]:
     gained = felt.gains_over(bare)
     silent = [c for c in motors if gained[c] < CLEARLY and not beyond_chance(logs[:, c], RARE)]
     silent = [c for c in silent if beyond_chance(CLEARLY - logs[:, c], RARE)]  # and that it is none is shown
-    explained = [c for c in motors if bare.fit.error[c] < EXPLAINED]
+    explained = [c for c in motors if bare.fit.error[c] < BAD]  # else something else is wrong
     if min(len(silent), len(explained)) > MOST * len(motors):
         said = asked.names(silent)
         sizes = [100 * float(np.exp(np.mean(np.log(x.fit.error[silent])))) for x in (felt, bare)]

@@ -92,7 +92,7 @@ def foretold_badly(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
             sure = {c: _causes(asked, c) for c in odd if _beyond_chance(apart, c, RARE / apart.error.size)}
             odd = [c for c, words in sure.items() if words]
             causes = "; ".join(f"{words[0]}{instead(words[1:])}" for words in sure.values() if words)
-            causes = f"; by one fit of all recordings {causes}" if causes else ""
+            causes = f"; it would be explained where {causes}" if causes else ""
         if not odd:
             continue
         others = [label for label in fitted if label != apart.sample.label]

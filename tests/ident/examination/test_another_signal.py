@@ -262,3 +262,20 @@ def test_a_torque_turned_in_one_of_two_runs_which_other_torques_fit_together_wor
     change = lambda c: c | {"tau_m6": -its} if np.array_equal(c["tau_m6"], its) else c  # noqa: E731
     (told,) = examine_fit(prepare_study(planted(tmp_path, change, study)))
     assert f"tau_m6 has the other sign in {first.label}, these recordings do not tell which" in told.message
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_what_one_recording_explains_better_is_not_told_of_all(tmp_path):
+    """Of an LWR4+ whose fourth position starts from another zero in the run that judges two were told to look
+    swapped in all."""
+    study = measured("kuka_lwr4plus")
+    run = next(r for r in study.recordings if r.file.startswith("traj_a"))
+    runs = [
+        run.model_copy(update={"use": use, "name": use, "from_s": begin, "to_s": end})
+        for use, begin, end in (("identify", None, 15.5), ("validate", 15.5, 20.3))
+    ]
+    study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    change = lambda c: c | {"q4": c["q4"] + np.radians(10) * (c["t"] > c["t"][0] + 15.5)}  # noqa: E731
+    checks = examine_fit(prepare_study(planted(tmp_path, change, study)))
+    assert all(c.check != "swapped_signals" for c in checks)

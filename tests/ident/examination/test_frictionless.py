@@ -2,8 +2,10 @@
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, planted
+import yaml
+from planted import DATA, ON_RECORDINGS, measured, parted, planted
 from small_arm import ARM
 
 import ident
@@ -69,3 +71,21 @@ def test_an_encoder_that_stops_midway_hides_friction(tmp_path):
     fitted = tuple(r for r in study.recordings if r.use == "identify")
     checks = examine_fit(prepare_study(study.with_(recordings=fitted)))
     assert "friction_compensated" not in {c.check for c in checks}
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_what_a_wrong_table_leaves_is_no_friction_taken_off(tmp_path):
+    """Of a Barrett with its two rows exchanged, of which a third is left, both torques were said to show
+    none."""
+    study = measured("barrett_wam_2dof")
+    run = next(r for r in study.recordings if r.use == "identify")
+    length = float(np.ptp(pq.read_table(study.recording_path(run), columns=["t"])["t"].to_numpy()))
+    study = parted(study.with_(recordings=(run,)), 0.6 * length, 0.8 * length)
+    table = yaml.safe_load((DATA / "barrett_wam_2dof" / "robot.yaml").read_text(encoding="utf-8"))
+    (one, its) = table["links"]
+    for key in ("alpha", "d", "r"):
+        one[key], its[key] = its[key], one[key]
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(table))
+    checks = examine_fit(prepare_study(study.with_(robot=str(tmp_path / "robot.yaml"))))
+    assert all(c.check != "friction_compensated" for c in checks)
