@@ -14,14 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.events import chosen, edged, sized, what
-from ident.diagnosis.evidence import Evidence, acting, whole
-from ident.diagnosis.is_a_load import SHORTEST_FOLD_S, cross_evidence, halves_of
-from ident.diagnosis.leading import outside_metric
+from ident.diagnosis.evidence import whole
+from ident.diagnosis.is_a_load import SHORTEST_FOLD_S
 from ident.diagnosis.outcome import Step
-from ident.diagnosis.refine import Refined
-from ident.diagnosis.settling import refined_together
+from ident.diagnosis.settling import refined_together, whitened_squares
 from ident.diagnosis.state import Found, State, solved
-from ident.diagnosis.still_a_load import still_holds
+from ident.diagnosis.still_a_load import evidence_of, still_holds
 from ident.diagnosis.terms import Term
 
 Window = tuple[float, float]  # [s]; infinite where the recording begins or ends
@@ -29,28 +27,31 @@ Window = tuple[float, float]  # [s]; infinite where the recording begins or ends
 
 def in_turn(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[State, list[Step]]:
     """The state and its steps with loads that follow each other in the place of those that overlap."""
-    for group in _overlapping(state):
+    for group in _overlapping(state, {s.term.key for s in steps}):
         terms = [t for k in group if (t := state.found[k].term) is not None]
         trial, mine = _apart(state, group, terms[0])
         trial = _held(trial, mine, tau, alpha)
         trial = _joined(_moved(trial, mine), mine)
         trial = _held(trial, mine, tau, alpha)
-        new = [f.term for f in trial.found if f.term is not None and f.term.key in mine]
+        new = [(k, f) for k, f in enumerate(trial.found) if f.term is not None and f.term.key in mine]
         if not new or _ahead(state, trial) < 0:
             continue
         gone = {t.key for t in terms}
         at = min(k for k, s in enumerate(steps) if s.term.key in gone)
-        told = [Step(t, _evidence(trial, t), ()) for t in new]
+        told = [Step(f.term, evidence_of(trial.but(k), f), ()) for k, f in new if f.term is not None]
         before, after = ([s for s in its if s.term.key not in gone] for its in (steps[:at], steps[at:]))
         state, steps = trial, [*before, *told, *after]
     return state, steps
 
 
-def _overlapping(state: State) -> list[list[int]]:
-    """Places among what was found of the loads of a kind on a recording, each beside one that it overlaps."""
+def _overlapping(state: State, told: set[tuple]) -> list[list[int]]:
+    """Places among what was found of the loads of a kind on a recording, each beside one that it overlaps;
+    those alone that are `told`: what the study declares is the user's."""
     alike: dict[tuple, list[int]] = {}
     for k, f in enumerate(state.found):
-        if f.term is not None and f.term.effect.windowed and not f.term.effect.all_along:
+        if f.term is None or f.term.key not in told:
+            continue
+        if f.term.effect.windowed and not f.term.effect.all_along:
             alike.setdefault((f.term.place.recording, *what(f.term)), []).append(k)
     return [its for its in alike.values() if _overlap([_window(state, k) for k in its])]
 
@@ -131,17 +132,7 @@ def _joined(trial: State, mine: set[tuple]) -> State:
 
 def _ahead(state: State, trial: State) -> float:
     """Nats by which all rows speak for the trial, in the noise of the state, the numbers of both paid."""
-    squares, numbers = [], []
-    for s in (state, trial):
-        parts = zip(state.whiteners, s.residual, s.rows.use)
-        squares.append(sum(float(np.sum((w @ r)[use & s.rows.usable] ** 2)) for w, r, use in parts))
-        numbers.append(sum(chosen(t) for t in s.terms if t.effect.windowed))
-    rows = float(state.rows.usable.sum())
-    return 0.5 * (squares[0] - squares[1] - np.log(rows) * (numbers[1] - numbers[0]))
-
-
-def _evidence(trial: State, term: Term) -> Evidence:
-    number = next(k for k, f in enumerate(trial.found) if f.term is not None and f.term.key == term.key)
-    others, f = trial.but(number), trial.found[number]
-    own = outside_metric(others, Refined(term, f.columns, f.sizes, 0.0), acting(f.columns))
-    return cross_evidence(halves_of(others, own, f.columns), f.columns, acting(f.columns))
+    usable = state.rows.usable
+    before, after = (whitened_squares(state, s, usable) for s in (state, trial))
+    fewer, more = (sum(chosen(t) for t in s.terms if t.effect.windowed) for s in (state, trial))
+    return 0.5 * float(before - after - np.log(float(usable.sum())) * (more - fewer))

@@ -127,7 +127,7 @@ def in_time(
         here = place.joint in (None, near.joint) and place.side in (None, near.side)
         if effect.shifts_time and here:
             tried += [_late(state, Term(effect, place, {}, (size,))) for size in LATE_S]
-    before = _whitened_squares(state, state)
+    before = whitened_squares(state, state, state.rows.fitted)
     tried.sort(key=lambda its: its[0])
     most: dict[tuple, float] = {}  # of each place, whose best is no reason not to ask the other's
     settled_with: dict[tuple, tuple[Term, State]] = {}
@@ -208,13 +208,13 @@ def _late(state: State, term: Term) -> tuple[float, Term, State]:
     for _ in range(LATE_ROUNDS):
         trial = turned(solved(recolumned(solved(trial))), joint=term.place.joint)
     trial = solved(trial)
-    return _whitened_squares(state, trial), term, trial
+    return whitened_squares(state, trial, trial.rows.fitted), term, trial
 
 
-def _whitened_squares(noise: State, trial: State) -> float:
-    """Sum of squares of a state's residual on the fitted rows, in the noise of another."""
+def whitened_squares(noise: State, trial: State, on: np.ndarray) -> float:
+    """Sum of squares of a state's residual on some rows (M,), in the noise of another."""
     parts = zip(noise.whiteners, trial.residual, trial.rows.use)
-    return sum(float(np.sum((w @ r)[use & trial.rows.fitted] ** 2)) for w, r, use in parts)
+    return sum(float(np.sum((w @ r)[use & on] ** 2)) for w, r, use in parts)
 
 
 def _holding(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ident.diagnosis.between_runs import between_runs, comparable
-from ident.diagnosis.evidence import acting, whole
+from ident.diagnosis.evidence import Evidence, Metric, acting, whole
 from ident.diagnosis.is_a_load import (
     as_one_number,
     by_what_it_needs,
@@ -23,7 +23,7 @@ def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
     runs = f.term.effect.windowed and comparable(state, f.term, f.columns)
     if runs and between_runs(state, f.term, f.columns, tau, tau) is not None:
         return True
-    own = outside_metric(state, Refined(f.term, f.columns, f.sizes, 0.0), acting(f.columns))
+    own = _own(state, f)
     sizes, _ = fit_sizes(whole(own, state.rows.usable), f.columns)
     if f.term.effect.windowed and not can_be(state, own, f.term, f.columns, sizes, tau):
         return False
@@ -34,3 +34,14 @@ def still_holds(state: State, f: Found, tau: float, alpha: float) -> bool:
     if f.term.effect.windowed and not by_what_it_needs(halves, f.term, f.columns, evidence, tau, alpha):
         return False
     return is_load(state, halves, f.columns, evidence, tau, alpha)
+
+
+def evidence_of(state: State, f: Found) -> Evidence:
+    """What alternating blocks say of it; state: without it."""
+    return cross_evidence(halves_of(state, _own(state, f), f.columns), f.columns, acting(f.columns))
+
+
+def _own(state: State, f: Found) -> Metric:
+    """The noise that it is judged in."""
+    assert f.term is not None
+    return outside_metric(state, Refined(f.term, f.columns, f.sizes, 0.0), acting(f.columns))

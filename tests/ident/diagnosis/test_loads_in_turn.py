@@ -53,6 +53,12 @@ def test_two_in_turn_stay(pushed_twice):
     assert in_turn(state, steps, TAU, ALPHA) == (state, steps)
 
 
+def test_what_the_study_declares_stays(pushed_twice):
+    """Loads that no step tells are the user's, however they overlap."""
+    state = found(pushed_twice, force(3.0, 10.3), force(5.5, 7.3, 1))
+    assert in_turn(state, [], TAU, ALPHA) == (state, [])
+
+
 def test_a_window_opens_between_the_rows(pushed_twice):
     """Two rows off it is found where it was put, to a fraction of a row."""
     state = pushed_twice
