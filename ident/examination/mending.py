@@ -18,6 +18,7 @@ CONTEXT = 64  # rows carried over from block to block
 STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots
 LEAST_STEP = 5e-3  # rad or m
 RESOLUTION = 1.5  # times the least changes of a position: its resolution, no leap
+NEAR = 1.0  # rad: what a leap of whole turns is off at most
 FEW, FINE = 3, 0.02  # changes from which it is known; share of them that is let go as put in
 Block = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows (N,) of the table, t (N,), values (N, m)
 
@@ -185,11 +186,9 @@ class Mender:
         following = 0 if done == len(values) else done - CONTEXT
         for k in range(self.n):
             column = values[:, k]
-            step = np.diff(column)
-            turns = -np.rint(step / (2 * np.pi))
-            turns[~(np.abs(turns) <= 1) | ~(np.abs(step + 2 * np.pi * turns) <= 1.0)] = 0.0  # NaN: no turn
+            step, turns = np.diff(column), _turns(column)
             jumps = np.flatnonzero(turns)
-            if len(jumps) and np.quantile(np.abs(step + 2 * np.pi * turns), 0.95) > 1.0:  # not in rad at all
+            if len(jumps) and np.quantile(np.abs(step + 2 * np.pi * turns), 0.95) > NEAR:  # not in rad at all
                 turns[:] = 0.0
             column += 2 * np.pi * (self._turns[k] + np.concatenate([[0.0], np.cumsum(turns)]))
             for at in np.flatnonzero(turns):
@@ -256,6 +255,28 @@ class Mender:
         self._still = (int(rows[last]), float(t[last]), x[last])
         out[:begun] = False
         return out
+
+
+def _turns(x: np.ndarray) -> np.ndarray:
+    """(N - 1,) whole turns to be added from a row of a position (N,) on. A row to which and from which it
+    leaps takes its turns from the last one before it, and leaves none behind. (Of an LWR4+ with two spikes of
+    about a turn, one up, the next down, its fifth position was told to leap by two turns and stay there.)"""
+    leaps = np.abs(np.diff(x)) > 2 * np.pi - NEAR
+    odd = np.concatenate([[False], leaps[:-1] & leaps[1:], [False]])
+    kept = np.flatnonzero(~odd)
+    total = np.zeros(len(x))
+    turns = _whole(np.diff(x[kept]))
+    turns[np.abs(turns) > 1] = 0.0  # what goes on beyond one is no wrap
+    total[kept] = np.concatenate([[0.0], np.cumsum(turns)])
+    before = kept[np.searchsorted(kept, np.flatnonzero(odd)) - 1]
+    total[odd] = total[before] + _whole(x[odd] - x[before])
+    return np.diff(total)
+
+
+def _whole(step: np.ndarray) -> np.ndarray:
+    """Whole turns that leave at most NEAR of a leap; 0 where none do (and of NaN)."""
+    turns = -np.rint(step / (2 * np.pi))
+    return np.asarray(np.where(np.abs(step + 2 * np.pi * turns) <= NEAR, turns, 0.0))
 
 
 def _filled(t: np.ndarray, values: np.ndarray, bad: np.ndarray) -> np.ndarray:

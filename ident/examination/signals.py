@@ -127,10 +127,13 @@ def _after_a_stop(mender: Mender, k: int) -> bool:
 
 
 def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
-    """Positions that leap by a whole turn were made continuous."""
+    """Positions that leap by a whole turn were made continuous; not to a spike and back."""
     mending = mender.mending()
     for k in np.unique(mending.wrap_columns):
-        rows = mending.wrap_rows[mending.wrap_columns == k] + 1
+        rows, lost = mending.wrap_rows[mending.wrap_columns == k], mending.rows[mending.columns == k]
+        rows = rows[~np.isin(rows, [lost, lost + 1])] + 1
+        if not len(rows):
+            continue
         yield Check(
             "wrap",
             (columns.signals[k],),

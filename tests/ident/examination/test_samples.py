@@ -41,6 +41,16 @@ def test_turns_and_spikes_of_a_long_table(zero):
         assert np.ptp(off[:, 0]) < 1e-9 and np.abs(off[:, 1]).max() < 1e-4
 
 
+@pytest.mark.parametrize("spikes", [(6.5, -6.5), (-6.1, 11.0)])
+def test_spikes_of_about_a_turn_leave_the_position_where_it_was(spikes):
+    """Row after row, one of them taken for a turn and the other not, all that followed was turns off."""
+    true = np.tile(0.6 * np.sin(np.arange(N) / 1000)[:, None], 3)
+    seen = true.copy()
+    seen[500 : 500 + len(spikes), 1] += spikes
+    once, again, _, _ = mended(seen)
+    assert all(np.abs(found[:, :2] - true[:, :2]).max() < 0.3 for found in (once, again))
+
+
 @pytest.mark.parametrize(("step", "words"), [(1e-14, "1e+14 a second"), (3e-7, "hours"), (1e-3, None)])
 def test_a_rate_that_nothing_is_recorded_at_is_refused(step, words):
     check = time_unit("run", step, {})
