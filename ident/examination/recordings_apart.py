@@ -105,7 +105,7 @@ def foretold_badly(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
             f"{listed(names)} {'is' if len(odd) == 1 else 'are'} foretold by {listed(others)} worse than "
             f"their motions leave unsure ({asked.name(most)} to {100 * apart.error[most]:.0f} %, not "
             f"{100 * apart.expected[most]:.0f} %): a load that is not declared, a contact, another state of "
-            f"the robot, or a signal that is not as it is told, here or there{causes}",
+            f"the robot, what the model lacks, or a signal that is not as it is told, here or there{causes}",
             "ident diagnose asks which; check how they were recorded",
         )
 

@@ -16,9 +16,11 @@ from ident.examination.stretches import ByItself, all_rows
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
 ODD, TIMES = 0.12, 3.0  # error of a channel that is odd: at least, and against what it is elsewhere
 NOT_AS_TOLD = (
-    "A signal (its sign, unit, place, zero or time), the robot file or something that acts on it (a load, a "
-    "contact) is not as it is told, and no check tells which"
+    "a signal (its sign, unit, place, zero or time), the robot file or something that acts on it (a load, a "
+    "contact) is not as it is told, or the model lacks something (a spring, another friction); no check "
+    "tells which"
 )
+UNSHOWN = "the motion that is fitted does not show what the other asks for"
 CHECK = "check the columns of all joints and the robot file"
 PARTLY, PARTLY_TIMES = 0.5, 6.0  # error of a channel, and against the others', from which it is said
 
@@ -109,7 +111,7 @@ def contradicting(asked: Asked) -> Iterator[Check]:
     yield _unrelated(
         names,
         f"{listed(names)} {have} something that the other torques contradict: by itself {its} explained to "
-        f"{before}, with one robot for all to {after}. {NOT_AS_TOLD}",
+        f"{before}, with one robot for all to {after}: {NOT_AS_TOLD}",
         CHECK,
     )
 
@@ -117,9 +119,10 @@ def contradicting(asked: Asked) -> Iterator[Check]:
 def unpredicted(asked: Asked) -> list[Check]:
     """Said where torques that judge are predicted worse than by nothing: of most of them, where no one fit
     explains all recordings, that something is odd, of any, where one does, that the fitted motion does not
-    show it, or of a part alone that something may be odd. Which recording is, only a third one tells. (Of a
-    KR 300 on a wall the first torque was foretold at 700 %, which gravity moved in the other recording alone,
-    and nothing was said; where its second was another run's, that the motion did not show it.)"""
+    show it, or of a part alone that either may be. Which recording is, only a third one tells. (Of a KR 300
+    on a wall the first torque was foretold at 700 %, which gravity moved in the other recording alone, and
+    nothing was said; where its second was another run's, that the motion did not show it. Of eight seconds of
+    a clean AIRBOT a signal was not as it is told.)"""
     fit, judged = asked.fit, asked.fit.validate
     if judged is None or not np.isfinite(judged).any():
         return []
@@ -137,8 +140,9 @@ def unpredicted(asked: Asked) -> list[Check]:
     names, so = asked.names(worse), f"one fit explains both (to {100 * together[most]:.0f} %)"
     said = _unforetold(f"{listed(names)} of validate", fit.error[most], judged[most])
     if (together[worse] > BAD).any():
-        return [_unrelated(names, f"{said}, and {so}, a part of it. {NOT_AS_TOLD}", CHECK)]
-    said += f", and {so}: the motion that is fitted does not show what the other asks for"
+        said += f", and {so}, a part of it: {UNSHOWN}, or {NOT_AS_TOLD}"
+        return [_unrelated(names, said, CHECK)]
+    said += f", and {so}: {UNSHOWN}"
     remedy = "fit more of the recordings, or record a motion that moves all joints more"
     return [Check("poor_excitation", (), said, remedy)]
 
@@ -149,7 +153,8 @@ def _unforetold(what: str, error: float, held: float) -> str:
 
 
 def _contradiction(asked: Asked, names: tuple[str, ...], said: str) -> Check:
-    """Of recordings of which no one fit explains all."""
+    """Of recordings of which no one fit explains all. (Of an LWR4+ with two rows of its table exchanged, or
+    with a torque that drifts, another robot was told, a sign or a unit.)"""
     samples = asked.quick.samples
     odd = odd_one(samples, asked.how)
     others = "another robot, load, sign or unit"
@@ -163,8 +168,12 @@ def _contradiction(asked: Asked, names: tuple[str, ...], said: str) -> Check:
     if odd is not None and len(by_role[1]) == 1:
         said += f": {others} there, or motions that have nothing in common"
         return Check("wrong_robot", names, said, remedy, recording=odd.label)
-    said += f": {others} in one of {listed(by_role[0])} and {listed(by_role[1])} or in all, these do not "
-    return Check("wrong_robot", names, f"{said}tell, or motions that have nothing in common", remedy)
+    runs = f"{listed(by_role[0])} and {listed(by_role[1])}"
+    said += (
+        f": another robot or load in one of {runs}, there or in all a signal or the robot file that is not "
+    )
+    said += "as it is told, or motions that have nothing in common; these do not tell which"
+    return _unrelated(names, said, f"{remedy}, and the robot file")
 
 
 def odd_one(
