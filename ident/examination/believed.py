@@ -6,8 +6,9 @@ import numpy as np
 
 from ident.examination.halves import of_either_half
 from ident.examination.hypothesis import EXPLAINED, NOTHING, SAME, Asked, Hypothesis, explains, of_several
-from ident.examination.quick import Fit, gains_of
+from ident.examination.quick import Fit, gain_of, gains_of
 from ident.examination.signs import SURE, evidence
+from ident.examination.stretches import HALF
 from ident.examination.unexplained import odd_beside
 
 FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is blamed, and anything else
@@ -35,6 +36,8 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
         return bool(fit.error[0] < NOTHING)
     if h.quick is None and not h.own and odd_beside(fit.error, taken.alone)[its].any():
         return False
+    if _a_part(asked, h):
+        return False
     moved = {j for j, label in enumerate(joints) if f"q{label}" in h.check.signals}
     if motion and not of_several(asked.quick.columns, before, fit, moved):
         return False
@@ -48,6 +51,16 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
         touched = np.abs(gains_of(before.error, fit.error)) > np.log(SAME)  # a wrist's position moves its own
         return explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * touched.sum()
     return explained and predicted and _rms(fit) < RISEN * _rms(before)
+
+
+def _a_part(asked: Asked, h: Hypothesis) -> bool:
+    """Whether a fit alone speaks for other torques, and these take off less than half of that by which the
+    torques contradict each other. (Of a dual arm with two sensors turned and two positions exchanged a third
+    sensor was told to be turned, and by it a current.)"""
+    if h.quick is not None or h.own or asked.of_robot(h) or not np.isfinite(h.gain):
+        return False
+    contradict = gain_of(asked.fit.error, asked.alone)
+    return bool(h.gain < HALF * contradict and odd_beside(asked.fit.error, asked.alone).any())
 
 
 def _changed(asked: Asked, h: Hypothesis) -> tuple[str, ...]:

@@ -4,7 +4,8 @@
 
 is linear in 1 / g_j and what stands before the gear; where 1 / g_j is negative beyond its scatter on the
 fitted recordings and on those that validate, the signal has the other sign. (Turned sensors are told before:
-they contradict each other.)
+they contradict each other; where what is told of them leaves them contradicting each other, it may be the
+joint's sensor that is turned.)
 """
 
 from __future__ import annotations
@@ -14,15 +15,18 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from ident.examination.check import Check, turned_sign
-from ident.examination.hypothesis import Asked
+from ident.examination.hypothesis import Asked, Hypothesis
 from ident.examination.quick import CLUSTERS, Fit
 from ident.examination.samples import Sample
 from ident.examination.signs import SURE
+from ident.examination.unexplained import odd_beside
 
 
 def motor_signs(asked: Asked) -> Iterator[Check]:
     """Checks of the motor signals."""
     quick, columns, seen = asked.quick, asked.quick.columns, asked.seen
+    sensors = {int(columns.joint_of[c]): c for c in seen if c not in columns.gain_columns}
+    doubtful = bool(odd_beside(asked.fit.error, asked.alone).any())
     known = np.abs(np.einsum("cii->i", quick.identify.G[seen])) > 0 if seen else np.zeros(0, bool)
     for c, gain in columns.gain_columns.items():
         slopes = [
@@ -31,10 +35,16 @@ def motor_signs(asked: Asked) -> Iterator[Check]:
         ]
         if slopes[0] is None or slopes[0] > -SURE or (slopes[1] is not None and slopes[1] > -1.0):
             continue
-        joint = columns.need.joints[int(columns.joint_of[c])]
+        place = int(columns.joint_of[c])
+        joint, sensor = columns.need.joints[place], sensors.get(place)
         name = f"{'i' if asked.currents else 'tau_m'}{joint}"
         why = f"it falls where the torque that the sensors show at joint {joint} rises"
-        yield turned_sign((name,), f"{name} has the other sign: {why}", asked.maps)
+        turned = turned_sign((name,), f"{name} has the other sign: {why}", asked.maps)
+        if doubtful and sensor is not None:
+            other = turned_sign((asked.name(sensor),), f"{asked.name(sensor)} has the other sign", asked.maps)
+            its, instead = (Hypothesis(0.0, asked.how, x, words=x.message) for x in (turned, other))
+            turned = its.beside([instead]).check
+        yield turned
 
 
 def _slope(samples: Sequence[Sample], fit: Fit, c: int, gain: int, known: np.ndarray) -> float | None:

@@ -3,6 +3,7 @@
 from importlib.resources import files
 
 import numpy as np
+import pytest
 import yaml
 from planted import ON_RECORDINGS, measured, planted
 
@@ -34,7 +35,7 @@ def test_four_seconds_of_late_torques(tmp_path):
         return c | {k: np.interp(c["t"] - 0.02, c["t"], x) for k, x in c.items() if k.startswith("tau")}
 
     checks = _told(tmp_path, "kuka_lwr4plus", "traj_b", 11.1, 7.0, late)
-    assert {c.check for c in checks} <= {"wrong_robot"}  # "or motions that have nothing in common"
+    assert {c.check for c in checks} <= {"unrelated_torque"}  # "or motions that have nothing in common"
 
 
 def test_an_axis_that_one_torque_alone_feels(tmp_path):
@@ -66,3 +67,33 @@ def test_two_joints_in_each_other_s_place(tmp_path):
 
     (check,) = examine_fit(prepare_study(planted(tmp_path, exchanged, measured("barrett_wam_2dof"))))
     assert check.check == "swapped_signals" and "the joints look recorded in another order" in check.message
+
+
+@pytest.mark.long
+def test_motors_beside_sensors_that_contradict_each_other(tmp_path):
+    """A dual arm's sensors 1 and 3 are turned against the others and their motors. With two positions
+    exchanged beside it the fourth one was told to be turned, too, and by it three currents."""
+
+    def exchanged(c):
+        turn = str.maketrans("25", "52")
+        return {k.translate(turn) if k[0] == "q" or k[:2] == "dq" else k: x for k, x in c.items()}
+
+    channels = (*(f"tau_l{j}" for j in range(1, 5)), *(f"tau_m{j}" for j in range(1, 8)))
+    checks = _told(tmp_path, "dualarm_v2_7dof", "identify_b", 0.0, 24.0, exchanged, channels=channels)
+    signs = [c for c in checks if c.check == "torque_sign"]
+    assert [c.signals for c in signs] == [("i1",), ("i3",)]
+    assert all(f"or tau_l{c.signals[0][1]} has the other sign" in c.message for c in signs)
+    assert "unrelated_torque" in {c.check for c in checks}
+
+
+@pytest.mark.long
+def test_joints_that_are_all_logged_one_place_further(tmp_path):
+    """Of an LWR4+ the first two positions looked swapped, or two torques, after which a quarter was left."""
+
+    def further(c):
+        c = {k: x[::5] for k, x in c.items() if not k.startswith("dq")}
+        c["t"] = np.sort(c["t"] + 0.0025 * np.random.default_rng(7).normal(size=len(c["t"])))
+        return c | {f"{p}{j}": c[f"{p}{j % 7 + 1}"] for p in ("q", "tau_l") for j in range(1, 8)}
+
+    checks = _told(tmp_path, "kuka_lwr4plus", "traj_a", 1.0, 24.13, further)
+    assert not any("swapped" in c.message for c in checks) and checks
