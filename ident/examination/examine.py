@@ -43,7 +43,7 @@ from ident.examination.motions import by_themselves, moved_positions, signed
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Quick, gain_of, quick_of
 from ident.examination.recordings_apart import foretold_badly, recordings_apart, recordings_unlike
-from ident.examination.rivals import alike, rivals
+from ident.examination.rivals import Rival, alike, rivals
 from ident.examination.same_samples import same_samples
 from ident.examination.samples import Sample, take
 from ident.examination.scales import scales, too_large, turned_scales
@@ -248,8 +248,13 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
     its = explained(best)
     others = [h for h in told if h.words not in ("", best.words) and not asked.of_robot(h)]
     near = robots + [h for h in others if not steadily(explained(h), its, RARE)]
-    pool = rivals(whole, asked.how, asked.currents)
-    also = alike((r for r in pool if not same(r.explained, its, 1e-6)), Explained.by(whole, asked.how), its)
+
+    def once_more(r: Rival) -> bool:  # itself, or the same by a number a little off
+        of_it = r.joint is not None and f"q{asked.joints[r.joint]}" in best.check.signals
+        return (of_it and r.check == best.check.check) or same(r.explained, its, 1e-6)
+
+    pool = (r for r in rivals(whole, asked.how, asked.currents) if not once_more(r))
+    also = alike(pool, Explained.by(whole, asked.how), its)
     return near + _silent(asked, best, [r.words for r in also])
 
 

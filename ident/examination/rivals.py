@@ -48,6 +48,7 @@ class Rival:
     zero: bool = False  # where a torque starts from another one there
     beside: bool = False  # asked elsewhere: here only what may be there in place of another one
     joint: int | None = None  # by its place, whose position it is
+    check: str = ""  # that tells a position the same
 
 
 def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Rival]:
@@ -233,9 +234,10 @@ def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
         x, explained = _solved(whole, fit, how, times, STARTS)
         factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
-        yield Rival(f"q{label} is {factor:.3g} times too {word}", explained, joint=j)
+        yield Rival(f"q{label} is {factor:.3g} times too {word}", explained, joint=j, check="angle_unit")
         x, explained = _solved(whole, fit, how, zero)
-        yield Rival(f"q{label} starts from another zero, {-x:.2g} {unit} off", explained, joint=j)
+        words = f"q{label} starts from another zero, {-x:.2g} {unit} off"
+        yield Rival(words, explained, joint=j, check="position_zero")
 
 
 def _solved(

@@ -196,6 +196,7 @@ def _off(asked: Asked, other: Fit, told: Sequence[Scale], others: Sequence[str])
     sizes = [_times_too(its.factor, its.low, its.high) for its in told]
     scale = [{"scale": float(f"{its.factor:.3g}")} for its in told]
     lines = [asked.line(dict.fromkeys(own, its)) for own, its in zip(each, scale)]
+    known = [f"{its.low:.2g} to {its.high:.2g} by these torques" for its in told]
     first = told[0]
     which = [*(f"{listed(own)} {size}" for own, size in zip(each[1:], sizes[1:])), *others]
     if len(which) > FEW:
@@ -207,7 +208,9 @@ def _off(asked: Asked, other: Fit, told: Sequence[Scale], others: Sequence[str])
         names,
         f"{_named(each[0])} {sizes[0]} beside the other torques{beside} (gear ratio, unit or drive gain): "
         f"scaled, {falls(asked.fit, other)}",
-        f"write {' or '.join(lines)}, where it is that" if which else lines[0],  # no line to undo it by
+        f"write {' or '.join(f'{line} ({its})' for line, its in zip(lines, known))}, where it is that"
+        if which  # no line to undo it by
+        else f"{lines[0]}  # {known[0]}",
         spread=None if which else (first.high - first.low) / (2 * NORMAL * first.factor),
     )
 

@@ -43,6 +43,7 @@ def test_a_measured_position_in_another_unit_is_told(tmp_path, joint, factor):
     study = planted(tmp_path, lambda c: {k: factor * v if k in names else v for k, v in c.items()})
     (said,) = [c for c in examine_fit(prepare_study(study)) if c.check == "angle_unit"]
     assert said.signals == (f"q{joint}",) and f"scale: {1 / factor:g}" in said.remedy
+    assert said.message.count("times too large") == 1  # "or 2.01 times too large"
 
 
 @pytest.mark.first_case
