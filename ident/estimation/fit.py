@@ -268,7 +268,7 @@ def fit_systems(
         progress,
     )
     signals = [signal_of(columns, c, reads_currents(prepared)) for c in range(len(columns.channels))]
-    found += implausible(estimate, std, signals, resting(prepared), found)
+    found += implausible(estimate, std, signals, resting(prepared), found, sorted(columns.model.prismatic))
     progress("done", 1.0)
     return FitResult(
         study,

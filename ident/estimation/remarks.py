@@ -128,12 +128,14 @@ def implausible(
     signals: Sequence[str],
     resting: Collection[str],
     told: Sequence[Check] = (),
+    sliding: Sequence[str] = (),
 ) -> list[Check]:
     """Masses of tonnes and friction of kilonewton metres, which a unit makes, unless what is `told` of
     signals does: bodies are as large where one torque of six is in N mm, or positions are in turns.
 
     std (b,) with all parameters in the model; signals: the study's names of the motor's or sensor's torques;
-    resting: labels of the joints that never move, whose links come out at any size. Offsets and dry friction
+    resting: labels of the joints that never move, whose links come out at any size; sliding: of those that
+    slide in the robot file, where a joint that turns has masses of any size. Offsets and dry friction
     have the torques' own unit, and beyond them are what others take off again. (Of a KR 300 with an axis
     turned in its table an offset was 74 kN m, and all torques of 5 kN m were to be N mm.)"""
     if any("columns:" in check.remedy for check in told):
@@ -147,6 +149,8 @@ def implausible(
     ]
     if not heavy:
         return []
+    milli = column_line({}, {name: {"scale": 0.001} for name in signals})
+    slides = f"correct the robot file if joint {listed(sliding)} does not slide; " if sliding else ""
     return [
         Check(
             "torque_scale",
@@ -154,8 +158,7 @@ def implausible(
             f"parameters such as {heavy[0]} come out larger than robots are: torques, or one of them, are in "
             "N mm or in the drive's own units, or positions or time in another unit, or the robot file has a "
             "joint of another kind, or is another robot's",
-            f"write {column_line({}, {name: {'scale': 0.001} for name in signals})} if all torques are in "
-            "N mm, drive_gains: if they are in units of the drives",
+            f"{slides}write {milli} if all torques are in N mm, drive_gains: if they are in units of drives",
         )
     ]
 

@@ -25,3 +25,10 @@ def test_an_offset_that_others_take_off_again_is_no_unit():
     """Of a KR 300 with an axis turned in its table: its torques of 5 kN m were to be N mm."""
     estimate = SimpleNamespace(parameters=("Offm2R", "MY2"), chi=np.array([7.4e4, -7.4e3]))
     assert not implausible(estimate, np.array([1.5e4, 1.5e3]), ("tau_m2",), ())
+
+
+def test_a_joint_that_slides_in_the_robot_file_is_asked_for_first():
+    """Of a KR 300 whose first joint slid there all torques were to be N mm."""
+    estimate = SimpleNamespace(parameters=("M1R",), chi=np.array([5e3]))
+    (check,) = implausible(estimate, np.ones(1), ("tau_m1",), (), (), ["1"])
+    assert check.remedy.startswith("correct the robot file if joint 1 does not slide; ")
