@@ -196,9 +196,14 @@ def _followed(m: Metric, scene: Scene, start: Refined, size: tuple[float, ...]) 
 def _step(
     m: Metric, scene: Scene, at: Refined, bounds: Mapping[str, tuple[float, float]]
 ) -> dict[str, float]:
-    """Gauss-Newton step of the shape parameters, each at most half of itself or a third of its range."""
+    """Gauss-Newton step of the shape parameters, each at most half of itself or a third of its range. What
+    turns the model's own torque is held at size one: its angles and that size say the same, and a step along
+    both is any. (Of 9 milliradians one that was half a milliradian off, 65 nats, stayed, and two forces of
+    0.04 N were told beside it.)"""
     p = len(at.sizes)
     names = list(bounds)
+    whole = at.term.effect.changes_model
+    sizes = np.append(at.sizes[:-1], 1.0) if whole else at.sizes
     extra: dict[int, list[np.ndarray]] = {c: [] for c in at.columns}
     for name in names:
         low, high = bounds[name]
@@ -208,15 +213,17 @@ def _step(
         plus, minus = scene.columns(at.term.at(**{name: up})), scene.columns(at.term.at(**{name: down}))
         for c in at.columns:
             zero = np.zeros_like(at.columns[c])
-            change = (plus.get(c, zero) - minus.get(c, zero)) @ at.sizes
+            change = (plus.get(c, zero) - minus.get(c, zero)) @ sizes
             slope = change / (up - down) if up > down else zero[:, 0]
             extra[c].append(slope[:, None] if np.abs(slope).max(initial=0.0) < STEEP else zero[:, :1])
     wide = {c: np.hstack([at.columns[c], *extra[c]]) for c in at.columns}
     cross, own, right = project(m, m.fitted, m.whiten(wide))
-    basis = orthonormal(own - cross.T @ cross)
-    a = basis @ (basis.T @ right)
+    left = own - cross.T @ cross
+    free = np.arange(len(right)) != p - 1 if whole else np.ones(len(right), bool)
+    basis = orthonormal(left[np.ix_(free, free)])
+    a = basis @ (basis.T @ (right[free] - left[np.ix_(free, ~free)].sum(axis=1)))
     out = {}
-    for name, d in zip(names, a[p:]):
+    for name, d in zip(names, a[len(a) - len(names) :]):
         low, high = bounds[name]
         limit = 0.5 * abs(at.term.theta[name]) if low > 0 else 0.3 * (high - low)
         out[name] = float(np.clip(d, -limit, limit))

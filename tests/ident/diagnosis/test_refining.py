@@ -82,3 +82,13 @@ def test_a_tilt_is_found_from_an_angle_that_is_far_too_small(arm):
         assert its.sizes[-1] == pytest.approx(1.0, abs=0.05)
         ends.append(its.term.theta)
     assert ends[1] == pytest.approx(ends[0], rel=0.05)
+
+
+def test_a_tilt_that_is_a_little_off_is_refined(arm):
+    begun = opened(prepare_study(arm("base_tilt")))
+    state, effect = begun.state, catalogue()["base_tilt"]
+    (place,) = effect.places(begun.layout)
+    begins = (effect.typical, {"roll": 1.3 * effect.typical["roll"], "pitch": 0.9 * effect.typical["pitch"]})
+    right, off = (refine(state.metric, state.scene, Term(effect, place, dict(its))) for its in begins)
+    assert off.gain == pytest.approx(right.gain, abs=0.5)
+    assert off.term.theta == pytest.approx(right.term.theta, rel=0.01)
