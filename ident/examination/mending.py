@@ -262,12 +262,13 @@ def _turns(x: np.ndarray) -> np.ndarray:
     leaps takes its turns from the last one before it, and leaves none behind. (Of an LWR4+ with two spikes of
     about a turn, one up, the next down, its fifth position was told to leap by two turns and stay there.)"""
     leaps = np.abs(np.diff(x)) > 2 * np.pi - NEAR
-    odd = np.concatenate([[False], leaps[:-1] & leaps[1:], [False]])
+    odd = np.zeros(len(x), bool)
+    odd[1:-1] = leaps[:-1] & leaps[1:]
     kept = np.flatnonzero(~odd)
     total = np.zeros(len(x))
     turns = _whole(np.diff(x[kept]))
     turns[np.abs(turns) > 1] = 0.0  # what goes on beyond one is no wrap
-    total[kept] = np.concatenate([[0.0], np.cumsum(turns)])
+    total[kept[1:]] = np.cumsum(turns)
     before = kept[np.searchsorted(kept, np.flatnonzero(odd)) - 1]
     total[odd] = total[before] + _whole(x[odd] - x[before])
     return np.diff(total)
