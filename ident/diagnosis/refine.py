@@ -198,12 +198,12 @@ def _step(
 ) -> dict[str, float]:
     """Gauss-Newton step of the shape parameters, each at most half of itself or a third of its range. What
     turns the model's own torque is held at size one: its angles and that size say the same, and a step along
-    both is any. (Of 9 milliradians one that was half a milliradian off, 65 nats, stayed, and two forces of
-    0.04 N were told beside it.)"""
+    both is any. (A tilt of 8 milliradians stayed half a milliradian off, 65 nats, and two forces of 0.04 N
+    were told beside it.)"""
     p = len(at.sizes)
     names = list(bounds)
-    whole = at.term.effect.changes_model
-    sizes = np.append(at.sizes[:-1], 1.0) if whole else at.sizes
+    held = at.term.effect.changes_model  # the last of its columns
+    sizes = np.append(at.sizes[:-1], 1.0) if held else at.sizes
     extra: dict[int, list[np.ndarray]] = {c: [] for c in at.columns}
     for name in names:
         low, high = bounds[name]
@@ -219,11 +219,13 @@ def _step(
     wide = {c: np.hstack([at.columns[c], *extra[c]]) for c in at.columns}
     cross, own, right = project(m, m.fitted, m.whiten(wide))
     left = own - cross.T @ cross
-    free = np.arange(len(right)) != p - 1 if whole else np.ones(len(right), bool)
-    basis = orthonormal(left[np.ix_(free, free)])
-    a = basis @ (basis.T @ (right[free] - left[np.ix_(free, ~free)].sum(axis=1)))
+    if held:
+        right = np.delete(right - left[:, p - 1], p - 1)
+        left = np.delete(np.delete(left, p - 1, 0), p - 1, 1)
+    basis = orthonormal(left)
+    a = basis @ (basis.T @ right)
     out = {}
-    for name, d in zip(names, a[len(a) - len(names) :]):
+    for name, d in zip(names, a[-len(names) :]):
         low, high = bounds[name]
         limit = 0.5 * abs(at.term.theta[name]) if low > 0 else 0.3 * (high - low)
         out[name] = float(np.clip(d, -limit, limit))

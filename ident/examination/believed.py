@@ -9,7 +9,7 @@ from ident.examination.hypothesis import EXPLAINED, NOTHING, SAME, Asked, Hypoth
 from ident.examination.quick import Fit, gain_of, gains_of
 from ident.examination.signs import SURE, evidence
 from ident.examination.stretches import HALF
-from ident.examination.unexplained import odd_beside
+from ident.examination.unexplained import contradicted, odd_beside
 
 FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is blamed, and anything else
 
@@ -59,8 +59,8 @@ def _a_part(asked: Asked, h: Hypothesis) -> bool:
     sensor was told to be turned, and by it a current.)"""
     if h.quick is not None or h.own or asked.of_robot(h) or not np.isfinite(h.gain):
         return False
-    contradict = gain_of(asked.fit.error, asked.alone)
-    return bool(h.gain < HALF * contradict and odd_beside(asked.fit.error, asked.alone).any())
+    apart = gain_of(asked.fit.error, asked.alone)
+    return bool(h.gain < HALF * apart and contradicted(asked).any())
 
 
 def _changed(asked: Asked, h: Hypothesis) -> tuple[str, ...]:

@@ -19,14 +19,14 @@ from ident.examination.hypothesis import Asked, Hypothesis
 from ident.examination.quick import CLUSTERS, Fit
 from ident.examination.samples import Sample
 from ident.examination.signs import SURE
-from ident.examination.unexplained import odd_beside
+from ident.examination.unexplained import contradicted
 
 
 def motor_signs(asked: Asked) -> Iterator[Check]:
     """Checks of the motor signals."""
     quick, columns, seen = asked.quick, asked.quick.columns, asked.seen
     sensors = {int(columns.joint_of[c]): c for c in seen if c not in columns.gain_columns}
-    doubtful = bool(odd_beside(asked.fit.error, asked.alone).any())
+    doubtful = bool(contradicted(asked).any())
     known = np.abs(np.einsum("cii->i", quick.identify.G[seen])) > 0 if seen else np.zeros(0, bool)
     for c, gain in columns.gain_columns.items():
         slopes = [

@@ -16,7 +16,7 @@ from ident.examination.check import Check, listed, turned_sign
 from ident.examination.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis, falls
 from ident.examination.signs import Evidence, evidence
 from ident.examination.stretches import RARE, Explained, all_rows, steadily
-from ident.examination.unexplained import odd_beside
+from ident.examination.unexplained import contradicted
 from modelgen.geometry.kinematics import Geometry
 
 WORSE = 0.05  # loss at which a sign is not asked further
@@ -55,7 +55,7 @@ def _says_itself(asked: Asked, c: int) -> bool:
     """Whether a torque that the others contradict is against its sign in a fit of itself alone, too: in
     one of all its friction may be what is wrong with them. (Of an LWR4+ with two positions and two torques
     exchanged the second torque was told as turned.)"""
-    if not odd_beside(asked.fit.error, asked.alone)[c]:
+    if not contradicted(asked)[c]:
         return True
     others = [k for k in asked.seen if k != c]
     its = asked.quick.of([s.without(others) for s in asked.quick.samples])

@@ -95,11 +95,17 @@ def odd_beside(error: np.ndarray, own: np.ndarray) -> np.ndarray:
     return np.asarray(error > np.fmax(ODD, TIMES * own))
 
 
+def contradicted(asked: Asked) -> np.ndarray:
+    """(C,) bool: torques that the others contradict."""
+    return odd_beside(asked.fit.error, asked.alone)
+
+
 def contradicting(asked: Asked) -> Iterator[Check]:
     """Torques that are explained, and predicted, each by itself and not together, by none of the faults that
     are asked. (A KR 300's without friction in the model are explained by themselves, and not predicted.)"""
     own, error = asked.alone, asked.fit.error
-    odd = [c for c in asked.seen if odd_beside(error, own)[c]]
+    wrong = contradicted(asked)
+    odd = [c for c in asked.seen if wrong[c]]
     if odd and asked.fit.validate is not None and asked.quick.validate is not None:
         held = ByItself.by(asked.quick, asked.how).errors(asked.quick.validate)
         odd = [c for c in odd if odd_beside(asked.fit.validate, held)[c]]
