@@ -132,6 +132,7 @@ BASES = (
 )  # fmt: skip
 
 Table = dict[str, np.ndarray]
+Planting = Callable[[Table, str, int, Table], None]  # ..., its torques, a joint, the first recording's
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +142,7 @@ class Fault:
     name: str
     answers: tuple[str, ...]
     joint: int | None = None
-    table: Callable[[Table, str, int], None] | None = None
+    table: Planting | None = None
     study: Callable[[dict[str, Any], Base], bool] | None = None  # False: not for this robot
     runs: Callable[[Table, Base], None] | None = None  # only of the last identify run
 
@@ -172,14 +173,14 @@ def tilted(degrees: float) -> Callable[[dict[str, Any], Base], bool]:
     return change
 
 
-def scaled(factor: float) -> Callable[[Table, str, int], None]:
-    def change(table: Table, torque: str, joint: int) -> None:
+def scaled(factor: float) -> Planting:
+    def change(table: Table, torque: str, joint: int, first: Table) -> None:
         table[f"{torque}{joint}"] = factor * table[f"{torque}{joint}"]
 
     return change
 
 
-def late(table: Table, torque: str, joint: int) -> None:
+def late(table: Table, torque: str, joint: int, first: Table) -> None:
     for name in table:
         if name.startswith(torque) and name[len(torque) :].isdigit():
             table[name] = np.interp(table["t"] - LATE_S, table["t"], table[name])
@@ -200,29 +201,41 @@ def loaded(study: dict[str, Any], base: Base) -> bool:
     return True
 
 
-def added(law: Callable[[np.ndarray, np.ndarray, float], np.ndarray]) -> Callable[[Table, str, int], None]:
-    """A torque of q, dq [rad, rad/s] of the joint and of the size of its torque's own variation."""
+@dataclass(frozen=True)
+class Usual:
+    """What a joint does in the study's first recording: a law that is planted has the same numbers in all of
+    its recordings."""
 
-    def change(table: Table, torque: str, joint: int) -> None:
-        tau = table[f"{torque}{joint}"]
-        extra = law(table[f"q{joint}"], table[f"dq{joint}"], float(np.std(tau)))
-        table[f"{torque}{joint}"] = tau + extra
+    middle: float  # of its position
+    reach: float  # its position's standard deviation
+    speed: float  # its rate's
+    torque: float  # its torque's
+
+
+def added(law: Callable[[np.ndarray, np.ndarray, Usual], np.ndarray]) -> Planting:
+    """A torque of q, dq [rad, rad/s] of the joint, and of what is usual there."""
+
+    def change(table: Table, torque: str, joint: int, first: Table) -> None:
+        q, dq, tau = (first[f"{name}{joint}"] for name in ("q", "dq", torque))
+        usual = Usual(float(np.mean(q)), *(float(np.std(x)) for x in (q, dq, tau)))
+        extra = law(table[f"q{joint}"], table[f"dq{joint}"], usual)
+        table[f"{torque}{joint}"] = table[f"{torque}{joint}"] + extra
 
     return change
 
 
-def ripple(q: np.ndarray, dq: np.ndarray, size: float) -> np.ndarray:
-    return 0.1 * size * np.sin(30 * q)
+def ripple(q: np.ndarray, dq: np.ndarray, usual: Usual) -> np.ndarray:
+    return 0.1 * usual.torque * np.sin(30 * q)
 
 
-def spring(q: np.ndarray, dq: np.ndarray, size: float) -> np.ndarray:
+def spring(q: np.ndarray, dq: np.ndarray, usual: Usual) -> np.ndarray:
     """As strong over the joint's own range as a fifth of its torque."""
-    return 0.2 * size * (q - q.mean()) / np.std(q)
+    return 0.2 * usual.torque * (q - usual.middle) / usual.reach
 
 
-def stribeck(q: np.ndarray, dq: np.ndarray, size: float) -> np.ndarray:
-    slow = 0.25 * np.std(dq)
-    return 0.3 * size * np.tanh(dq / (0.05 * slow)) * np.exp(-((dq / slow) ** 2))
+def stribeck(q: np.ndarray, dq: np.ndarray, usual: Usual) -> np.ndarray:
+    slow = 0.25 * usual.speed
+    return 0.3 * usual.torque * np.tanh(dq / (0.05 * slow)) * np.exp(-((dq / slow) ** 2))
 
 
 def carried(
@@ -286,6 +299,16 @@ FAULTS = (
 )
 
 
+def _table(file: Path) -> Table:
+    """A recording, with rates where it has none."""
+    read = pq.read_table(file)
+    table = {key: read.column(key).to_numpy() for key in read.column_names}
+    for j in (name[1:] for name in list(table) if name[0] == "q" and name[1:].isdigit()):
+        if f"dq{j}" not in table:
+            table[f"dq{j}"] = np.gradient(table[f"q{j}"], np.median(np.diff(table["t"])))
+    return table
+
+
 def planted(base: Base, fault: Fault, folder: Path) -> Path | None:
     """The study with the fault in it, written; None where it is not one of this robot."""
     if fault.answers and JOINTS.get(base.robot) == 1:
@@ -302,15 +325,11 @@ def planted(base: Base, fault: Fault, folder: Path) -> Path | None:
     if fault.table is None and fault.runs is None:
         study["folder"] = str(source)
     else:
-        for name in {entry["file"] for entry in study["recordings"]}:
-            read = pq.read_table(source / name)
-            table = {key: read.column(key).to_numpy() for key in read.column_names}
-            for j in (name[1:] for name in list(table) if name[0] == "q" and name[1:].isdigit()):
-                if f"dq{j}" not in table:
-                    table[f"dq{j}"] = np.gradient(table[f"q{j}"], np.median(np.diff(table["t"])))
-            tables[name] = dict(table)
+        for name in dict.fromkeys(entry["file"] for entry in study["recordings"]):
+            tables[name] = _table(source / name)
+            table = dict(tables[name])
             if fault.table is not None:
-                fault.table(table, base.torque, _joint(base, fault) or 1)
+                fault.table(table, base.torque, _joint(base, fault) or 1, next(iter(tables.values())))
             pq.write_table(pa.table(table), folder / name)
         if fault.runs is not None:
             entry = [e for e in study["recordings"] if e["use"] == "identify"][-1]

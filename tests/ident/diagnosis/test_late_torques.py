@@ -150,7 +150,7 @@ def test_one_late_joint_of_a_measured_robot(tmp_path):
     is said, where it is."""
     (base,) = (b for b in BASES if b.robot == "rokae_xmate3pro")
 
-    def late(table, torque, joint):
+    def late(table, torque, joint, first):
         table[f"{torque}{joint}"] = np.interp(table["t"] - LATE_S, table["t"], table[f"{torque}{joint}"])
 
     fault = Fault("one torque late", ("time_delay",), 2, table=late)
