@@ -100,17 +100,16 @@ def base_orientation(
         where = " of the recordings that validate"
     else:
         where = ""
-    by_axes, known, norm, within = bool(where), "", float(np.linalg.norm(best)), 0.0
+    known, norm, within = "", float(np.linalg.norm(best)), 0.0
     if norm and measured is not None and degrees_between(assumed, best) > LEAST_ANGLE:
         seen = measured(best, [] if aside is None else aside.tolist())
-        if not by_axes or seen.within < HALFWAY:
-            best, within = _named(seen)
-            straight = np.count_nonzero(best) == 1
-            known = ", along an axis of the base as far as these recordings tell" if straight else ""
-            known += f" (within {np.ceil(within):.0f} degree{'s' if within > 1 else ''})"
-            now, after = errors(identify, validate, best)
-            if by_axes and held is not None and after is not None:
-                plain, now = held, after
+        best, within = _named(seen)
+        straight = np.count_nonzero(best) == 1
+        known = ", along an axis of the base as far as these recordings tell" if straight else ""
+        known += f" (within {np.ceil(within):.0f} degree{'s' if within > 1 else ''})"
+        now, after = errors(identify, validate, best)
+        if where and held is not None and after is not None:
+            plain, now = held, after
     before, error = (errors(identify, None, g)[0] for g in (assumed, best))
     each = by_own(identify, best)
     beside = beyond_own(error, each)

@@ -174,3 +174,17 @@ def test_a_load_in_the_run_that_judges_is_not_passed_over(tmp_path):
 
     (told,) = examine_fit(prepare_study(planted(tmp_path, loaded, study)))
     assert told.check == "unrelated_torque" and told.recording == "validate" and "a load" in told.message
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_base_that_all_recordings_leave_open_is_not_told_by_those_that_judge(tmp_path):
+    """Eight seconds of a clean KR 300 in coarse steps: on a wall two of them were foretold better."""
+    step = 2 * np.pi / 2**12
+
+    def coarse(c):
+        return {k: (step * np.round(x / step) if k[0] == "q" else x)[::5] for k, x in c.items()}
+
+    study = measured("kuka_kr300")
+    one = study.with_(recordings=(study.recordings[1].model_copy(update={"use": "identify"}),))
+    assert not examine_fit(prepare_study(planted(tmp_path, coarse, parted(one, 6.0, 8.0))))
