@@ -19,7 +19,7 @@ from ident.examination.quick import Quick
 from ident.examination.signals import TURNS
 from ident.examination.signs import several_signs
 from ident.examination.stretches import Explained
-from ident.examination.units import DEGREES, Factor, ratios, reach_of, times_too
+from ident.examination.units import DEGREES, Factor, ratios, reach_of, so_many_times, times_too
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,11 +87,8 @@ def _before_a_gear(asked: Asked, its: np.ndarray, reach: float) -> tuple[str, st
     (factor,) = Factor.each(asked, its, ratios(reach))
     if factor.allows(DEGREES):
         return "angle_unit", "is in degrees, or before a gear of about that ratio", "scale", DEGREES
-    low, high = factor.ends()
-    words = (
-        f"is {times_too(1 / factor.best)} ({1 / high:.3g} to {1 / low:.3g}, by the motor's side of the gear, "
-    )
-    words += "or another unit)"
+    known = so_many_times(*factor.ends())
+    words = f"is {times_too(1 / factor.best)} ({known}, by the motor's side of the gear, or another unit)"
     return "angle_unit", words, "scale", float(f"{factor.best:.4g}")
 
 

@@ -18,8 +18,9 @@ POSITION_FACTORS = (0.1, 0.5, 2.0, 2 * np.pi, 10.0, 180 / np.pi)  # turns are 2 
 DEGREES, HALF = np.pi / 180, 0.5
 UNITS = {"degrees": DEGREES, "gon": np.pi / 200}  # the usual one first
 NEXT, LEAST = 1.18, 0.1  # of factors of a position: the next one, and rad that it leaves at least
-DOUBLE = (1, 2, 4, 8, 16, 32)
 FINE, NORMAL = 1.01, 1.96  # steps of what a factor may be, and standard deviations of that to either side
+MOST = round(np.log(2 * np.pi / LEAST) / np.log(FINE))  # of these steps: the range that is asked
+DOUBLE = (*(2**k for k in range(9)), MOST)
 
 
 def times_too(factor: float) -> str:
@@ -87,17 +88,17 @@ class Factor:
         return out
 
     def ends(self) -> tuple[float, float]:
-        """The least and the largest by size that stretch by stretch are not rejected beside the best one,
-        three neighbours off at most: by steps that double, then halve, down to FINE."""
+        """The least and the largest by size that stretch by stretch are not rejected beside the best one, by
+        steps that double, then halve, down to FINE; 0 and infinity where there is none. (Of an AIRBOT's first
+        position, times 121, they ended at 113: nothing but what the joint's turns do to others tells it.)"""
         each = []
-        for step in (1 / FINE, FINE):
-            kept, most = 0, round(3 * np.log(NEXT) / np.log(FINE))
-            beyond = next((n for n in (*DOUBLE, most) if not self.allows(self.best * step**n)), most + 1)
-            kept = max((n for n in (0, *DOUBLE, most) if n < beyond), default=0)
-            while beyond - kept > 1:
+        for step, none in ((1 / FINE, 0.0), (FINE, np.inf)):
+            beyond = next((n for n in DOUBLE if not self.allows(self.best * step**n)), None)
+            kept = max(n for n in (0, *DOUBLE) if beyond is None or n < beyond)
+            while beyond is not None and beyond - kept > 1:
                 middle = (kept + beyond) // 2
                 kept, beyond = (middle, beyond) if self.allows(self.best * step**middle) else (kept, middle)
-            each.append(abs(self.best * step**kept))
+            each.append(none if beyond is None else abs(self.best * step**kept))
         return each[0], each[1]
 
     def allows(self, factor: float) -> bool:
@@ -114,6 +115,13 @@ class Factor:
         each = [(name, _explained(self.asked, self.its, size, ()).fit) for name, size in UNITS.items()]
         behind, nearest = min((self.explained.fit.gain_over(fit), name) for name, fit in each)
         return nearest if behind < CLEARLY else ""
+
+
+def so_many_times(low: float, high: float) -> str:
+    """How many times too large positions are by factors that `Factor.ends` gives."""
+    if low and np.isfinite(high):
+        return f"{1 / high:.3g} to {1 / low:.3g}"
+    return f"up to {1 / low:.3g}" if low else f"{1 / high:.3g} or more"
 
 
 def taken(asked: Asked, its: np.ndarray, factor: float) -> Quick:
@@ -141,11 +149,11 @@ def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[
     if not asked.better(moved.fit(how), SWAPPED):
         return
     low, high = factor.ends()
+    known = so_many_times(low, high)
     torques = asked.names(factor.own)
     small = f" and {listed(torques)} as many times too small" if torques else ""
     sign = " and has the other sign" if best < 0 else ""
-    known = f"({1 / high:.3g} to {1 / low:.3g})"
-    said = f"{name} is {1 / abs(best):.3g} times too large {known}{sign}{small}"
+    said = f"{name} is {1 / abs(best):.3g} times too large ({known}){sign}{small}"
     turned = {"sign": -1} if best < 0 else {}
     changes = {name: {"scale": float(f"{abs(best):.4g}")} | turned}
     changes |= {torque: {"scale": float(f"{1 / abs(best):.4g}")} | turned for torque in torques}
@@ -156,7 +164,7 @@ def _geared(asked: Asked, its: np.ndarray, name: str, reach: float) -> Iterator[
             "angle_unit",
             (name, *torques),
             f"{said}: {why}; so taken, {falls(asked.fit, other)}",
-            asked.line(changes),
+            f"{asked.line(changes)}  # {known} times too large by these torques",
             spread=(high - low) / (2 * NORMAL * abs(best)),
         )
 
@@ -216,8 +224,7 @@ def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
     if not (halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error)):
         return
     gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
-    low, high = factor.ends()
-    known = f"{1 / high:.3g} to {1 / low:.3g}"
+    known = so_many_times(*factor.ends())
     said = f"in {unit}{gear} ({1 / scale:.3g} to a rad, {known} by these torques)"
     said = said if unit else f"{1 / scale:.3g} times too large ({known}), in a unit that is not told"
 
