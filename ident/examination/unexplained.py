@@ -101,14 +101,16 @@ def contradicted(asked: Asked) -> np.ndarray:
 
 
 def contradicting(asked: Asked) -> Iterator[Check]:
-    """Torques that are explained, and predicted, each by itself and not together, by none of the faults that
-    are asked. (A KR 300's without friction in the model are explained by themselves, and not predicted.)"""
+    """Torques that are explained each by itself and not together, in what is fitted and in all recordings, by
+    none of the faults that are asked. (By itself nothing is foretold: of a Franka's second torque with a dead
+    band, explained to 1 % alone and to 13 % with the others, nothing was said.)"""
     own, error = asked.alone, asked.fit.error
     wrong = contradicted(asked)
     odd = [c for c in asked.seen if wrong[c]]
-    if odd and asked.fit.validate is not None and asked.quick.validate is not None:
-        held = ByItself.by(asked.quick, asked.how).errors(asked.quick.validate)
-        odd = [c for c in odd if odd_beside(asked.fit.validate, held)[c]]
+    if odd and asked.quick.validate is not None:
+        whole = all_rows(asked.quick)
+        wrong = odd_beside(whole.fit(asked.how).error, ByItself.by(whole, asked.how).fit.error)
+        odd = [c for c in odd if wrong[c]]
     if not odd:
         return
     names = asked.names(odd)

@@ -3,7 +3,7 @@
 import numpy as np
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted
+from planted import ON_RECORDINGS, asked_of, changed, measured, parted, planted
 from small_arm import ARM
 
 import ident
@@ -84,6 +84,19 @@ def test_torques_that_contradict_each_other_by_no_known_fault_are_said_to(tmp_pa
     change = lambda c: c | {f"tau_m{j}": 0.102 * c[f"tau_m{j}"] for j in (1, 2, 3) if planted_so}  # noqa: E731
     asked = asked_of(planted(tmp_path, change, measured(robot)))
     assert [c.check for c in contradicting(asked)] == ["unrelated_torque"] * planted_so
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("band", [0.3, 0.0])
+def test_a_torque_that_the_others_contradict_need_not_be_foretold_by_itself(tmp_path, band):
+    """Of a dead band in a Franka's second torque nothing was said, and a diagnosis found noise."""
+
+    def dead(x):
+        return np.sign(x) * np.maximum(np.abs(x) - band * np.std(x), 0.0)
+
+    asked = asked_of(planted(tmp_path, changed("tau_l2", dead), measured("franka_panda")))
+    assert [c.signals for c in contradicting(asked)] == [("tau_l2",)] * bool(band)
 
 
 @ON_RECORDINGS[0]
