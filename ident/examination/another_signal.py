@@ -42,7 +42,7 @@ from ident.examination.quick import FLOOR, Quick, added, gain_of, gains_of, solv
 from ident.examination.recordings_apart import thinned
 from ident.examination.rivals import alike, rivals
 from ident.examination.samples import LAGS, Sample
-from ident.examination.stretches import HALF, ODD, RARE, ByItself, Explained, agreed, all_rows, steadily
+from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.unexplained import apart_by_one_fit, odd_beside
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
 from ident.examination.weightless import every, felt, without_gravity
@@ -168,8 +168,8 @@ def _contradicted(its: Changed) -> bool:
     """Whether torques are left that the others contradict: it is at most a part of what is wrong. (Of an
     LWR4+ whose joints were all logged one place further the first two positions looked swapped, which leaves
     the third torque at 97 %, by itself explained to 10 %.)"""
-    own = ByItself.by(its.explained.quick, its.explained.how)
-    return bool(odd_beside(its.explained.fit.error, own.fit.error).any())
+    explained = its.explained
+    return bool(odd_beside(explained.fit.error, explained.quick.alone(explained.how)).any())
 
 
 def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bool:

@@ -12,13 +12,11 @@ from typing import Any
 
 import numpy as np
 
+from ident.examination.best_factor import best_factor
 from ident.examination.hypothesis import SWAPPED, Asked
 from ident.examination.quick import Assignment, Fit, Normal, Quick, gain_of, least_squares
 from ident.examination.scales import SCALED
 from ident.examination.units import times_too
-
-FACTORS = np.geomspace(1e-3, 1e3, 31)
-FINER, TIMES = 9, 3  # of them between the neighbours of the best one, so often
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,19 +124,11 @@ def _scaled(asked: Asked, sums: Sums, k: int, before: Fit, channels: Sequence[in
         fits = sums.fits(k, [(same, np.where(own, by, 1.0)) for by in factors])
         return [fit.gain_over(before) for fit in fits]
 
-    factors = FACTORS
-    gained = gains(factors)
-    absurd = max(gained[0], gained[-1])
-    for _ in range(TIMES):
-        best = int(np.argmax(gained))
-        low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
-        factors = np.geomspace(low, high, FINER)
-        gained = gains(factors)
-    most, by = max(zip(gained, factors.tolist()))
-    names, size = asked.names(channels), float(f"{by:.3g}")
+    best = best_factor(gains)
+    names, size = asked.names(channels), float(f"{best.factor:.3g}")
     plain = f"{names[0]} is" if len(names) == 1 else "all torques are"
-    words = f"{plain} {times_too(1 / by)}"
+    words = f"{plain} {times_too(1 / best.factor)}"
     changes, factor = {name: {"scale": size} for name in names}, tuple(np.where(own, size, 1.0).tolist())
     drives = tuple(int(asked.quick.columns.joint_of[c]) for c in channels)
-    most = most if most - absurd > SCALED else 0.0
+    most = best.gain if best.gain - best.absurd > SCALED else 0.0
     return most, Reading("torque_scale", names, words, changes, same, factor, SCALED, drives)

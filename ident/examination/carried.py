@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from ident.examination.best_factor import best_factor
 from ident.examination.bodies import AS_OTHERS
 from ident.examination.check import Check
 from ident.examination.hypothesis import Asked, of_several
@@ -17,7 +19,6 @@ from ident.examination.signs import evidence
 from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
 
 CARRIED, KEPT = 2.2, 0.3  # gain on identify and validate together, and what identify may lose by it
-ABSURD = 1e3  # a torque's factor
 BEHIND = 0.5  # gain by which one fault is clearly behind another
 
 
@@ -100,15 +101,19 @@ def _enough(before: Fit, together: Fit, told: Told) -> bool:
 
 def _scales(asked: Asked, whole: Quick) -> Iterator[Told]:
     quick, fit, how = asked.quick, asked.fit, asked.how
+
+    def gains(c: int, sign: int, factors: np.ndarray) -> list[float]:
+        fits = quick.fits([how.times([c], sign * f) for f in factors])
+        return [carried(fit.error, its.error, fit.validate, its.validate) for its in fits]
+
     for c in asked.seen:
-        factors = [sign * f for f in np.geomspace(1 / ABSURD, ABSURD, 61) for sign in (1, -1)]
-        others = zip(quick.fits([how.times([c], f) for f in factors]), factors)
-        tried = [(carried(fit.error, its.error, fit.validate, its.validate), f) for its, f in others]
-        value, factor = max(tried)
+        tried = [(best_factor(partial(gains, c, sign)), sign) for sign in (1, -1)]
+        best, sign = max(tried, key=lambda its: its[0].gain)
+        factor, absurd = sign * best.factor, max(its.absurd for its, _ in tried)
         taken = how.times([c], factor)
-        alone = max(its[0] for its in tried if abs(its[1]) in (ABSURD, 1 / ABSURD))  # as if no other felt it
-        if value > max(CARRIED, alone + BEHIND) and not evidence(quick, quick.fit(taken), taken).against(c):
-            its = Carried(value, f"{asked.name(c)} times {factor:.2g}")
+        enough = best.gain > max(CARRIED, absurd + BEHIND)
+        if enough and not evidence(quick, quick.fit(taken), taken).against(c):
+            its = Carried(best.gain, f"{asked.name(c)} times {factor:.2g}")
             held = _kept(quick, how, quick, taken, quick)
             if held is not None:
                 yield its, Explained.by(whole, taken), held

@@ -11,11 +11,12 @@ joint's sensor that is turned.)
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from ident.examination.check import Check, turned_sign
-from ident.examination.hypothesis import Asked, Hypothesis
+from ident.examination.hypothesis import WHICH, Asked
 from ident.examination.quick import CLUSTERS, Fit
 from ident.examination.samples import Sample
 from ident.examination.signs import SURE
@@ -39,12 +40,14 @@ def motor_signs(asked: Asked) -> Iterator[Check]:
         joint, sensor = columns.need.joints[place], sensors.get(place)
         name = f"{'i' if asked.currents else 'tau_m'}{joint}"
         why = f"it falls where the torque that the sensors show at joint {joint} rises"
-        turned = turned_sign((name,), f"{name} has the other sign: {why}", asked.maps)
-        if doubtful and sensor is not None:
-            other = turned_sign((asked.name(sensor),), f"{asked.name(sensor)} has the other sign", asked.maps)
-            its, instead = (Hypothesis(0.0, asked.how, x, words=x.message) for x in (turned, other))
-            turned = its.beside([instead]).check
-        yield turned
+        said = f"{name} has the other sign"
+        if not doubtful or sensor is None:
+            yield turned_sign((name,), f"{said}: {why}", asked.maps)
+            continue
+        its = asked.name(sensor)
+        check = turned_sign((name,), f"{said}, or {its} has the other sign{WHICH}: {why}", asked.maps)
+        line = asked.line({its: {"sign": -1}})
+        yield replace(check, remedy=f"{check.remedy}  # or {line}, where it is that")
 
 
 def _slope(samples: Sequence[Sample], fit: Fit, c: int, gain: int, known: np.ndarray) -> float | None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.examination.check import FEW, Check, column_line, instead, listed, nothing_tells
-from ident.examination.quick import FLOOR, Assignment, Fit, Quick, alone, gains_of
+from ident.examination.quick import FLOOR, Assignment, Fit, Quick, gains_of
 from ident.examination.signals import MOVED
 
 CLEARLY = 0.7  # gain: one channel's error is halved
@@ -89,10 +89,7 @@ class Asked:
 
     @property
     def alone(self) -> np.ndarray:
-        """(C,) errors of every channel fitted by itself, below which no fit of all comes."""
-        size, v = self.quick.identify.right(self.how)
-        its = zip(self.quick.identify.G, v, size)
-        return np.concatenate([alone(G, right[:, None], np.array([norm])) for G, right, norm in its])
+        return self.quick.alone(self.how)
 
     @property
     def seen(self) -> list[int]:

@@ -156,6 +156,12 @@ class Quick:
         """One under each of these hypotheses about torques."""
         return solve_each(self.identify, self.validate, hows)
 
+    def alone(self, how: Assignment) -> np.ndarray:
+        """(C,) errors of every channel fitted by itself, below which no fit of all comes."""
+        size, v = self.identify.right(how)
+        its = zip(self.identify.G, v, size)
+        return np.concatenate([alone(G, right[:, None], np.array([norm])) for G, right, norm in its])
+
     def of(self, samples: Sequence[Sample]) -> Quick:
         """Other samples; most hypotheses change one, and the sums of the others are known."""
         return _summed(self.columns, samples, list(zip(self.samples, self.each)))

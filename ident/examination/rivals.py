@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from ident.examination.best_factor import factor_of
 from ident.examination.coupled import held_too
 from ident.examination.hypothesis import CLEARLY, signal_of
 from ident.examination.quick import Assignment, Fit, Quick
@@ -28,8 +29,6 @@ from ident.examination.weightless import felt, without_gravity
 
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
 STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
-FACTORS, FINER = np.geomspace(1e-3, 1e3, 25), 3  # of torques of another unit; finer so often
-ABSURD = 1e5
 POWERS = {0.5: "the square", 2.0: "the root"}  # by which it is what it should be
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
 Motion = dict[str, Any]  # what `Quick.moved` takes
@@ -135,20 +134,9 @@ def _powers(whole: Quick, how: Assignment, c: int, name: str) -> Iterator[Rival]
             v[c, own], yy[c, own] = v[c, own] + w @ s.W[c], yy[c, own] + w @ Y[:, own]
             samples.append(replace(s, Y=Y))
         made = replace(whole, samples=tuple(samples), identify=replace(whole.identify, v=v, yy=yy))
-        factor = best_factor(made, how, [c])
+        factor = factor_of(made, how, [c]).factor
         explained = Explained.by(made, how.times([c], factor))
         yield Rival(f"{name} is recorded as {words} of itself", explained, beside=True)
-
-
-def best_factor(whole: Quick, how: Assignment, channels: Sequence[int]) -> float:
-    """The number times these torques with which all are explained best."""
-    factors = FACTORS
-    for _ in range(FINER):
-        fits = whole.fits([how.times(channels, f) for f in factors])
-        best = int(np.argmax([its.gain_over(fits[0]) for its in fits]))
-        low, high = factors[max(best - 1, 0)], factors[min(best + 1, len(factors) - 1)]
-        factors = np.geomspace(low, high, 7)
-    return float(factors[3])
 
 
 def _after(r: int, at: float, place: int | None) -> Signal:
@@ -167,10 +155,10 @@ def _units(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     from another zero in one run, that four torques may be 992 times too large.)"""
     seen = np.flatnonzero(whole.identify.rows > 10).tolist()
     for k in range(2, len(seen) - 1):
-        factor = best_factor(whole, how, seen[:k])
-        best, *apart = whole.fits([how.times(seen[:k], f) for f in (factor, 1 / ABSURD, ABSURD)])
-        if min(best.gain_over(its) for its in apart) < CLEARLY:
+        best = factor_of(whole, how, seen[:k])
+        if best.gain - best.absurd < CLEARLY:
             continue
+        factor = best.factor
         names = ", ".join(signal_of(whole.columns, c, currents) for c in seen[:k])
         size, word = (factor, "small") if factor > 1 else (1 / factor, "large")
         yield Rival(

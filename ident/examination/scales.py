@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ident.examination.best_factor import GRID, factor_of
 from ident.examination.check import FEW, Check, instead, listed, nothing_tells
 from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
 from ident.examination.own_factors import WORDS, each_by_itself, own_factors
@@ -29,7 +30,6 @@ USUAL = 0.2  # gain by a factor of torques of robots as they are
 FACTOR, WIDE = 3.0, 100.0  # about the best one: the range in which others are allowed; about N mm
 MILLI = 1e-3  # N m in a N mm
 NORMAL = 1.96
-GRID = np.geomspace(1e-5, 1e5, 61)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     others = list(rivals(whole, how, asked.currents))  # some hundred: chance would confirm five of them
     if any(agreed(its.explained, other.explained, ODD / len(others)) for other in others):
         return
-    factors = [_best_factor(whole, how, k) for k in seen if (k,) != which]
+    factors = [allowed(whole, how, [k], factor_of(whole, how, [k]).factor) for k in seen if (k,) != which]
     beside = [other for other in factors if _alike(plain, its.explained, other.explained)]
     near = [o for o in others if not o.beside or not agreed(o.explained, its.explained, ODD)]
     near = [o for o in near if not same(o.explained, its.explained, 0.01)]  # of some, or of all the others
@@ -137,33 +137,17 @@ def _alike(plain: Explained, told: Explained, other: Explained) -> bool:
     return bool(gain > max(most - SCALED, 0.5 * SCALED) or not agreed(other, told, ODD))
 
 
-def _best_factor(whole: Quick, how: Assignment, c: int) -> Scale:
-    before = whole.fit(how)
-    gains = [fit.gain_over(before) for fit in whole.fits([how.times([c], f) for f in GRID])]
-    return allowed(whole, how, [c], float(GRID[np.argmax(gains)]))
-
-
 def _scaled(asked: Asked, which: Sequence[int], most: float) -> tuple[float, Fit] | None:
     """The factor of these torques that explains most, with its fit, where it gains enough over none and
     over any that is absurd; most: what no factor gains more than."""
-
-    def by(factors: np.ndarray) -> tuple[list[Fit], np.ndarray]:
-        fits = asked.quick.fits([asked.how.times(which, f) for f in factors])
-        return fits, np.array([fit.gain_over(asked.fit) for fit in fits])
-
-    if (most - by(GRID[[0, -1]])[1] < SCALED).any():
+    absurd = asked.quick.fits([asked.how.times(which, f) for f in GRID[[0, -1]]])
+    if min(most - fit.gain_over(asked.fit) for fit in absurd) < SCALED:
         return None
-    gains = by(GRID)[1]
-    best = int(np.argmax(gains))
-    if not 0 < best < len(GRID) - 1:
+    best = factor_of(asked.quick, asked.how, which)
+    if best.gain - max(best.absurd, 0.0) < SCALED:
         return None
-    fine = np.geomspace(GRID[best - 1], GRID[best + 1], 41)
-    fits, its_gains = by(fine)
-    place = int(np.argmax(its_gains))
-    other = fits[place]
-    if other.gain_over(asked.fit) - max(gains[0], gains[-1], 0.0) < SCALED:
-        return None
-    return None if other.holds_over(asked.fit) < 0.5 * SCALED else (float(fine[place]), other)
+    other = asked.quick.fit(asked.how.times(which, best.factor))
+    return None if other.holds_over(asked.fit) < 0.5 * SCALED else (best.factor, other)
 
 
 def _milli(asked: Asked, other: Fit, which: Sequence[int]) -> Check:

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from ident.distributions import t_beyond
-from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, gains_of
+from ident.examination.quick import CLUSTERS, Assignment, Fit, Quick, gains_of
 from ident.examination.samples import Sample
 
 RIDGE = 1e-10
@@ -85,10 +85,6 @@ class ByItself(Explained):
         seen = (quick.identify.rows > 10) & (size > 0)
         fit = replace(quick.fit(how), error=np.where(seen, left, np.nan))
         return cls(quick, fit, how, None, chi)
-
-    def errors(self, sums: Normal) -> np.ndarray:
-        """(C,) relative errors of other recordings."""
-        return np.array([sums.errors(chi, self.how)[c] for c, chi in enumerate(self.own)])
 
     def predicted(self, s: Sample) -> np.ndarray:
         return np.stack([W @ chi for W, chi in zip(s.W, self.own)], axis=1)

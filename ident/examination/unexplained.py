@@ -11,7 +11,7 @@ from ident.examination.check import Check, listed
 from ident.examination.hypothesis import BAD, EXPLAINED, NOTHING, Asked
 from ident.examination.quick import FLOOR, Assignment, Normal, Quick, added, solve
 from ident.examination.samples import Sample
-from ident.examination.stretches import ByItself, all_rows
+from ident.examination.stretches import all_rows
 
 HALF = 0.5  # of what any other recording leaves when it is left out: that one is the odd one
 ODD, TIMES = 0.12, 3.0  # error of a channel that is odd: at least, and against what it is elsewhere
@@ -109,7 +109,7 @@ def contradicting(asked: Asked) -> Iterator[Check]:
     odd = [c for c in asked.seen if wrong[c]]
     if odd and asked.quick.validate is not None:
         whole = all_rows(asked.quick)
-        wrong = odd_beside(whole.fit(asked.how).error, ByItself.by(whole, asked.how).fit.error)
+        wrong = odd_beside(whole.fit(asked.how).error, whole.alone(asked.how))
         odd = [c for c in odd if wrong[c]]
     if not odd:
         return

@@ -20,7 +20,7 @@ from ident.examination.check import Check
 from ident.examination.hypothesis import CLEARLY, EXPLAINED, Asked
 from ident.examination.quick import CLUSTERS, Assignment, Fit, Normal, Quick, gain_of, solve
 from ident.examination.samples import Sample
-from ident.examination.stretches import RARE, ByItself, Explained, steadily
+from ident.examination.stretches import RARE, Explained, steadily
 
 DOUBTED = 0.15  # error of a torque that is looked into
 PARTS, FINE = 16, 6  # instants of a recording that are tried, and about the best of them
@@ -86,7 +86,7 @@ def _left(quick: Quick, samples: Sequence[Sample], how: Assignment) -> tuple[np.
     a rokae with a position in degrees, or all on the motor's side, two torques were told to change their
     signs, of a Franka on a wall one.)"""
     whole = quick.of([replace(s, role="identify") for s in samples])
-    return whole.fit(how).error, ByItself.by(whole, how).fit.error
+    return whole.fit(how).error, whole.alone(how)
 
 
 def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:
