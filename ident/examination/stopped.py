@@ -152,7 +152,7 @@ def _told(columns: Columns, joint: str, found: list[Run], rows: float, ends: tup
     return Check(
         "dead_channel",
         (f"q{joint}",),
-        f"q{joint} stands still at {first.value:.4g} for {100 * share:.2g} % of the samples while dq{joint} "
+        f"q{joint} stands still at {first.value:.4g} for {100 * share:.3g} % of the samples while dq{joint} "
         f"goes on (rows {first.rows[0] + 1} to {first.rows[1] + 1}{others}): "
         "an encoder or a message that stopped, a value held",
         f"leave the stretch out with {' or '.join(keys)}, or find out why it stopped"
