@@ -264,6 +264,7 @@ def test_a_torque_turned_in_one_of_two_runs_which_other_torques_fit_together_wor
     assert f"tau_m6 has the other sign in {first.label}" in told.message and told.signals == ("tau_m6",)
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_what_one_recording_explains_better_is_not_told_of_all(tmp_path):

@@ -103,6 +103,7 @@ def _of_one_run(fitted, judged):
     return study.with_(recordings=tuple(runs), filter=type(study.filter)())
 
 
+@pytest.mark.long
 def test_a_torque_turned_beside_a_robot_s_own_contradictions_is_no_row(tmp_path):
     """Without an LWR4+'s fifth torque and the sixth a row leaves less of the others, hardly a quarter of what
     one robot does beyond bodies of their own."""
@@ -120,6 +121,7 @@ def test_a_row_beside_torques_that_contradict_the_others_anyway(tmp_path):
     assert "without tau_l5, tau_l6, which the others contradict" in told.message
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("bits", "check"), [(12, "base_orientation"), (30, "torque_scale")])
 def test_what_a_joint_of_the_other_kind_may_be_as_well(tmp_path, bits, check):
     """Six slow seconds of a KR 300: a base was told that is turned by 118 degrees, or a torque that is 54

@@ -49,6 +49,7 @@ def test_an_arm_told_to_be_on_a_wall(robot, zero):
     assert ("q1 starts from another zero" in said.message) == zero
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_one_run_of_an_arm_told_to_be_on_a_wall():

@@ -449,6 +449,7 @@ def test_all_torques_with_the_other_sign(tmp_path):
     assert [(c.check, len(c.signals)) for c in checks] == [("torque_sign", 6)]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("name", "robot"), [("i4", "ur10e"), ("tau_m2", "kuka_kr300")])
 def test_a_sign_that_changes_in_mid_run(tmp_path, name, robot):
     """No check spoke of it, and diagnosis said that it depends on two joints."""

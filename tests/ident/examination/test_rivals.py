@@ -68,6 +68,7 @@ FRANKA = {
 }
 
 
+@pytest.mark.long
 @pytest.mark.first_case
 @pytest.mark.parametrize("fault", FRANKA)
 def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
