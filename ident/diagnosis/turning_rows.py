@@ -14,7 +14,7 @@ import scipy.linalg
 from ident.diagnosis.evidence import Columns, Metric, metric, project, weigh
 from ident.diagnosis.refine import Refined
 from ident.diagnosis.state import State, turned
-from ident.diagnosis.unknown_turns import unknown_turns
+from ident.diagnosis.unknown_turns import late_turns, unknown_turns
 from ident.signals.dry_friction import TurnOver
 
 WIDTHS = (0.5, 1.0, 2.0, 4.0)  # times that of a joint's turn-over
@@ -36,9 +36,11 @@ def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Me
     return metric(replace(rows, use=beside), design, B, whiteners)
 
 
-def beside_any_turn(state: State, m: Metric) -> Metric:
+def beside_any_turn(state: State, m: Metric, late: float = 0.0) -> Metric:
     """The metric `m` beside a torque of each turn of a joint in its own channels, of each of some widths: it
-    may turn over there in any way."""
+    may turn over there in any way; and at any time, where a torque is told to be so late [s]. (A clean arm
+    whose encoder's steps are longer than its friction's travel was told to have a torque 20 ms late: every
+    turn was, each by as much as its steps hid.)"""
     design, at = state.design
     wide = []
     for c, (places, values) in enumerate(design):
@@ -46,6 +48,8 @@ def beside_any_turn(state: State, m: Metric) -> Metric:
         turn = state.turns.get(j, TurnOver())
         turns = [replace(turn, rate=k * turn.rate, travel=k * turn.travel) for k in WIDTHS]
         T = np.hstack([unknown_turns(state.segments, j, its) for its in turns])
+        if late:
+            T = np.hstack([T, late_turns(state.segments, j, late)])
         T *= state.rows.scale[c][:, None]
         wide.append((np.append(places, np.arange(at, at + T.shape[1])), np.hstack([values, T])))
         at += T.shape[1]

@@ -24,7 +24,26 @@ LEAST = 0.01  # of a turn's torque: rows that see less of it do not see it
 def unknown_turns(segments: Sequence[FineSegment], joint: int, turn: TurnOver) -> np.ndarray:
     """(M, K) torques of size one of the turns of a joint whose friction turns over so, and of what each
     stretch begins with; those that no row sees are left out."""
-    parts = [s.decimate(_of_stretch(s, joint, turn), joint) for s in segments]
+    return _decimated(segments, [_of_stretch(s, joint, turn) for s in segments], joint)
+
+
+def late_turns(segments: Sequence[FineSegment], joint: int, late: float) -> np.ndarray:
+    """(M, K) what each turn of a joint leaves in the torque where it is felt so much later [s], of a friction
+    of size one."""
+    made = []
+    for s in segments:
+        sign = s.sign_dq[:, joint]
+        change = np.interp(s.t - late, s.t, sign) - sign
+        felt = np.abs(change) > LEAST
+        number = np.cumsum(felt & ~np.append(False, felt[:-1]))
+        seen = np.unique(number[felt & (s.certain[:, joint] > 0)])
+        made.append(np.where(number[:, None] == seen, change[:, None], 0.0))
+    return _decimated(segments, made, joint)
+
+
+def _decimated(segments: Sequence[FineSegment], fine: Sequence[np.ndarray], joint: int) -> np.ndarray:
+    """(M, K) of columns (N, k) of each stretch, which no other has."""
+    parts = [s.decimate(z, joint) for s, z in zip(segments, fine)]
     ends = np.cumsum([p.shape[1] for p in parts])
     out = [np.zeros((len(p), ends[-1])) for p in parts]
     for rows, p, end in zip(out, parts, ends):

@@ -220,7 +220,8 @@ def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> 
         return True
     away = without_turning(state, m, as_far_as_felt=True)
     hidden = e.log_e > tau and all(away.judged.free[c] <= 1.0 for c in r.columns)
-    return _asked_in(beside_any_turn(state, m) if hidden else away, r, e, tau)
+    late = float(e.sizes[0])
+    return _asked_in(beside_any_turn(state, m, late) if hidden else away, r, e, tau)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:
