@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain, islice, zip_longest
 
 import numpy as np
 
@@ -128,8 +129,12 @@ def in_time(
         if effect.shifts_time and here:
             tried += [_late(state, Term(effect, place, {}, (size,))) for size in LATE_S]
     before = whitened_squares(state, state, state.rows.fitted)
-    likely = sorted((its for its in tried if before - its[0] > tau), key=lambda its: its[0])[:LATEST]
-    asked = [(term, refined_together(trial)) for _, term, trial in likely]
+    begun: dict[tuple, list[tuple[Term, State]]] = {}
+    for left, term, trial in sorted(tried, key=lambda its: its[0]):
+        if before - left > tau:
+            begun.setdefault(term.key, []).append((term, trial))
+    in_turn = chain.from_iterable(zip_longest(*begun.values()))  # a whole delay keeps no joint's own off
+    asked = [(its[0], refined_together(its[1])) for its in islice(filter(None, in_turn), LATEST)]
     for given in (False, True):
         best = _most(_holding(state, trial, term, tau, alpha, given) for term, trial in asked)
         if best is not None:
