@@ -104,15 +104,14 @@ def overrated(
             if weakest < 0 or shown[weakest].log_e > tau:
                 break
             what = _like_a_change(others[weakest], state.found[weakest], shown[weakest])
-            without_it = state.swapped(
-                weakest, replace(state.found[weakest], term=None, variables=what.variables)
-            )
+            nameless = replace(state.found[weakest], term=None, variables=what.variables)
+            rest = state.swapped(weakest, nameless)
         else:
             what = _leaning(others[weakest], state.found[weakest], functions, state.metric)
-            without_it = others[weakest]
+            rest = others[weakest]
         doubtful[what.channel] = what
         steps = [s for s in steps if what.nearest is None or s.term.key != what.nearest.term.key]
-        state, asked = settled(without_it, 1), {}
+        state, asked = settled(rest, 1), {}
     return state, steps, doubtful, asked
 
 

@@ -35,9 +35,7 @@ def late_turns(segments: Sequence[FineSegment], joint: int, late: float) -> np.n
         sign = s.sign_dq[:, joint]
         change = np.interp(s.t - late, s.t, sign) - sign
         felt = np.abs(change) > LEAST
-        number = np.cumsum(felt & ~np.append(False, felt[:-1]))
-        seen = np.unique(number[felt & (s.certain[:, joint] > 0)])
-        made.append(np.where(number[:, None] == seen, change[:, None], 0.0))
+        made.append(_each(s, joint, np.cumsum(felt & ~np.append(False, felt[:-1])), change))
     return _decimated(segments, made, joint)
 
 
@@ -63,5 +61,11 @@ def _of_stretch(s: FineSegment, joint: int, turn: TurnOver) -> np.ndarray:
         starts = np.append(0, (turned[1:] + turned[:-1]) // 2)
         number = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(q))))
         size = 1 - np.abs(mean_sign(speed, turn.rate, s.rate_hz))
-    seen = np.unique(number[(size > LEAST) & (s.certain[:, joint] > 0)])
-    return np.asarray(np.where(number[:, None] == seen, size[:, None], 0.0))
+    return _each(s, joint, number, size)
+
+
+def _each(s: FineSegment, joint: int, number: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """(N, K) a torque (N,) turn by turn, of the number (N,) that each sample has; without turns that no
+    sample sees."""
+    seen = np.unique(number[(np.abs(torque) > LEAST) & (s.certain[:, joint] > 0)])
+    return np.asarray(np.where(number[:, None] == seen, torque[:, None], 0.0))

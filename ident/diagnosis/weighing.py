@@ -220,8 +220,7 @@ def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> 
         return True
     away = without_turning(state, m, as_far_as_felt=True)
     hidden = e.log_e > tau and all(away.judged.free[c] <= 1.0 for c in r.columns)
-    late = float(e.sizes[0])
-    return _asked_in(beside_any_turn(state, m, late) if hidden else away, r, e, tau)
+    return _asked_in(beside_any_turn(state, m, float(e.sizes[0])) if hidden else away, r, e, tau)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:

@@ -262,6 +262,7 @@ def test_a_torque_turned_in_one_of_two_runs_which_other_torques_fit_together_wor
     change = lambda c: c | {"tau_m6": -its} if np.array_equal(c["tau_m6"], its) else c  # noqa: E731
     (told,) = examine_fit(prepare_study(planted(tmp_path, change, study)))
     assert f"tau_m6 has the other sign in {first.label}" in told.message and told.signals == ("tau_m6",)
+    assert ", these recordings do not tell which" in told.message
 
 
 @pytest.mark.long

@@ -103,7 +103,6 @@ def _of_one_run(fitted, judged):
     return study.with_(recordings=tuple(runs), filter=type(study.filter)())
 
 
-@pytest.mark.long
 def test_a_torque_turned_beside_a_robot_s_own_contradictions_is_no_row(tmp_path):
     """Without an LWR4+'s fifth torque and the sixth a row leaves less of the others, hardly a quarter of what
     one robot does beyond bodies of their own."""
@@ -112,6 +111,7 @@ def test_a_torque_turned_beside_a_robot_s_own_contradictions_is_no_row(tmp_path)
     assert all(said.check != "joint_axis" for said in examine_fit(prepare_study(study)))
 
 
+@pytest.mark.long
 def test_a_row_beside_torques_that_contradict_the_others_anyway(tmp_path):
     """The last ones of an LWR4+ do: its third torque was told as 3.5 times too small."""
     study = _of_one_run((1.0, 14.9), (14.9, 19.5))

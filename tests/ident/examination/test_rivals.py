@@ -68,7 +68,6 @@ FRANKA = {
 }
 
 
-@pytest.mark.long
 @pytest.mark.first_case
 @pytest.mark.parametrize("fault", FRANKA)
 def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
@@ -78,6 +77,7 @@ def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
     assert check.check == "poor_excitation" and words in check.message
 
 
+@pytest.mark.long
 def test_a_position_with_another_one_s_is_told_by_all_recordings(tmp_path):
     """It was said that it would explain what judges."""
 
