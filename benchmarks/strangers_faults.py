@@ -192,7 +192,8 @@ def planted(log: Log) -> str:
             table = log.tables[name]
             size = {k: s * (float(np.std(table[k])) if "deviations" in words else 1) for k in names}
             log.tables[name] = table | {k: change(table[k], table["t"], size[k], u) for k in names}
-    return said if log.hit == runs else f"{said} in {log.hit[0]}"
+    everywhere = log.hit == runs or kind in (gravity, left_out, another_robot, rows_exchanged, row_off)
+    return said if everywhere else f"{said} in {log.hit[0]}"
 
 
 def _links(base: Base) -> dict[str, Any]:

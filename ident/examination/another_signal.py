@@ -42,6 +42,7 @@ from ident.examination.quick import FLOOR, Quick, added, gain_of, gains_of, solv
 from ident.examination.recordings_apart import thinned
 from ident.examination.rivals import alike, rivals
 from ident.examination.samples import LAGS, Sample
+from ident.examination.signs import all_signs
 from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.unexplained import apart_by_one_fit, odd_beside
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
@@ -255,7 +256,9 @@ def _torques(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]
         most = max((gain for gain, _ in told), default=0.0)
         for gain, reading in told:
             if gain > max(most - SWAPPED, 0.0):
-                yield _read(whole, asked, sample, reading)
+                its = _read(whole, asked, sample, reading)
+                if not all_signs(replace(asked, quick=its.explained.quick, fit=its.explained.fit)):
+                    yield its  # or it is the other recordings
         yield from _late(asked, whole, k)
     yield from unsigned(asked, whole, [s.label for s in whole.samples])
 

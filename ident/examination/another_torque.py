@@ -17,6 +17,7 @@ from ident.examination.hypothesis import SWAPPED, Asked
 from ident.examination.quick import Assignment, Fit, Normal, Quick, gain_of, least_squares
 from ident.examination.scales import SCALED
 from ident.examination.units import times_too
+from ident.examination.weightless import every
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,12 +93,16 @@ def readings(asked: Asked, sums: Sums, k: int, before: Fit) -> Iterator[tuple[fl
 
 
 def _turned(asked: Asked) -> Iterator[Reading]:
+    """One torque, or all. (Of a Barrett with all torques of one recording turned they were told as 1 s late
+    in all, or two of each as turned.)"""
     n = len(asked.how.order)
-    for c in asked.seen:
-        factor = tuple(-1.0 if k == asked.how.order[c] else 1.0 for k in range(n))
-        name = asked.name(c)
-        words = f"{name} has the other sign"
-        yield Reading("torque_sign", (name,), words, {name: {"sign": -1}}, tuple(range(n)), factor)
+    for which in every(asked.seen):
+        places = [asked.how.order[c] for c in which]
+        factor = tuple(-1.0 if k in places else 1.0 for k in range(n))
+        names = asked.names(which)
+        words = f"{names[0]} has the other sign" if len(which) == 1 else "all torques have the other sign"
+        changes = {name: {"sign": -1} for name in names}
+        yield Reading("torque_sign", names, words, changes, tuple(range(n)), factor)
 
 
 def _exchanged(asked: Asked) -> Iterator[Reading]:

@@ -17,6 +17,7 @@ from ident.examination.samples import Sample
 RIDGE = 1e-10
 ODD = 0.05  # rate at which chance confirms what something else has told before
 RARE = 1e-3  # rate at which chance leaves one name where there are two
+ROUNDING = 1e-6  # mean gain of a stretch that is none
 HALF = 0.5  # of what is told, from which something else may be there in its place
 
 
@@ -144,7 +145,7 @@ def pieces(quick: Quick, s: Sample) -> list[np.ndarray]:
 
 def beyond_chance(gains: np.ndarray, rate: float) -> bool:
     """Whether the mean of gains (stretches,) is positive, but for chance at this rate: Student's t."""
-    if len(gains) < 3 or not gains.mean() > 0:
+    if len(gains) < 3 or not gains.mean() > ROUNDING:
         return False
     t = gains.mean() / (gains.std(ddof=1) / np.sqrt(len(gains)))
     return t_beyond(float(t), len(gains) - 1) < rate

@@ -106,10 +106,25 @@ def test_one_signal_turned_in_the_only_fitted_run_which_is_explained_all_the_sam
     assert "do not tell" not in found[0].message
 
 
-def _other_torques(its, factors, order):
-    """The simulated torques of run1 in other places and times numbers."""
+@pytest.mark.parametrize("turned", ["run1", "run2"])
+def test_all_torques_turned_in_one_of_two_runs_of_which_friction_tells_which(tmp_path, turned):
+    """They were late in all of a Barrett's, or two of each turned."""
+    (tmp_path / "small.yaml").write_text(ARM)
+    plan = (PlannedRun("run1", "identify", 15.0), PlannedRun("run2", "validate", 10.0))
+    made = simulate(tmp_path / "small.yaml", runs=plan, seed=4)
+    runs = [
+        ident.Recording(pa.table(_other_torques(r, (-1, -1, -1), (1, 2, 3), turned)), r.use, name=r.label)
+        for r in made.recordings
+    ]
+    study = prepare_study(ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs))
+    found = [(c.check, c.recording) for c in examine_fit(study) if "other sign" in c.message]
+    assert found == [("torque_sign", turned)]
+
+
+def _other_torques(its, factors, order, label="run1"):
+    """The simulated torques of a run in other places and times numbers."""
     named = {f"tau_m{j}": its.columns[f"tau_m{k}"] * f for j, k, f in zip((1, 2, 3), order, factors)}
-    return dict(its.columns) | (named if its.label == "run1" else {})
+    return dict(its.columns) | (named if its.label == label else {})
 
 
 @pytest.mark.parametrize(
