@@ -21,6 +21,7 @@ from modelgen.effects import catalogue, effect
 from modelgen.effects.place import Place
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "barrett_wam_2dof").is_dir(), reason="the recordings of measured robots are not here"
 )

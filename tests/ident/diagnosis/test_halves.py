@@ -47,6 +47,7 @@ def test_a_law_that_fast_runs_show_and_a_slow_one_cannot(slowly_judged):
     assert error[1] < error[0] and told.findings[0].error_drop_percent < 100
 
 
+@pytest.mark.long
 def test_what_only_looks_like_one_in_them_is_not_named(slowly_judged):
     """A wave over the rate: no law of the catalogue says what it does, and none is told."""
     told = slowly_judged(lambda q, dq: 0.5 * np.sin(4.0 * dq))

@@ -234,6 +234,7 @@ def test_a_law_of_the_whole_study_takes_a_loads_place(arm, monkeypatch):
     assert not any(step.term.effect.windowed for step in outcome.steps)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "airbot_play").is_dir(), reason="the recordings of measured robots are not here"
 )

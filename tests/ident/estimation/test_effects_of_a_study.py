@@ -63,6 +63,7 @@ def test_a_size_is_told_from_zero_by_the_deviation_that_is_told(folder):
     assert spring.p_told > spring.p_value
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("gain", [0.1, 20.0])
 def test_a_gain_is_found_however_large_it_is_with_what_acts_before_it(tmp_path, gain):
     """Sizes and the model are one product: both are what they are without the gain."""
@@ -192,8 +193,12 @@ def test_refusals(folder, effects, words):
     [
         ("stribeck_friction:4", "stribeck_friction:4"),
         ("joint_coupling:6:source_joint=5", "joint_coupling:6:source_joint=5"),
-        ("payload_change::recording=run1,from=20", "payload_change::recording=run1,from=20"),
-        ("joint_elasticity:4", "joint_elasticity:4"),
+        pytest.param(
+            "payload_change::recording=run1,from=20",
+            "payload_change::recording=run1,from=20",
+            marks=pytest.mark.long,
+        ),
+        pytest.param("joint_elasticity:4", "joint_elasticity:4", marks=pytest.mark.long),
     ],
 )
 def test_twins_of_every_kind(tmp_path, hidden, declared):
@@ -211,6 +216,7 @@ def test_twins_of_every_kind(tmp_path, hidden, declared):
             assert abs(parameter.value - truth[name]) < 4 * parameter.std + 0.02 * abs(truth[name]), name
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "effect, names",
     [("counterbalance", ("Kl", "q0", "rho")), ("current_saturation", ("share", "limit"))],

@@ -46,7 +46,9 @@ MISSED = {
 }
 
 
-@pytest.mark.parametrize("robot", BASELINE)
+@pytest.mark.parametrize(
+    "robot", [pytest.param(r, marks=pytest.mark.long if r == "kuka_lwr4plus" else ()) for r in BASELINE]
+)
 def test_validate_error_is_at_most_the_baseline(robot):
     result = fit_study(load_study(str(STUDIES.joinpath(f"{robot}.yaml"))))
     errors = result.errors.decimated.by_recording()
@@ -57,6 +59,7 @@ def test_validate_error_is_at_most_the_baseline(robot):
             assert round(value, 1) <= MISSED.get((robot, joint), limit), (recording, joint, found)
 
 
+@pytest.mark.long
 def test_ur10e_payload():
     result = fit_study(load_study(str(STUDIES.joinpath("ur10e_payload.yaml"))))
     k = result.columns.parameters.index("ML")
@@ -74,6 +77,7 @@ def test_xmate_transmission_gains():
     assert np.all(np.abs(found - readme) < 2 * std)
 
 
+@pytest.mark.long
 def test_xmate_four_models():
     study = load_study(str(STUDIES.joinpath("rokae_xmate3pro_transmission.yaml")))
     results = fit_models(study, "ABCD")

@@ -40,11 +40,12 @@ def test_a_recording_whose_clock_runs_at_another_rate(role, factor):
     assert told == pytest.approx(factor, rel=0.05) and "too large" in said.message
 
 
+@pytest.mark.long
 def test_clocks_that_agree():
     assert not examine_fit(prepare_study(_run_at(1.0, "validate")))
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("factor", "told"), [(2.0, True), (1.0, False)])
 def test_the_clock_of_all_recordings(tmp_path, factor, told):
     """Of a Franka whose clock ran at half of its rate nothing was said: 16 % foretold for 2 %."""

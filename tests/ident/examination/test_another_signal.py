@@ -33,6 +33,7 @@ def in_the_long_run(change):
     return lambda columns: columns | (change(columns) if np.ptp(columns["t"]) > 40 else {})
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(("joint", "factor", "check"), [(2, -1.0, "position_sign")])
@@ -48,6 +49,7 @@ def test_of_a_measured_robot_one_position_in_the_run_that_is_fitted(tmp_path, jo
     assert turned[f"dq{joint}"] == turned[f"q{joint}"].model_copy(update={"column": f"dq{joint}"})
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_of_a_measured_robot_one_torque_turned_in_the_run_that_is_fitted(tmp_path):
@@ -78,6 +80,7 @@ def test_of_a_measured_robot_one_position_in_all_runs(tmp_path, joint, factor):
         assert not any(recording for _, _, recording in said(examine_fit(prepare_study(study))))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "request_", ["position_zero:2:zero=1.5707963,recording=run1", "payload_change:m=2,recording=run1"]
 )
@@ -267,6 +270,7 @@ def test_of_a_measured_robot_one_position_turned_beside_a_torque_that_is_mostly_
     assert said(checks) == [("position_sign", ("q3",), plain["validate"].label)]
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_torque_turned_in_one_of_two_runs_which_other_torques_fit_together_worse_anyway(tmp_path):

@@ -64,6 +64,7 @@ def test_a_table_of_the_other_convention(tmp_path, robot, keys, words):
     assert words in told.check.message
 
 
+@pytest.mark.long
 def test_a_row_beside_a_torque_that_is_mostly_noise(tmp_path):
     """The last one of an LWR4+, which bodies of its own do not explain either: another's sign was told."""
     (told,) = _told(tmp_path, "kuka_lwr4plus", lambda links: links[1].update(theta="q2 + pi/2"))
@@ -103,6 +104,7 @@ def _of_one_run(fitted, judged):
     return study.with_(recordings=tuple(runs), filter=type(study.filter)())
 
 
+@pytest.mark.long
 def test_a_torque_turned_beside_a_robot_s_own_contradictions_is_no_row(tmp_path):
     """Without an LWR4+'s fifth torque and the sixth a row leaves less of the others, hardly a quarter of what
     one robot does beyond bodies of their own."""
@@ -121,7 +123,7 @@ def test_a_row_beside_torques_that_contradict_the_others_anyway(tmp_path):
     assert "without tau_l5, tau_l6, which the others contradict" in told.message
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("bits", "check"), [(12, "base_orientation"), (30, "torque_scale")])
 def test_what_a_joint_of_the_other_kind_may_be_as_well(tmp_path, bits, check):
     """Six slow seconds of a KR 300: a base was told that is turned by 118 degrees, or a torque that is 54

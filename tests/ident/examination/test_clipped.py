@@ -14,6 +14,7 @@ def _clipped(low, high):
     return lambda x: np.clip(x, *np.quantile(x, [low, high]))
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "low", "high"), [("tau_m3", 0.25, 0.75)])
 def test_a_clipped_torque_has_no_other_fault(tmp_path, name, low, high):
     """Of an AIRBOT's the fit asked for a factor of 1.3 to 2.7 in its place, of another torque as well."""

@@ -31,6 +31,7 @@ def test_an_elbow_that_is_counted_from_the_base(tmp_path, sign, line, drives):
     assert check.remedy == f"{line} the place of q3 into the log{also}"
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(("robot", "j", "i", "sign"), [("ur10e", 3, 2, -1)])
@@ -50,6 +51,7 @@ def test_of_a_measured_robot(tmp_path, robot, j, i, sign):
     assert f"q{j} {'-' if sign > 0 else '+'} q{i}" in check.remedy
 
 
+@pytest.mark.first_case
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("sign", [1, -1])
@@ -65,6 +67,7 @@ def test_in_one_recording_of_a_measured_robot(tmp_path, sign):
     assert f"q3 {'-' if sign > 0 else '+'} q2" in check.remedy
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_wrist_that_turns_with_the_joint_before_it_is_told_by_its_own_torque(tmp_path):

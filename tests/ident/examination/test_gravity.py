@@ -55,6 +55,7 @@ def test_where_first_moments_make_up_for_gravity_that_is_turned_over_it_is_not_k
     assert min(_degrees(told.gravity, g) for g in (truth, -truth)) < 0.5 and told.within == 180
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_what_one_recording_has_elsewhere_all_rows_find(tmp_path):
@@ -65,6 +66,7 @@ def test_what_one_recording_has_elsewhere_all_rows_find(tmp_path):
     assert _degrees(told.gravity, LEVEL) <= told.within <= 5
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_an_axis_of_the_base_is_told_where_gravity_is_hardly_known(tmp_path):

@@ -48,6 +48,7 @@ def test_zeros_in_some_signals(tmp_path, robot, lost):
     assert {(c.check, c.outcome) for c in said} == {("missing_values", "mended")}
 
 
+@pytest.mark.long
 def test_what_came_before_is_held(tmp_path):
     """Of 20 ms at 1 kHz it was told that an encoder slips."""
     held = lambda c: _lost(c, (3000, 5000, 8000), lambda x, k: x[k - 1])  # noqa: E731

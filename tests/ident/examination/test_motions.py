@@ -44,6 +44,7 @@ def _told(study):
     return [h.check for h in moved_positions(asked, by_themselves(asked))]
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_torque_turned_beside_another_joint_s_position(tmp_path):
@@ -110,6 +111,7 @@ def test_a_torque_that_is_explained_by_itself_is_not_noise(tmp_path):
     assert list(unexplained(asked)) == []
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_file_whose_axes_are_turned_is_another_robot_s():

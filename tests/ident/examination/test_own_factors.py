@@ -19,6 +19,7 @@ def _said(folder, factors):
     return examine_fit(prepare_study(study))
 
 
+@pytest.mark.long
 def test_no_torque_alone_is_told_of_torques_in_currents(tmp_path):
     """Of the fifth 0.63 times what it is was told."""
     (said,) = _said(tmp_path, IN_MA)
@@ -41,6 +42,7 @@ def test_torques_behind_a_joint_in_another_unit_are_told_together(tmp_path):
     assert low < 3 < high
 
 
+@pytest.mark.long
 def test_what_is_told_of_a_factor_allows_for_what_the_arm_lacks(tmp_path):
     """This arm's sixth torque gains by a factor as it is: 1.6 to 1.9 was told of one of 2."""
     (said,) = _said(tmp_path, (1, 1, 1, 1, 1, 0.5, 1))

@@ -190,6 +190,7 @@ def test_two_torques_in_n_mm(tmp_path):
     assert (check.check, check.signals) == ("torque_scale", ("tau_m2", "tau_m3")) and "N mm" in check.message
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", [pytest.param("airbot_play", marks=pytest.mark.long), "ur10e"])
 def test_a_small_tilt_is_no_torque_s_scale_and_no_base_upside_down(robot):
     study = measured(robot)
@@ -449,7 +450,7 @@ def test_all_torques_with_the_other_sign(tmp_path):
     assert [(c.check, len(c.signals)) for c in checks] == [("torque_sign", 6)]
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "robot"), [("i4", "ur10e"), ("tau_m2", "kuka_kr300")])
 def test_a_sign_that_changes_in_mid_run(tmp_path, name, robot):
     """No check spoke of it, and diagnosis said that it depends on two joints."""

@@ -107,6 +107,7 @@ def test_on_a_wall_a_joint_that_hardly_moves_hides_no_gravity(tmp_path):
     assert (check.check, check.remedy) == ("base_orientation", "gravity: [0, 0, -9.81]")
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_torque_of_another_run_is_not_told_as_a_motion_alone(tmp_path):

@@ -28,6 +28,7 @@ def _told(folder, name, file, begin, seconds, change=lambda c: c, **keys):
     return examine_fit(prepare_study(planted(folder, change, study)))
 
 
+@pytest.mark.long
 def test_four_seconds_of_late_torques(tmp_path):
     """Of an LWR4+ the fifth joint was told to turn the other way, beside two other causes."""
 
@@ -38,6 +39,7 @@ def test_four_seconds_of_late_torques(tmp_path):
     assert {c.check for c in checks} <= {"unrelated_torque"}  # "or motions that have nothing in common"
 
 
+@pytest.mark.long
 def test_an_axis_that_one_torque_alone_feels(tmp_path):
     """Two joints of an LWR4+ were told to be exchanged, by the last torque, which is hardly any."""
     path = files("modelgen").joinpath("robots", f"{measured('kuka_lwr4plus').robot}.yaml")

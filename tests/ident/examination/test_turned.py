@@ -39,6 +39,7 @@ def test_what_a_joint_shares_with_others_tells_its_torque_from_its_position(tmp_
     ) and "not tell which" not in said.message
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("signal", ["q6"])
 def test_where_a_joint_shares_nothing_both_are_named(tmp_path, signal):
     study = _five_seconds(_turned(tmp_path, "kuka_kr300", signal))
@@ -131,6 +132,7 @@ def test_all_positions_turned_in_a_run_that_foretells_no_other(tmp_path):
     assert "all torques have the other sign, or all positions have the other sign" in said.message
 
 
+@pytest.mark.long
 def test_two_torques_turned_where_the_last_ones_may_have_any_sign(tmp_path):
     """Of an LWR4+ the fourth was told, which was not turned."""
     study = measured("kuka_lwr4plus")

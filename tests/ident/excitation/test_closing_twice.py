@@ -12,6 +12,7 @@ from ident.report.files import fit_document, write_document
 HIDDEN = "quadratic_friction:1:Fv2=0.094"
 
 
+@pytest.mark.long
 def test_what_was_one_or_the_other_is_the_true_one_after_the_motion_that_decides(tmp_path):
     robot = tmp_path / "small.yaml"
     robot.write_text(ARM)

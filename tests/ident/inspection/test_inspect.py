@@ -66,6 +66,7 @@ def folder(tmp_path_factory):
     return folder
 
 
+@pytest.mark.long
 def test_from_a_urdf_and_bags_to_a_diagnosis(folder, capsys):
     logs = [str(folder / "monday.mcap"), str(folder / "tuesday.mcap")]
     study = folder / "study.yaml"

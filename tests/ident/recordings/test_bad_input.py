@@ -186,6 +186,7 @@ def test_swapped_joints_are_suspected(tmp_path, good):
     assert any("2 and 4" in warning and "swapped" in warning for warning in result.warnings)
 
 
+@pytest.mark.long
 def test_swapped_positions_are_suspected(tmp_path, good):
     columns = {**good, "q3": good["q5"], "q5": good["q3"]}
     result = fit(tmp_path, columns)
