@@ -98,7 +98,7 @@ SIGNALS: tuple[tuple[str, tuple[str, ...], tuple[float, ...], Change], ...] = (
     ("late by {} s", ("taus",), (0.3, 1.5), lambda x, t, s, u: np.interp(t - s, t, x)),
     ("lag of {} s", ("tau",), (0.01, 0.03, 0.1), lagged),
     ("spikes of {} deviations", ("q", "tau"), (3, 10, 30), spikes),
-    ("wraps", ("q",), (0.3, 0.5, 0.7), lambda x, t, s, u: (x - np.quantile(x, s)) % (2 * np.pi)),
+    ("wraps", ("q",), (0.3, 0.5, 0.7), lambda x, t, s, u: (x - (c := np.quantile(x, s))) % (2 * np.pi) + c),
     ("noise of {} deviations", ("tau",), (0.3, 1, 3), lambda x, t, s, u: x + s * np.sin(1e9 * u * t**2)),
     ("dead band of {} deviations", ("tau",), (0.2, 0.5, 1), lambda x, t, s, u: np.where(abs(x) > s, x, 0)),
     ("clipped at {} deviations", ("tau",), (0.9, 1.3, 2), lambda x, t, s, u: np.clip(x, -s, s)),

@@ -91,7 +91,8 @@ def _best(asked: Asked, which: Sequence[int]) -> tuple[Hypothesis, Quick, float,
             Y[:, how.order[c]] = s.late[best][:, how.order[c]]
         samples.append(replace(s, Y=Y))
     said = "all torques" if len(which) == len(fit.error) > 1 else listed(asked.names(which))
-    words = f"{said} {'is' if len(which) == 1 else 'are'} recorded about {abs(lag):g} s "
+    more = " or more" if abs(lag) >= max(LAGS) else ""  # is not looked for
+    words = f"{said} {'is' if len(which) == 1 else 'are'} recorded about {abs(lag):g} s{more} "
     words += f"{'after' if lag > 0 else 'before'} the positions"
     smoothed, moved = " or smoothed as much" if lag > 0 else "", quick.of(samples)
     remedy = "record torques and positions with one clock; ident diagnose fits the delay"

@@ -51,6 +51,7 @@ def recordings_unlike(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
     for apart in found:
         contradicted = _contradicted(asked, apart)
         unlike = [c for c in apart.odd if _unlike(apart, c) and contradicted[c]]
+        unlike = [c for c in unlike if asked.name(c) not in asked.clipped]  # of which a part is left
         most = len(unlike) > 1 and len(unlike) > len(apart.error) / 2
         if not unlike or (not most and np.nanmedian(_by_itself(apart.sample)) > EXPLAINED):
             continue  # its own motion explains most torques no better: it is not this one

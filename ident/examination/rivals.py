@@ -98,6 +98,10 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
         yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} a minute")
     for r, sample in enumerate(whole.samples):
         if len(whole.samples) > 1:
+            slope, rival = found(lambda i, s, r=r: (i == r) * (s.t - s.t[0]))  # type: ignore[misc]
+            if rival:
+                words = f"{name} of {sample.label} drifts by {60 * slope:.2g} a minute"
+                yield replace(rival, words=words, recording=sample.label)
             share, rival = found(lambda i, s, r=r: (i == r) * s.Y[:, own], True)  # type: ignore[misc]
             if rival:
                 also = " or a load is carried there" if share < 1 else ""

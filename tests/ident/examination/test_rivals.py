@@ -1,5 +1,7 @@
 """Everyday faults that look like a torque's factor, planted in measured recordings: none is told as one."""
 
+from itertools import product
+
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
@@ -42,6 +44,29 @@ def test_a_share_of_another_torque_is_no_factor(tmp_path, robot, kind, c, k):
     """It was told as a pair of factors, of an AIRBOT without the share beside it."""
     mixed = lambda x: x | {f"{kind}{c}": x[f"{kind}{c}"] + 0.3 * x[f"{kind}{k}"]}  # noqa: E731
     assert "torque_scale" not in {check.check for check in _said(planted(tmp_path, mixed, measured(robot)))}
+
+
+def _coarse(c):
+    """In steps of a 2000th of what each signal spans in its run."""
+    runs = np.digitize(c["t"] - c["t"][0], [6.5, 9.8])
+    out = {k: x.astype(float) for k, x in c.items()}
+    for k, run in product(set(c) - {"t"}, range(3)):
+        step = np.ptp(c[k][runs == run]) / 2000
+        out[k][runs == run] = np.round(c[k][runs == run] / step) * step
+    return out
+
+
+@pytest.mark.parametrize(("share", "recorder"), [(0.25, dict), (0.2, _coarse)])
+def test_what_drifts_in_one_run_alone_is_no_factor(tmp_path, share, recorder):
+    """A Franka's sixth torque was told to be 1.2 times too large, which explains half as much."""
+
+    def drifts(c):
+        t = c["t"] - c["t"][0]
+        drift = share * np.std(c["tau_l6"][t < 6.5]) * (t / 6.5) * (t < 6.5)
+        return (its := recorder(c)) | {"tau_l6": its["tau_l6"] + drift}
+
+    (check,) = _said(parted(planted(tmp_path, drifts, measured("franka_panda")), 6.5, 9.8))
+    assert "tau_l6 of identify drifts by" in check.message and "tau_l6 is" not in check.message[:90]
 
 
 @pytest.mark.long
