@@ -15,6 +15,7 @@ from ident.examination.mending import Mender
 from ident.examination.signals import (
     Columns,
     dead_and_resting,
+    dead_bands,
     flags,
     limits_hit,
     lost_samples,
@@ -52,6 +53,7 @@ def of_table(
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
         limits_hit(columns, excerpt, slow | few),
+        dead_bands(columns, excerpt),
         said,
         stopped_at_once(columns, excerpt, slow | gone),
         repeats.copies(columns, excerpt),

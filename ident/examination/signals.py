@@ -14,6 +14,7 @@ import numpy as np
 from ident.examination.check import Check, column_line, listed
 from ident.examination.excerpt import Excerpt
 from ident.examination.mending import Mender
+from ident.examination.spikes import dead_band
 
 MOST_MISSING = 0.05
 MOST_SPIKES = 0.01
@@ -308,6 +309,21 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                     "record with a wider range, or a slower motion",
                 )
                 break
+
+
+def dead_bands(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Torques that read 0 where they are small. (A KR 300's was refused as one whose messages were lost.)"""
+    for k, name in enumerate(columns.signals):
+        x = excerpt.column(k)
+        if k >= columns.n and (least := dead_band(x)):
+            share = 100 * float(np.mean(x == 0))
+            yield Check(
+                "dead_band",
+                (name,),
+                f"{name} reads 0 wherever it is below {least:.3g}, in {share:.2g} % of the samples: a dead "
+                "band of the sensor, the drive or the logger, which the fit takes for the robot",
+                "log it without that band",
+            )
 
 
 def units(columns: Columns, mender: Mender, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:

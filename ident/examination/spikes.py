@@ -104,6 +104,22 @@ def dropouts(x: np.ndarray) -> np.ndarray:
     return none
 
 
+def dead_band(x: np.ndarray) -> float:
+    """Below which a torque (N,) reads 0: to zeros it leaps from the least else that it reads, though it goes
+    far beyond it; 0 where there is no such band. An empty field is zero wherever the torque is."""
+    zero, size = x == 0, np.abs(x)
+    kept = ~zero & np.isfinite(x)
+    if zero.sum() < DROPOUTS or len(np.unique(x[kept])) < VALUES:
+        return 0.0
+    steps = np.abs(np.diff(x))[kept[1:] & kept[:-1]]
+    usual = max(float(np.quantile(steps, 0.75)), float(steps[steps > 0].min(initial=np.inf)))
+    least = float(size[kept].min())
+    at = np.flatnonzero(zero[1:] != zero[:-1])
+    edges = np.maximum(size[at], size[at + 1])
+    gap = least > 2 * usual and np.quantile(size[kept], 0.75) > least + 2 * usual
+    return least if gap and len(edges) > 3 and np.median(edges) < least + 2 * usual else 0.0
+
+
 def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
     """(N, m) bool: zeros to which and from which a signal leaps as it hardly changes else, with those that
     others of its kind (n positions, then torques) read meanwhile, as where a message was lost and its fields
@@ -114,7 +130,7 @@ def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
     moves, every = np.abs(np.diff(x[:, :n], axis=0)), zero[:, :n].all(axis=1)
     for k in np.flatnonzero(zero.any(axis=0) & ~zero.all(axis=0)):
         kept = np.flatnonzero(~zero[:, k])
-        if len(np.unique(x[kept, k])) < VALUES:  # a switch, or coarse
+        if len(np.unique(x[kept, k])) < VALUES or (k >= n and dead_band(x[:, k])):  # a switch, or coarse
             continue
         steps = np.abs(np.diff(x[kept, k]))[np.diff(kept) == 1]
         if not (steps > 0).any():

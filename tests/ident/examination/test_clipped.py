@@ -51,3 +51,12 @@ def test_a_torque_of_few_steps_is_no_clipped_one(tmp_path):
     coarse = lambda c: c | {"tau_l5": 0.8 * np.round(c["tau_l5"] / 0.8)}  # noqa: E731
     prepared = prepare_study(planted(tmp_path, coarse, measured("kuka_lwr4plus")))
     assert {check.check for check in examine_tables(prepared)} == {"coarse_signal"}
+
+
+@pytest.mark.parametrize("size", [0.5, 1.0])
+def test_a_dead_band_is_no_lost_message(tmp_path, size):
+    """A KR 300's second torque was refused as a logger's mark for no value; a smaller band was not told."""
+    band = lambda c: c | {"tau_m2": np.where(abs(c["tau_m2"]) > size * c["tau_m2"].std(), c["tau_m2"], 0.0)}  # noqa: E731
+    prepared = prepare_study(planted(tmp_path, band, measured("kuka_kr300")))
+    said = {(check.check, check.signals) for check in examine_tables(prepared)}
+    assert ("dead_band", ("tau_m2",)) in said and "missing_values" not in {check for check, _ in said}
