@@ -4,13 +4,12 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ident.diagnosis.deciding import PATIENCE
-from ident.report.wording import joined, number, percent, with_deviation
+from ident.report.wording import joined, number, percent, with_deviation, worse_elsewhere
 
 PLACED = ("source_joint", "recording", "from", "to", "link")  # said as a place, not as a value
 SIDES = {"motor": "motor side", "link": "link side", "sensor": "torque sensor", "drive": "drive"}
 NOISY = 1.5  # times its white noise, up to which what is left is called noise: as far as that may be off
 AS_MUCH = 0.05  # nats: less is rounding
-FAR = 2.0  # from this ratio on an error is called larger than another; only words depend on it
 
 
 def effect_name(name: str) -> str:
@@ -50,7 +49,7 @@ def verdict(document: Mapping[str, Any]) -> str:
     found = [f for f in document["findings"] if not _by_examination(f)]
     sure = [f for f in found if f.get("grade") != "partly"]
     partly = [f for f in found if f.get("grade") == "partly"]
-    sentences, worse = [], worse_elsewhere(document)
+    sentences, worse = [], worse_elsewhere(document["error_percent"]["after"])
     if told:
         sentences.append(f"The data are not what the study says: {_named(told)}.")
     if sure:
@@ -142,28 +141,6 @@ def visible_size(its: Mapping[str, Any]) -> str:
     size = ", ".join(values[name] for name in its["sizes"] if name in values)
     shape = ", ".join(text for name, text in values.items() if name not in its["sizes"])
     return f"{size}, at {shape}" if size and shape else size or shape
-
-
-def worse_elsewhere(document: Mapping[str, Any]) -> list[str]:
-    """A sentence for each role whose runs have a much larger error than those that were fitted."""
-    after, out = document["error_percent"]["after"], []
-    for role in after:
-        ratio = {
-            name: after[role][name] / after["identify"][name]
-            for name in after[role]
-            if role != "identify" and after[role][name] and after["identify"].get(name)
-        }
-        far = {name: r for name, r in ratio.items() if r >= FAR}
-        if not far:
-            continue
-        name = "total" if "total" in far else max(far, key=lambda key: far[key])
-        of = "" if name == "total" else f" of {name}"
-        out.append(
-            f"The error{of} on {role} runs is {far[name]:.1f} times that of the fitted ones: these do not "
-            "show all that the robot does there, or something is different there (a load, a day, a zero); "
-            "look at what differs, and fit longer, faster or more varied motion."
-        )
-    return out
 
 
 def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) -> str:

@@ -19,6 +19,7 @@ from ident.report.wording import (
     readable_rule,
     readable_unit,
     with_deviation,
+    worse_elsewhere,
 )
 
 ROLES = {
@@ -113,8 +114,9 @@ def left_over(document: Mapping[str, Any]) -> str:
     channels = {name: value for name, value in errors[role].items() if name != "total"}
     worst = max(channels, key=lambda name: channels[name] or 0.0)
     most = f", most in {worst} ({percent(channels[worst])})" if len(channels) > 1 else ""
+    worse = "".join(f"{sentence} " for sentence in worse_elsewhere(errors))
     return (
-        f"What is left: {percent(errors[role]['total'])} of the torque on {ROLES[role]}{most}. "
+        f"What is left: {percent(errors[role]['total'])} of the torque on {ROLES[role]}{most}. {worse}"
         "ident diagnose looks for what the model lacks in it."
     )
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from ident.report.joints import named
 
+FAR = 2.0  # from this ratio on an error is called larger than another; only words depend on it
 NO_BREAK = "\u00a0"
 _MEANINGS = {
     "Iam": "drive inertia (rotor and gear)",
@@ -111,3 +112,25 @@ def check_sentences(checks: Iterable[Mapping[str, Any]], names: Mapping[str, str
 def joined(words: list[str]) -> str:
     """`a`, `a and b`, `a, b and c`."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
+
+
+def worse_elsewhere(errors: Mapping[str, Mapping[str, float | None]]) -> list[str]:
+    """A sentence for each role whose runs have a much larger error than those that were fitted."""
+    out = []
+    for role, its in errors.items():
+        ratio = {
+            name: error / fitted
+            for name, error in its.items()
+            if role != "identify" and error and (fitted := errors["identify"].get(name))
+        }
+        far = {name: r for name, r in ratio.items() if r >= FAR}
+        if not far:
+            continue
+        name = "total" if "total" in far else max(far, key=lambda key: far[key])
+        of = "" if name == "total" else f" of {name}"
+        out.append(
+            f"The error{of} on {role} runs is {far[name]:.1f} times that of the fitted ones: these do not "
+            "show all that the robot does there, or something is different there (a load, a day, a zero); "
+            "look at what differs, and fit longer, faster or more varied motion."
+        )
+    return out

@@ -68,6 +68,15 @@ def tables(page):
     return [block for section in page.sections for block in section.blocks if isinstance(block, Table)]
 
 
+@pytest.mark.parametrize(("error", "times"), [(9.4, None), (92.7, "10.3")])
+def test_a_fit_says_what_is_far_worse_where_it_was_not_fitted(error, times):
+    """Of a KR 300 with all torques 30 ms early a fit gave the two figures and no word."""
+    errors = FIT["relative_error_percent"] | {"validate": {"total": error, "tau_m1": 8.8}}
+    said = " ".join(fit_page(FIT | {"relative_error_percent": errors}, []).details)
+    worse = f"The error on validate runs is {times} times that of the fitted ones: "
+    assert worse in said if times else "times that" not in said
+
+
 def test_a_fit_is_told_by_its_error_on_runs_that_were_not_fitted():
     page = fit_page(FIT, [])
     assert page.verdict.replace("\u00a0", " ") == (
