@@ -91,7 +91,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     if not all(steadily(its, best.explained, RARE) for its in (before, *others)):
         return
     instead = _instead(whole, best, asked)
-    if any(gain(its) > gain(best) for its in instead):
+    if any(steadily(best.explained, its.explained, RARE) for its in instead):
         return
     pool = list(rivals(whole, asked.how, asked.currents))
     if any(agreed(best.explained, its.explained, ODD / len(pool)) for its in pool):
@@ -108,12 +108,14 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     told_too = [its for its in told_too if steadily(before, its.explained, RARE)]
     told_too = [its for its in told_too if _of_itself(before, owns, its)]
     near = [its for its in (*told_too, *instead) if not steadily(its.explained, best.explained, RARE)]
+    first = max(instead, key=gain, default=best)  # of ten numbers, which may have less to say than one
     every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
+    every.sort(key=lambda its: its is not first or gain(its) <= gain(best))
     said = [its.words + _where(its, best) for its in every]
     fallen = f"{falls(before.fit, best.explained.fit)} over all recordings"
     where = "in this recording " if best.recording else ""
     which = ", these recordings do not tell which" if every[1:] else ""
-    if len(every) > 1 + FEW:
+    if len(every) > 1 + FEW or every[0] is not best:
         yield nothing_tells(said, fallen, best.recording)
         return
     yield Check(

@@ -284,6 +284,18 @@ def test_a_torque_turned_in_one_of_two_runs_which_other_torques_fit_together_wor
     assert ", these recordings do not tell which" in told.message
 
 
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_another_zero_that_a_load_explains_as_well_is_said_with_it(tmp_path):
+    """Of an AIRBOT's fifth position nothing was said, and a diagnosis found 4 g on its link."""
+    study = measured("airbot_play")
+    zero = {"q5": ColumnMap(column="q5", offset=-0.39)}
+    kept = [e for e in study.recordings if "identify_c" not in e.file]
+    entries = tuple(e.model_copy(update={"columns": zero} if e.use == "validate" else {}) for e in kept)
+    told = examine_fit(prepare_study(study.with_(recordings=entries, filter=type(study.filter)())))
+    assert any("q5 starts from another zero" in c.message and "a load is carried" in c.message for c in told)
+
+
 @pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
