@@ -88,6 +88,7 @@ class Mender:
     _reach: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (m,) 5 to 95 % of the blocks seen
     _turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _still: tuple[int, float, np.ndarray] | None = None  # row, t, values at which a frozen stretch began
+    _moving: bool = False  # whether a position then went on by more than it slows down from row to row
 
     def run(self, blocks: Iterable[Block]) -> Iterator[Block]:
         """The same rows, mended, a little later."""
@@ -109,7 +110,9 @@ class Mender:
             self._dropped.append(rows[-1:])
             rows, t, values = rows[:-1], t[:-1], values[:-1]
         if len(t) > begun:
-            yield self._mend(rows, t, values, begun, len(t))[0]
+            (rows, t, values), _ = self._mend(rows, t, values, begun, len(t))
+            kept = self._until_it_stood(rows)
+            yield rows[kept], t[kept], values[kept]
 
     @property
     def leaps(self) -> list[tuple[int, int, float]]:
@@ -253,8 +256,24 @@ class Mender:
                 self.first.setdefault("frozen", {})[len(self.gaps)] = (row + 2, int(rows[here]))
         last = changed[-1]
         self._still = (int(rows[last]), float(t[last]), x[last])
+        steps = np.abs(np.diff(x[max(last - 2, 0) : last + 1, : self.n], axis=0))
+        bends = np.abs(np.diff(x[:, : self.n], 2, axis=0))
+        usual = np.array([np.median(b[b > 0]) if (b > 0).any() else np.inf for b in bends.T])
+        self._moving = len(steps) > 1 and bool((steps > 8 * usual).all(axis=0).any())
         out[:begun] = False
         return out
+
+    def _until_it_stood(self, rows: np.ndarray) -> np.ndarray:
+        """(N,) bool: those of the last rows before nothing at all changes any more, if a position was on its
+        way: the driver died, and its last message was written on."""
+        if self._still is None or not self._moving or not len(rows) or rows[-1] - self._still[0] <= 9:
+            return np.ones(len(rows), bool)
+        since = self._still[0]
+        self._dropped.append(np.arange(since + 1, rows[-1] + 1))
+        count = np.zeros(len(self._still[2]), int) + int(rows[-1] - since)
+        self.counts["frozen"] = self.counts.get("frozen", 0) + count
+        self.first.setdefault("frozen", {})[len(self.gaps) + 1] = (since + 2, int(rows[-1]) + 1)
+        return rows <= since
 
 
 def _turns(x: np.ndarray) -> np.ndarray:

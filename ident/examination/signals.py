@@ -56,7 +56,7 @@ class Columns:
 _WORDS = {
     "missing_values": "empty or not a number",
     "sentinel": "a logger's mark for no value",
-    "frozen": "frozen: nothing at all changes, then positions leap",
+    "frozen": "frozen: nothing at all changes, though joints were on their way",
     "spike": "a spike, far off its neighbours in the signal's own noise",
 }
 _CURE = {

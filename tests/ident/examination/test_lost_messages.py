@@ -56,3 +56,17 @@ def test_what_came_before_is_held(tmp_path):
     prepared = prepare_study(study)
     said = [*examine_tables(prepared), *examine_fit(prepared)]
     assert {(c.check, c.outcome) for c in said} == {("frozen", "mended")}
+
+
+def test_the_last_message_is_written_on_to_the_end(tmp_path):
+    """Nothing was said of a TX40's, of whose fit four times as much was left."""
+
+    def held(c):
+        last = len(c["t"]) - 200
+        return {k: x if k == "t" else np.append(x[:last], np.full(200, x[last])) for k, x in c.items()}
+
+    study = parted(planted(tmp_path, held, measured("franka_panda")), 6.5, 13.0)
+    ((check, outcome, rows),) = {
+        (c.check, c.outcome, c.rows) for c in examine_tables(prepare_study(study)) if c.check != "spike"
+    }
+    assert (check, outcome) == ("frozen", "mended") and rows[1] - rows[0] in (198, 199)
