@@ -11,6 +11,7 @@ import numpy as np
 from ident.examination import repeats
 from ident.examination.check import Check
 from ident.examination.excerpt import Excerpt
+from ident.examination.lost_rows import lost_rows
 from ident.examination.mending import Mender
 from ident.examination.signals import (
     Columns,
@@ -49,6 +50,7 @@ def of_table(
         wraps(columns, mender),
         units(columns, mender, lowest, highest),
         position_steps(columns, mender, excerpt),
+        lost_rows(columns, excerpt),
         dead_and_resting(columns, lowest, highest),
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),

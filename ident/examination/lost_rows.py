@@ -1,0 +1,59 @@
+"""Rows that were lost while the stamps go on as if none were: all positions go on by some rows at once.
+
+From row to row the positions of smooth motion go on as their four neighbours do; where rows are gone they go
+on by a whole number of times that, all of them by the same. How far joints go on otherwise elsewhere in the
+log says how much of that is none. (Of a Franka at 50 Hz without two rows in a run nothing was said: errors of
+2 to 3 % were 5 to 12.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ident.examination.check import Check, listed
+from ident.examination.excerpt import Excerpt
+from ident.examination.signals import Columns
+
+WHOLE, ONE = 0.3, 0.1  # from a whole number of rows; share of what is left when so many are taken as gone
+ALONE = 10.0  # times what any other row leaves
+APART = 3  # rows from which on a row is another
+
+
+def lost_rows(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Rows behind which others are missing."""
+    if columns.n < 2:
+        return
+    found: list[tuple[int, int]] = []
+    for rows, t, values in excerpt.pieces:
+        step = np.diff(t)
+        if len(t) < 50 or not (step > 0).all() or np.ptp(rows) != len(rows) - 1:
+            continue
+        rate = np.diff(values[:, : columns.n], axis=0) / step[:, None]
+        around, here = 0.25 * (rate[:-4] + rate[1:-3] + rate[3:-1] + rate[4:]), rate[2:-2]
+        usual = np.median(np.abs(here - around), axis=0) + 1e-3 * np.std(rate, axis=0) + 1e-300
+        around, here = around / usual, here / usual
+        moves = (around**2).sum(axis=1)
+        times = (here * around).sum(axis=1) / np.maximum(moves, 1e-300)
+        left, so = ((here - x * around) for x in (1.0, times[:, None]))
+        left, so = (left**2).sum(axis=1), (so**2).sum(axis=1)
+        whole = (times > 1.5) & (np.abs(times - np.rint(times)) < WHOLE) & (so < ONE * left)
+        whole &= moves > (3 / WHOLE) ** 2  # by which the number is known
+        beside = np.convolve(whole, np.ones(2 * APART + 1), "same") > 0.5
+        least = ALONE * left[~beside].max(initial=0.0) if (~beside).any() else np.inf
+        found += [
+            (int(rows[k + 3]), round(float(times[k])) - 1) for k in np.flatnonzero(whole & (left > least))
+        ]
+    if not found:
+        return
+    gone = sum(count for _, count in found)
+    yield Check(
+        "lost_rows",
+        ("t",),
+        f"all positions go on by {listed(count + 1 for _, count in found)} rows at once before row "
+        f"{listed(row + 1 for row, _ in found)}, and the stamps by one: {gone} row{'s' if gone > 1 else ''} "
+        f"{'are' if gone > 1 else 'is'} missing there",
+        "export the log with its own stamps, or use the part before or after it with from: and to:",
+        rows=(found[0][0] + 1, found[-1][0] + 1),
+    )
