@@ -155,7 +155,7 @@ def position_steps(columns: Columns, mender: Mender, excerpt: Excerpt) -> Iterat
     row, k, size = steps[0]
     unit = "m" if columns.prismatic[k] else "rad"
     names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
-    first = _held_until(excerpt, columns.n, row, k)
+    first = _held_until(excerpt, row, k)
     if first is None:
         rows = row + 1, row + 1
         said = (
@@ -165,14 +165,14 @@ def position_steps(columns: Columns, mender: Mender, excerpt: Excerpt) -> Iterat
         remedy = "use the part before or after it with from: and to:"
     else:
         rows = first + 1, row
-        said = f"stands still in rows {rows[0]} to {rows[1]}, in which other joints move, and then leaps by "
+        said = f"stands still in rows {rows[0]} to {rows[1]}, in which others change, and then leaps by "
         said += f"{size:.3g} {unit}: an encoder or a message that was held"
         remedy = "leave these rows out with from: and to:"
     yield Check("position_step", names, f"{columns.signals[k]} {said}", remedy, outcome="refused", rows=rows)
 
 
-def _held_until(excerpt: Excerpt, n: int, row: int, k: int) -> int | None:
-    """The first row of those up to a leap in which a position does not change though the others do from row
+def _held_until(excerpt: Excerpt, row: int, k: int) -> int | None:
+    """The first row of those up to a leap in which a position does not change though others do from row
     to row, as it does behind it; None where chance leaves as many. (0.3 s of a Franka's at 50 Hz were 15
     rows, and it was said to have slipped.)"""
     for rows, _, values in excerpt.pieces:
@@ -181,9 +181,9 @@ def _held_until(excerpt: Excerpt, n: int, row: int, k: int) -> int | None:
             continue
         changes = np.flatnonzero(np.diff(values[:at, k]))
         first = int(changes[-1]) + 1 if len(changes) else 0
-        others = np.delete(np.diff(values[first:at, :n], axis=0) != 0, k, axis=1)
+        others = np.delete(np.diff(values[first:at], axis=0) != 0, k, axis=1).any(axis=1)
         goes_on = np.diff(values[at : at + BESIDE_ROWS, k]) != 0  # or the joint rests
-        if n < 2 or not others.any() or not others.mean() > 0.5 or not goes_on.mean() > 0.5:
+        if not others.any() or not others.mean() > 0.5 or not goes_on.mean() > 0.5:
             return None
         rests = 1 - (len(changes) + goes_on.sum()) / (first + len(goes_on) + 1)
         return int(rows[first]) if rests ** (at - first) < CHANCE else None

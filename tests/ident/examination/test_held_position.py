@@ -7,14 +7,15 @@ from small_arm import ARM
 import ident
 
 
-@pytest.mark.parametrize("held", [160, 15, 0])
-def test_rows_in_which_a_position_was_held_are_named(tmp_path, held):
-    """It was said to have slipped in the row behind them, where they are few still."""
+@pytest.mark.parametrize(("held", "joints"), [(160, (2,)), (15, (2,)), (160, (1, 2, 3)), (0, ())])
+def test_rows_in_which_a_position_was_held_are_named(tmp_path, held, joints):
+    """It was said to have slipped in the row behind them, where they were few or all positions were held."""
     (tmp_path / "small.yaml").write_text(ARM)
     t = np.arange(3000) / 40
     columns = {"t": t} | {f"{kind}{j}": np.sin(j * t) for kind in ("q", "tau_m") for j in (1, 2, 3)}
     if held:
-        columns["q2"][1450 - held : 1450] = columns["q2"][1450 - held]
+        for j in joints:
+            columns[f"q{j}"][1450 - held : 1450] = columns[f"q{j}"][1450 - held]
     else:
         columns["q2"][1450:] += 0.7
     study = ident.Study(
