@@ -28,6 +28,7 @@ from ident.diagnosis.evidence import (
 )
 from ident.diagnosis.leading import outside_metric
 from ident.diagnosis.own_of_a_run import (
+    is_zeros,
     numbers,
     one_number,
     own_columns,
@@ -127,11 +128,13 @@ def as_one_number(
     state: State, halves: tuple[Metric, Metric], term: Term, columns: Columns, evidence: Evidence, tau: float
 ) -> bool:
     """Of a load to the end of its recording: whether one joint whose position counts from another zero
-    there, or whose torque has another factor, says as much by one number."""
+    there, or whose torque has another factor, says as much by one number, or torques from other zeros do."""
     if term.place.stop is not None:
         return False
-    its = one_number(state, term, acting(columns))
-    return says_as_much(*its, crosswise(halves, columns), evidence.log_e, tau)
+    inside, says = acting(columns), crosswise(halves, columns)
+    if says_as_much(*one_number(state, term, inside), says, evidence.log_e, tau):
+        return True
+    return is_zeros(inside, state.rows.channels, numbers(columns), says, evidence.log_e, tau)
 
 
 def stands_apart(state: State, own: Metric, term: Term, columns: Columns, tau: float) -> bool:

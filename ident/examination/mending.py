@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ident.examination.spikes import dropouts, emptied, is_spike, median_of_four, no_measurement
+from ident.examination.spikes import dead_band, dropouts, emptied, is_spike, median_of_four, no_measurement
 from ident.recordings.resampling import cubic_at
 
 CONTEXT = 64  # rows carried over from block to block
@@ -75,6 +75,7 @@ class Mender:
     raw_offset: np.ndarray
     counts: dict[str, np.ndarray] = field(default_factory=dict)
     first: dict[str, dict[int, tuple[int, int]]] = field(default_factory=dict)  # kind: column: rows
+    bands: dict[int, float] = field(default_factory=dict)  # column: below which a torque reads zero
     gaps: list[tuple[float, float]] = field(default_factory=list)  # frozen stretches, s
     steps: list[tuple[int, int, float]] = field(
         default_factory=list
@@ -142,12 +143,16 @@ class Mender:
         if not len(self._reach):
             self._reach = np.zeros(values.shape[1])
         sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset, self._reach)
-        sentinel |= emptied(values, self.n, self.raw_offset)
+        band = self._bands(values)
+        told = np.where(band, np.nan, values) if band.any() else values
+        sentinel |= emptied(told, self.n, self.raw_offset)
         for k in range(self.n, values.shape[1]):
-            sentinel[:, k] |= dropouts(values[:, k])
+            sentinel[:, k] |= dropouts(told[:, k])
         sentinel &= ~empty
         self._count("missing_values", rows, empty & fresh[:, None])
         self._count("sentinel", rows, sentinel & fresh[:, None])
+        self._count("dead_band", rows, band & fresh[:, None])
+        sentinel |= band
         bad = empty | sentinel | gross
         filled = _filled(t, values, bad)  # of its own where nothing is filled, too
         low, high = np.percentile(filled[:: max(1, len(t) // 2000)], [5, 95], axis=0)
@@ -174,6 +179,16 @@ class Mender:
         keep = fresh & ~drop if drop.any() else slice(begun, done)
         bad[done:] = False
         return (rows[keep], t[keep], filled[keep]), np.where(bad, np.nan, raw) if lost else raw
+
+    def _bands(self, values: np.ndarray) -> np.ndarray:
+        """(N, m) bool: zeros of torques that read zero wherever they are small."""
+        band = np.zeros(values.shape, bool)
+        for k in range(self.n, values.shape[1]):
+            least = dead_band(values[:, k], self.raw_offset[k])
+            if least > 0:
+                self.bands[k] = min(least, self.bands.get(k, np.inf))
+                band[:, k] = values[:, k] == self.raw_offset[k]
+        return band
 
     def _count(self, kind: str, rows: np.ndarray, bad: np.ndarray) -> None:
         if not bad.any():

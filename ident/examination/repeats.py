@@ -99,7 +99,8 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
             (name,),
             f"{name} stands still at {x:.4g} for {100 * share:.3g} % of the samples while joint "
             f"{columns.labels[j]} moves (rows {first} to {found[0][2]}"
-            f"{' and others' if len(found) > 1 else ''}): a drive that was off, a cable, a value held",
+            f"{' and others' if len(found) > 1 else ''}): a drive that was off, a cable, a value held"
+            f"{', a dead band' if x == 0 else ''}",
             f"leave the stretch out with from: and to:, or the torque with {columns.without([name])}",
             outcome="refused" if refused else "warned",
             rows=(first, found[-1][2]),

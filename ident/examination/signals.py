@@ -14,10 +14,10 @@ import numpy as np
 from ident.examination.check import Check, column_line, listed
 from ident.examination.excerpt import Excerpt
 from ident.examination.mending import Mender
-from ident.examination.spikes import dead_band
 
 MOST_MISSING = 0.05
 MOST_SPIKES = 0.01
+MOST_BAND = 0.5  # of a torque: what is left of it tells the robot as well
 BEYOND = 3.0  # standard deviations of a count
 MOVED = 1e-3  # rad or m: less is rest
 TURNS = 4 * np.pi
@@ -70,6 +70,8 @@ _CURE = {
 def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]:
     """One check a kind of samples that are no measurement."""
     for kind, counts in mender.counts.items():
+        if kind == "dead_band":
+            continue
         mine = np.flatnonzero(counts)
         if kind == "spike":
             mine = np.array([k for k in mine if not _after_a_stop(mender, int(k))], int)
@@ -311,19 +313,23 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                 break
 
 
-def dead_bands(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """Torques that read 0 where they are small. (A KR 300's was refused as one whose messages were lost.)"""
-    for k, name in enumerate(columns.signals):
-        x = excerpt.column(k)
-        if k >= columns.n and (least := dead_band(x)):
-            share = 100 * float(np.mean(x == 0))
-            yield Check(
-                "dead_band",
-                (name,),
-                f"{name} reads 0 wherever it is below {least:.3g}, in {share:.2g} % of the samples: a dead "
-                "band of the sensor, the drive or the logger, which the fit takes for the robot",
-                "log it without that band",
-            )
+def dead_bands(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]:
+    """Torques that read 0 where they are small: that is no measurement, and has no weight."""
+    counts = mender.counts.get("dead_band", np.zeros(0, int))
+    for k in np.flatnonzero(counts).tolist():
+        name, share = columns.signals[k], counts[k] / rows
+        refused = share > MOST_BAND
+        done = "" if refused else "; these have no weight in the fit"
+        out = f", or leave it out with {columns.without([name])}" if refused else ""
+        yield Check(
+            "dead_band",
+            (name,),
+            f"{name} reads 0 wherever it is below {mender.bands[k]:.3g}, in {100 * share:.2g} % of the "
+            f"samples: a dead band of the sensor, the drive or the logger{done}",
+            f"log it without that band{out}",
+            outcome="refused" if refused else "warned",
+            rows=mender.first["dead_band"][k],
+        )
 
 
 def units(columns: Columns, mender: Mender, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:

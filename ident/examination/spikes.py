@@ -32,6 +32,7 @@ SENTINELS = (999.0, 9999.0, 99999.0, 999999.0, 32767.0, 32768.0, 65535.0, 214748
 ABSURD = 1e9
 DROPOUTS, DROPOUT_RUN, DROPOUT = 10, 3, 8.0  # rows, of them at most in a row, times the usual change
 VALUES = 20  # of a signal that is measured, at least
+BY_CHANCE = 1e-3  # that what stands next to zeros is so near to them
 LEAST_LEAP, MESSAGES = 5e-3, 64  # rad, m, N m or N; rows that are lost at most
 STRETCH = 100  # samples of a local scale
 FEWEST = 20  # samples that show a scatter
@@ -104,22 +105,6 @@ def dropouts(x: np.ndarray) -> np.ndarray:
     return none
 
 
-def dead_band(x: np.ndarray) -> float:
-    """Below which a torque (N,) reads 0: to zeros it leaps from the least else that it reads, though it goes
-    far beyond it; 0 where there is no such band. An empty field is zero wherever the torque is."""
-    zero, size = x == 0, np.abs(x)
-    kept = ~zero & np.isfinite(x)
-    if zero.sum() < DROPOUTS or len(np.unique(x[kept])) < VALUES:
-        return 0.0
-    steps = np.abs(np.diff(x))[kept[1:] & kept[:-1]]
-    usual = max(float(np.quantile(steps, 0.75)), float(steps[steps > 0].min(initial=np.inf)))
-    least = float(size[kept].min())
-    at = np.flatnonzero(zero[1:] != zero[:-1])
-    edges = np.maximum(size[at], size[at + 1])
-    gap = least > 2 * usual and np.quantile(size[kept], 0.75) > least + 2 * usual
-    return least if gap and len(edges) > 3 and np.median(edges) < least + 2 * usual else 0.0
-
-
 def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
     """(N, m) bool: zeros to which and from which a signal leaps as it hardly changes else, with those that
     others of its kind (n positions, then torques) read meanwhile, as where a message was lost and its fields
@@ -130,7 +115,7 @@ def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
     moves, every = np.abs(np.diff(x[:, :n], axis=0)), zero[:, :n].all(axis=1)
     for k in np.flatnonzero(zero.any(axis=0) & ~zero.all(axis=0)):
         kept = np.flatnonzero(~zero[:, k])
-        if len(np.unique(x[kept, k])) < VALUES or (k >= n and dead_band(x[:, k])):  # a switch, or coarse
+        if len(np.unique(x[kept, k])) < VALUES:  # a switch, or coarse
             continue
         steps = np.abs(np.diff(x[kept, k]))[np.diff(kept) == 1]
         if not (steps > 0).any():
@@ -151,6 +136,28 @@ def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
     for kind in (slice(None, n), slice(n, None)):
         out[:, kind] |= zero[:, kind] & out[:, kind].any(axis=1, keepdims=True)
     return out
+
+
+def dead_band(x: np.ndarray, zero: float) -> float:
+    """Below which a torque (N,) reads zero, 0.0 where there is no such band: no sample stands inside, many as
+    far again outside, and zeros begin and end as near to it as it ever comes. (Those of a Franka's and a KR
+    300's second torque were told as a logger's marks for no value, of a UR10e's third current nothing.)"""
+    mine = x == zero
+    kept = np.sort(np.abs(x[~mine & np.isfinite(x)] - zero))
+    if mine.sum() < VALUES or len(np.unique(kept[kept < 2 * kept[0]] if len(kept) else kept)) < VALUES:
+        return 0.0
+    next_to = np.abs(x[_beside(mine)] - zero)
+    next_to = next_to[np.isfinite(next_to)]
+    if not len(next_to):
+        return 0.0
+    nearer = np.searchsorted(kept, np.quantile(next_to, 0.9)) / len(kept)  # 0.9 where they stand anywhere
+    return float(kept[0]) if nearer < 0.5 and nearer ** len(next_to) < BY_CHANCE else 0.0
+
+
+def _beside(mine: np.ndarray) -> np.ndarray:
+    """(N,) bool: the samples next to some of these (N,)."""
+    wide = np.pad(mine, 1)
+    return (wide[:-2] | wide[2:]) & ~mine
 
 
 def _marks(x: np.ndarray, factor: np.ndarray, offset: np.ndarray, away: np.ndarray) -> np.ndarray:
