@@ -185,6 +185,7 @@ def test_diagnose_writes_what_the_contract_says(diagnosed):
     assert (folder / "plots" / "1_stribeck_friction.svg").is_file()
 
 
+@pytest.mark.long
 @posix
 def test_a_diagnosis_keeps_below_the_least_limit_that_it_accepts_and_outlives_a_full_disk(tmp_path):
     (tmp_path / "arm.yaml").write_text(TABLE)

@@ -107,6 +107,7 @@ def test_the_extended_study_gives_the_same_numbers(folder, result):
     assert np.allclose(again.std, result.std, rtol=1e-2)
 
 
+@pytest.mark.long
 def test_equations_built_ahead_serve_every_fit_with_other_effects(folder):
     settings = {"decimation_cutoff_hz": 10.0}
     plain = study(folder, [], filter=settings)

@@ -37,6 +37,7 @@ BASELINE = {
         "excite_f_20s": [8.9, 4.7, 5.4, 10.0, 19.2, 13.2],
     },
 }
+SLOW = ("kuka_lwr4plus", "kuka_kr300")
 # joints that miss it, and by how much they do at most: percent
 MISSED = {
     ("franka_panda", 5): 10.3,
@@ -47,7 +48,7 @@ MISSED = {
 
 
 @pytest.mark.parametrize(
-    "robot", [pytest.param(r, marks=pytest.mark.long if r == "kuka_lwr4plus" else ()) for r in BASELINE]
+    "robot", [pytest.param(r, marks=pytest.mark.long if r in SLOW else ()) for r in BASELINE]
 )
 def test_validate_error_is_at_most_the_baseline(robot):
     result = fit_study(load_study(str(STUDIES.joinpath(f"{robot}.yaml"))))

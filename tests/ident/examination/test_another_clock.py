@@ -32,6 +32,7 @@ def test_a_recording_in_ms_beside_one_in_s(role):
     assert checks == {"time_unit"} and "t looks recorded in ms" in message
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("role", "factor"), [("validate", 2.0), ("identify", 1.25)])
 def test_a_recording_whose_clock_runs_at_another_rate(role, factor):
     (said,) = examine_fit(prepare_study(_run_at(factor, role)))

@@ -70,6 +70,7 @@ def test_of_a_measured_robot_the_run_whose_joint_was_homed_anew(tmp_path):
     assert said(examine_fit(prepare_study(study))) == [("position_zero", ("q2",), "excite_a_50s")]
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(("joint", "factor"), [(3, 57.29578)])

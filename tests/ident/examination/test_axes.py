@@ -77,6 +77,7 @@ def _rows_exchanged(links):
         links[1][key], links[2][key] = other, one
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("change", "words"),
     [

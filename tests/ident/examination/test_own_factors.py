@@ -50,7 +50,7 @@ def test_what_is_told_of_a_factor_allows_for_what_the_arm_lacks(tmp_path):
     assert said.signals[0] == "tau_l6" and low < 2 < high
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("joint", [2, 4])
 def test_one_torque_of_another_scale_is_told_alone(tmp_path, joint):
     (said,) = _said(tmp_path, np.where(np.arange(1, 8) == joint, 2.0, 1.0))

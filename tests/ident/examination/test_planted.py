@@ -492,6 +492,7 @@ def test_a_scale_that_the_fitted_motion_does_not_feel(tmp_path):
     ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("which", [[6], range(1, 7)])
 def test_a_scale_that_no_torque_feels_is_a_hint_alone(tmp_path, which):
     """The last joint's friction fits in any unit; so do all torques together."""
@@ -581,6 +582,7 @@ def test_gravity_of_the_wrong_size_is_refused(size):
         ur10e().with_(gravity=(0, 0, size))
 
 
+@pytest.mark.long
 def test_gravity_that_is_left_out():
     study = ur10e().with_(gravity=(0, 0, 0))
     checks = examine_fit(prepare_study(study))

@@ -148,6 +148,7 @@ def test_six_seconds_of_joints_that_move_alike_are_of_no_turned_position(tmp_pat
     assert {c.check for c in checks} <= {"poor_excitation"}
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_term_that_a_study_leaves_out_turns_no_torque():

@@ -180,6 +180,7 @@ def test_constant_joint_is_said(tmp_path, good):
     assert "Fcm6R" not in result.reduction.essential
 
 
+@pytest.mark.long
 def test_swapped_joints_are_suspected(tmp_path, good):
     columns = {**good, "tau_m2": good["tau_m4"], "tau_m4": good["tau_m2"]}
     result = fit(tmp_path, columns)
