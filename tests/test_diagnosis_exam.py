@@ -142,7 +142,9 @@ def _diagnosis_of_twin(robot: Path, folder: Path, name: str, seed: int) -> Diagn
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.long if n == "torque_ripple" else ()) for n in NAMES]
+)
 def test_every_effect_is_found(name: str, small_robot: Path, tmp_path: Path) -> None:
     """Simulated by the catalogue's own twin, found first, on its joint, and nothing beside it."""
     diagnosis = _diagnosis_of_twin(small_robot, tmp_path, name, seed=3)

@@ -140,6 +140,7 @@ def test_every_bash_line_is_either_set_up_or_executed():
             assert option in targets
 
 
+@pytest.mark.long
 def test_benchmarks_that_are_named_are_there_and_explain_themselves():
     named = set(re.findall(r"`python (benchmarks/\w+\.py)`", README + CONTRIBUTING))
     assert named

@@ -286,8 +286,8 @@ class Mender:
         since = self._still[0]
         self._dropped.append(np.arange(since + 1, rows[-1] + 1))
         count = np.zeros(len(self._still[2]), int) + int(rows[-1] - since)
-        self.counts["frozen"] = self.counts.get("frozen", 0) + count
-        self.first.setdefault("frozen", {})[len(self.gaps) + 1] = (since + 2, int(rows[-1]) + 1)
+        self.counts["ended"] = count
+        self.first["ended"] = {0: (since + 2, int(rows[-1]) + 1)}
         return rows <= since
 
 

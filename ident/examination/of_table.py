@@ -41,7 +41,10 @@ def of_table(
 ) -> list[Check]:
     """Every check of one table, with the recording's name; resting: joints that stand, stretch by stretch."""
     said, slow = repeats.held(columns, excerpt)
-    lost = sum((c for kind, c in mender.counts.items() if kind != "spike"), np.zeros(len(columns.signals)))
+    lost = sum(
+        (c for kind, c in mender.counts.items() if kind not in ("spike", "ended")),
+        np.zeros(len(columns.signals)),
+    )
     coarse = tuple(repeats.coarse(columns, excerpt, slow))
     few = {columns.signals.index(name) for check in coarse for name in check.signals}  # one is the largest
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still

@@ -57,8 +57,11 @@ _WORDS = {
     "missing_values": "empty or not a number",
     "sentinel": "a logger's mark for no value",
     "frozen": "frozen: nothing at all changes, though joints were on their way",
+    "ended": "frozen to the end: nothing at all changes any more, though joints were on their way",
     "spike": "a spike, far off its neighbours in the signal's own noise",
 }
+_WHOLE = ("frozen", "ended")  # rows, not samples of a signal
+_MOST = {"spike": MOST_SPIKES, "ended": 1.0}  # what lies before the end is as good as it was
 _CURE = {
     "missing_values": "export the log without them, or leave the stretch out with from: and to:",
     "sentinel": "export the log without them, or leave the stretch out with from: and to:",
@@ -78,27 +81,27 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
         if not len(mine):
             continue
         worst = int(counts[mine].max())
-        limit = MOST_SPIKES if kind == "spike" else MOST_MISSING
+        limit = _MOST.get(kind, MOST_MISSING)
         chance = BEYOND * np.sqrt(worst) if kind == "spike" else 0.0  # of few rows two are no share
         refused = worst - chance > limit * rows
         names = tuple(columns.signals[k] for k in mine)
         seen = mender.first[kind].values()
         span = min(a for a, _ in seen), max(b for _, b in seen)
-        subject = "all signals" if kind == "frozen" else listed(names)
+        subject = "all signals" if kind in _WHOLE else listed(names)
         if refused:
             said = f"{worst} of {rows} samples of {names[int(np.argmax(counts[mine]))]} are"
             message = f"{said} {_WORDS[kind]} (rows {span[0]} to {span[1]}), more than {100 * limit:g} %"
         else:
-            number = worst if kind == "frozen" else int(counts[mine].sum())
+            number = worst if kind in _WHOLE else int(counts[mine].sum())
             message = (
                 f"{number} sample{'s' if number > 1 else ''} of {subject} "
                 f"{'are' if number > 1 else 'is'} {_WORDS[kind]} (rows {span[0]} to {span[1]}); "
                 f"{_done(kind, number, mender.left_out if (mine < columns.n).any() else 0)}"
             )
-        check = "missing_values" if kind == "sentinel" else kind
+        check = {"sentinel": "missing_values", "ended": "frozen"}.get(kind, kind)
         yield Check(
             check,
-            () if kind == "frozen" else names,
+            () if kind in _WHOLE else names,
             message,
             _CURE[kind] if refused else "",
             outcome="refused" if refused else "mended",
@@ -117,7 +120,7 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
 
 def _done(kind: str, number: int, long: int) -> str:
     """What was done to samples, of which `long` are in stretches that nothing can cross."""
-    if kind == "frozen" or long >= number:
+    if kind in _WHOLE or long >= number:
         return "left out"
     crossed = "interpolated, and given no weight in the fit"
     return f"{long} of them in long stretches left out, the others {crossed}" if long else crossed

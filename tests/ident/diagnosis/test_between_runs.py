@@ -154,7 +154,7 @@ def test_a_factor_of_all_torques_of_a_run_is_one_number(short_runs):
     assert all(says(best) > says(z) + TAU for z in factors if z is not best)
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("reading", ["the other sign", "swapped"])
 def test_beside_a_reading_that_explains_a_run_no_load_is_told(tmp_path, reading):
     """Of an AIRBOT a body of 0.35 kg m was told beside "in this recording tau_m2 and tau_m3 look swapped",
@@ -176,6 +176,7 @@ def test_beside_a_reading_that_explains_a_run_no_load_is_told(tmp_path, reading)
     assert not [f for f in told.findings if catalogue()[f.effect].windowed]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "kuka_lwr4plus").is_dir(), reason="the recordings of measured robots are not here"
 )

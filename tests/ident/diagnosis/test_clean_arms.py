@@ -12,7 +12,7 @@ LONG = pytest.mark.long
     "seed",
     [
         # a second in which a joint creeps at twice the width of its friction: a body, by 43 nats
-        448,
+        pytest.param(448, marks=LONG),
         # a friction that gives way within 40 urad, as no effect does, was left to effects
         pytest.param(464, marks=LONG),
         # torques of the fitted runs alone: all blocks but one gained by a smaller noise alone

@@ -39,6 +39,7 @@ def slowly_judged(tmp_path):
     return diagnosed
 
 
+@pytest.mark.long
 def test_a_law_that_fast_runs_show_and_a_slow_one_cannot(slowly_judged):
     told = slowly_judged(lambda q, dq: -0.03 * dq**3)
     assert [(f.effect, f.joints) for f in told.findings] == [("nonlinear_viscous_friction", (2,))]

@@ -63,7 +63,7 @@ def test_a_size_is_told_from_zero_by_the_deviation_that_is_told(folder):
     assert spring.p_told > spring.p_value
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("gain", [0.1, 20.0])
 def test_a_gain_is_found_however_large_it_is_with_what_acts_before_it(tmp_path, gain):
     """Sizes and the model are one product: both are what they are without the gain."""
@@ -189,6 +189,7 @@ def test_refusals(folder, effects, words):
     assert all(word in str(caught.value) for word in words) and "\n" not in str(caught.value)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("hidden", "declared"),
     [

@@ -37,7 +37,7 @@ BASELINE = {
         "excite_f_20s": [8.9, 4.7, 5.4, 10.0, 19.2, 13.2],
     },
 }
-SLOW = ("kuka_lwr4plus", "kuka_kr300")
+SLOW = ("kuka_lwr4plus", "kuka_kr300", "rokae_xmate3pro")
 # joints that miss it, and by how much they do at most: percent
 MISSED = {
     ("franka_panda", 5): 10.3,

@@ -34,6 +34,7 @@ def test_what_the_fitted_rows_tell_of_torques_in_currents(tmp_path):
     assert said.message.startswith("each torque is times a number of its own")
 
 
+@pytest.mark.long
 def test_torques_behind_a_joint_in_another_unit_are_told_together(tmp_path):
     """Nothing was said: no one factor explains enough of it."""
     (said,) = _said(tmp_path, (1, 1, 1, 3, 3, 3, 3))

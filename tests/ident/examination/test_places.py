@@ -60,6 +60,7 @@ def test_two_torques_exchanged_beside_a_turned_one(tmp_path):
     assert best.check.remedy == "columns: {tau_l2: tau_l3, tau_l3: tau_l2, tau_l4: {sign: -1}}"
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("judged", [False, True])

@@ -538,7 +538,7 @@ def test_a_limit_that_is_passed_is_said_beside_what_does_not_explain_it(tmp_path
     assert {"beyond_limits", "saturation"} <= {c.check for c in worst_first(tables(study))}
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["i", "q"])
 def test_two_signals_in_each_others_place(tmp_path, kind):
     a, b = f"{kind}2", f"{kind}3"

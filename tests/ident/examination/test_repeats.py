@@ -112,7 +112,7 @@ ORDERS = {
 }
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("defect", ORDERS)
 def test_positions_and_torques_of_other_joints(tmp_path, defect):
     change, check, words = ORDERS[defect]

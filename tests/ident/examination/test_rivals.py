@@ -30,7 +30,7 @@ def test_a_square_is_no_factor(tmp_path):
     assert all("or tau_l1 is recorded as the square of itself" in its.check.message for its in told)
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("robot", "kind", "c", "k"),
     [
@@ -56,6 +56,7 @@ def _coarse(c):
     return out
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("share", "recorder"), [(0.25, dict), (0.2, _coarse)])
 def test_what_drifts_in_one_run_alone_is_no_factor(tmp_path, share, recorder):
     """A Franka's sixth torque was told to be 1.2 times too large, which explains half as much."""
@@ -123,6 +124,7 @@ def test_a_factor_in_what_judges_is_told_there_with_a_load(tmp_path):
     assert "tau_l2 is 1.3" in check.message and "times too large, or a load is carried" in check.message
 
 
+@pytest.mark.long
 def test_friction_that_grows_with_the_load_is_told_as_that(tmp_path):
     """Nothing was said of a Franka's second joint; of a simulated one's third that its torque was 1.16 times
     too small in one recording."""
@@ -303,6 +305,7 @@ def test_half_of_the_torques_in_another_unit_are_no_factor_of_one_behind_them(tm
     assert low < 1 / 0.102 < high and check.remedy.startswith("write ")
 
 
+@pytest.mark.long
 def test_a_torque_that_leaps_is_told_as_that(tmp_path):
     """Of a KR 300 'tau_m2 takes up 0.66 of tau_m3' was told."""
     leaps = lambda c: c | {"tau_m2": c["tau_m2"] + _half(c["t"]) * np.std(c["tau_m2"])}  # noqa: E731

@@ -89,6 +89,7 @@ def test_what_only_the_judged_run_shows_is_told_of_all(tmp_path, changes, check,
     assert not told.explains and "over all recordings" in told.message
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_beside_a_position_in_degrees_its_torque_is_not_blamed(tmp_path):

@@ -49,6 +49,7 @@ def test_where_a_joint_shares_nothing_both_are_named(tmp_path, signal):
     assert examine_fit(prepare_study(mended_study(study, [said]))) == ()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("signal", "check"), [("q1", "position_sign")])
 def test_a_first_position_turned_is_not_its_torque(tmp_path, signal, check):
     (said,) = examine_fit(prepare_study(_turned(tmp_path, "airbot_play", signal)))

@@ -92,7 +92,7 @@ def test_a_measured_joint_of_the_motors_side(tmp_path, robot, torque):
     assert columns[torque]["scale"] * columns["q2"]["scale"] == pytest.approx(1.0, rel=1e-3)
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("joints", [(3,), (1, 2, 3, 4, 5, 6)])

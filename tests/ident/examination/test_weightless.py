@@ -65,7 +65,7 @@ def _as_it_is(tmp_path):
     return ident.fit(_study(tmp_path, [])).checks
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("names", [("i2",), ("i1", "i2", "i3", "i4", "i5", "i6")])

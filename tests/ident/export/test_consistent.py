@@ -149,6 +149,7 @@ def test_an_effect_of_the_study_is_told_with_its_size(tmp_path):
     assert lost[label].rms == pytest.approx(30.0 * np.sqrt(np.mean(q**2)), rel=0.3)
 
 
+@pytest.mark.long
 def test_a_torque_of_the_other_sign_is_named(tmp_path):
     fit = fit_of_a_real_robot(tmp_path, noise=0.5, flipped=3)
     found = consistent(fit, fit.load_robot())

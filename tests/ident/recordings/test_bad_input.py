@@ -160,6 +160,7 @@ def test_standstill(tmp_path, good):
     assert "moving" in refusal(tmp_path, still) or "motion" in refusal(tmp_path, still)
 
 
+@pytest.mark.long
 def test_degrees_are_refused(tmp_path, good):
     columns = {
         name: (np.degrees(values) if name.startswith("q") else values) for name, values in good.items()
