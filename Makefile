@@ -34,7 +34,7 @@ docs: $(VENV)/.installed-dev
 	$(BIN)/python docs/pages.py build/docs
 
 notebooks: $(VENV)/.installed-test
-	$(BIN)/python -m pytest tests/test_notebooks.py
+	$(BIN)/python -m pytest --long tests/test_notebooks.py
 
 # Modules are compiled when they are first imported: compiling all of them took half a minute.
 PIP = $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile

@@ -114,8 +114,8 @@ REQUESTS = {"joint_elasticity": "joint_elasticity:2", "time_delay": "time_delay:
 # and silence on a clean arm are that of ident/diagnosis/test_whole_diagnosis.py, friction under load, springs
 # and loads that of measured robots there
 NAMES = (
-    "torque_ripple",
-    "base_tilt",
+    pytest.param("torque_ripple", marks=pytest.mark.long),
+    pytest.param("base_tilt", marks=pytest.mark.long),
     pytest.param("time_delay", marks=pytest.mark.xfail(reason="a delay of 30 ms is not", run=False)),
     "viscous_friction",
 )
@@ -142,9 +142,7 @@ def _diagnosis_of_twin(robot: Path, folder: Path, name: str, seed: int) -> Diagn
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.long if n == "torque_ripple" else ()) for n in NAMES]
-)
+@pytest.mark.parametrize("name", NAMES)
 def test_every_effect_is_found(name: str, small_robot: Path, tmp_path: Path) -> None:
     """Simulated by the catalogue's own twin, found first, on its joint, and nothing beside it."""
     diagnosis = _diagnosis_of_twin(small_robot, tmp_path, name, seed=3)

@@ -75,6 +75,7 @@ def claims_to_close_the_loop(claim):
     assert claim["refitted"] < 1e-6
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_closing_the_loop(tmp_path, monkeypatch):

@@ -67,6 +67,7 @@ def gain(tmp_path_factory):
     return begun.state, refine(begun.state.metric, begun.state.scene, Term(its, place, {}))
 
 
+@pytest.mark.long
 def test_its_columns_are_of_the_torque_that_is_six_times_too_large(gain):
     """Beside a model that was fitted to six times the torque the coefficient is none of the size."""
     _, r = gain
@@ -74,6 +75,7 @@ def test_its_columns_are_of_the_torque_that_is_six_times_too_large(gain):
     assert r.sizes[0] == pytest.approx(r.term.size[0], rel=0.1)
 
 
+@pytest.mark.long
 def test_of_all_channels_in_one_regression_noise_takes_little_away(gain):
     state, r = gain
     told = weigh(state.metric, r.columns)

@@ -145,7 +145,7 @@ def _five_seconds(study):
     return study.with_(recordings=tuple(short), filter=type(study.filter)())
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("factor", "gravity"), [(1.0, (9.81, 0, 0)), (5.0, None)])
 def test_what_a_slow_motion_cannot_show_is_not_told(tmp_path, factor, gravity):
     """Five seconds of slow motion fit with anything and foretell nothing: a torque of five times its size was

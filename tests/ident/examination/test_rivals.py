@@ -94,7 +94,7 @@ FRANKA = {
 }
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("fault", FRANKA)
 def test_what_validate_alone_tells_is_told_as_what_it_is(tmp_path, fault):
     """Of six seconds: only factors of torques and gravity were asked, so one of these was told."""
