@@ -17,7 +17,8 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -363,26 +364,35 @@ def _joint(base: Base, fault: Fault) -> int | None:
     return fault.joint and min(fault.joint, JOINTS.get(base.robot, 9))
 
 
+@contextmanager
+def limited(seconds: int) -> Iterator[None]:
+    """TimeoutError after so much processor time."""
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"no answer after {seconds} s of processor time")
+
+    signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0)
+
+
 def examine(base: Base, fault: Fault, limit: int) -> dict[str, Any] | None:
     """The document of the diagnosis with the seconds it took, or the error that came instead."""
     import ident
-
-    def stop(*_: object) -> None:
-        raise TimeoutError(f"no answer after {limit} s of processor time")
 
     with tempfile.TemporaryDirectory() as scratch:
         path = planted(base, fault, Path(scratch))
         if path is None:
             return None
-        signal.signal(signal.SIGPROF, stop)
-        signal.setitimer(signal.ITIMER_PROF, limit)
         begun = time.process_time()
         try:
-            document = ident.diagnose(ident.load(path)).document()
+            with limited(limit):
+                document = ident.diagnose(ident.load(path)).document()
         except Exception as error:
             return {"error": f"{type(error).__name__}: {error}"[:300]}
-        finally:
-            signal.setitimer(signal.ITIMER_PROF, 0)
     return {
         "cpu_seconds": time.process_time() - begun,
         "document": json.loads(json.dumps(document, default=float)),

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import signal
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -27,11 +26,10 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import scipy.signal
 import yaml
-from planted_faults import BASES, DATA, JOINTS, Base, Table, _robot, _table, carried, tilted
+from planted_faults import BASES, DATA, JOINTS, Base, Table, _robot, _table, carried, limited, tilted
 
-How = tuple[
-    float, bool, bool, bool
-]  # rate in Hz (0: as recorded), coarse steps, with rates, first run in two
+# rate in Hz (0: as recorded), coarse steps, with rates, first run in two
+How = tuple[float, bool, bool, bool]
 
 
 @dataclass
@@ -235,31 +233,25 @@ def asked(log: Log, folder: Path, diagnose: bool, motion: Table, limit: int) -> 
     import ident
     from ident.report.diagnosis_words import told, verdict
 
-    def stop(*_: object) -> None:
-        raise TimeoutError(f"no answer after {limit} s of processor time")
-
     folder.mkdir(parents=True, exist_ok=True)
     for name, table in log.tables.items():
         pq.write_table(pa.table(table), folder / f"{name}.parquet")
     for name, what in (("robot.yaml", log.robot), ("study.yaml", log.study)):
         (folder / name).write_text(yaml.safe_dump(what, sort_keys=False), encoding="utf-8")
-    signal.signal(signal.SIGPROF, stop)
-    signal.setitimer(signal.ITIMER_PROF, limit)
     begun, said = time.process_time(), dict[str, Any]()
     try:
-        its: Any = (ident.diagnose if diagnose else ident.fit)(ident.load(folder / "study.yaml"))
-        fit = its.fit if diagnose else its
-        said |= {"checks": [c.sentence for c in its.checks], "error": fit.error_percent}
-        if diagnose:
-            said["checks"] += [verdict(document := its.document()), *told(document)]
-        predicted = fit.predict(dict(motion))
-        said["torque"] = {name: np.asarray(predicted[name]).tolist() for name in fit.channels}
+        with limited(limit):
+            its: Any = (ident.diagnose if diagnose else ident.fit)(ident.load(folder / "study.yaml"))
+            fit = its.fit if diagnose else its
+            said |= {"checks": [c.sentence for c in its.checks], "error": fit.error_percent}
+            if diagnose:
+                said["checks"] += [verdict(document := its.document()), *told(document)]
+            predicted = fit.predict(dict(motion))
+            said["torque"] = {name: np.asarray(predicted[name]).tolist() for name in fit.channels}
     except ident.Error as error:
         said["ended"] = str(error)
     except Exception:
         said["ended"] = traceback.format_exc()[-1500:]
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0)
     return said | {"seconds": time.process_time() - begun}
 
 

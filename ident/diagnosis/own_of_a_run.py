@@ -3,7 +3,8 @@ zero of a joint's position, another factor of its torque; columns in the rows of
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from modelgen.effects.place import Place
 from modelgen.geometry.names import ParameterName
 
 
-def own_columns(state: State, inside: np.ndarray, chosen: Collection[int]) -> dict[int, np.ndarray]:
+def own_columns(state: State, inside: np.ndarray, chosen: Iterable[int]) -> dict[int, np.ndarray]:
     """Of the model's parameters those chosen, free in a window (M,)."""
     free = np.sort(list(chosen))
     out = {}
@@ -45,15 +46,28 @@ def own_friction(
     joint, and what they say; none where no drive of its own foretells anything. (All of a rokae's seven at
     once, of three seconds: each half foretold the other worse than with none, and a weight that they stood
     beside, too.)"""
-    left, told = drives_of(state), None
-    chosen: tuple[int, ...] = ()
-    while left:
-        nats, drive = max((says(own_columns(state, inside, (*chosen, *drive))), drive) for drive in left)
+    chosen, told = _first_best(drives_of(state), lambda its: own_columns(state, inside, chain(*its)), says)
+    return own_columns(state, inside, [*chain(*chosen)]), told
+
+
+def _first_best(
+    left: Sequence[tuple[int, ...]],
+    columns: Callable[[Sequence[tuple[int, ...]]], Columns],
+    says: Callable[[Columns], float],
+    most: int | None = None,
+) -> tuple[list[tuple[int, ...]], float | None]:
+    """Of alternatives those that together say most, `most` at most, taken one after the other, the one that
+    says most beside those before it first; what they say, None where none says anything."""
+    left, told = list(left), None
+    chosen: list[tuple[int, ...]] = []
+    while left and (most is None or len(chosen) < most):
+        nats, its = max((says(columns([*chosen, its])), its) for its in left)
         if nats <= (0.0 if told is None else told):
             break
-        told, chosen = nats, (*chosen, *drive)
-        left.remove(drive)
-    return own_columns(state, inside, chosen), told
+        told = nats
+        chosen.append(its)
+        left.remove(its)
+    return chosen, told
 
 
 def zero_columns(state: State, joint: int, place: Place, inside: np.ndarray) -> dict[int, np.ndarray]:
@@ -100,15 +114,9 @@ def is_zeros(
     load of `most` numbers does there, by fewer, or more by as many: taken one after the other, the one that
     says most first. (A hum of 50 Hz in samples of 50 Hz is a constant, another in each run: of a clean arm a
     force of 0.03 N on all of one was told by 218.0 nats, of which two zeros say 218.5.)"""
-    chosen: tuple[int, ...] = ()
-    told = -np.inf
-    for _ in range(min(most, channels)):
-        left = (c for c in range(channels) if c not in chosen)
-        more, c = max((says(_constants(inside, (*chosen, c))), c) for c in left)
-        if more <= told:
-            break
-        chosen, told = (*chosen, c), more
-    return told > nats + (tau if len(chosen) == most else 0.0)
+    every = [(c,) for c in range(channels)]
+    chosen, told = _first_best(every, lambda its: _constants(inside, [*chain(*its)]), says, most)
+    return told is not None and told > nats + (tau if len(chosen) == most else 0.0)
 
 
 def _constants(inside: np.ndarray, channels: Sequence[int]) -> dict[int, np.ndarray]:

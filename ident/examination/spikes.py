@@ -143,8 +143,10 @@ def dead_band(x: np.ndarray, zero: float) -> float:
     far again outside, and zeros begin and end as near to it as it ever comes. (Those of a Franka's and a KR
     300's second torque were told as a logger's marks for no value, of a UR10e's third current nothing.)"""
     mine = x == zero
+    if np.count_nonzero(mine) < VALUES:  # most torques, at once
+        return 0.0
     kept = np.sort(np.abs(x[~mine & np.isfinite(x)] - zero))
-    if mine.sum() < VALUES or len(np.unique(kept[kept < 2 * kept[0]] if len(kept) else kept)) < VALUES:
+    if len(np.unique(kept[kept < 2 * kept[:1]])) < VALUES:
         return 0.0
     next_to = np.abs(x[_beside(mine)] - zero)
     next_to = next_to[np.isfinite(next_to)]
