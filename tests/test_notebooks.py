@@ -47,6 +47,7 @@ def test_regrouped_parameters(tmp_path):
     assert claim["rotors_mixed_in_A"] == ["Iam1", "Iam2"]
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
 def test_the_paper_on_a_twin(tmp_path):

@@ -139,6 +139,7 @@ def the_disk_is_full(arguments, out):
 posix = pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
 
 
+@pytest.mark.first_case
 @posix
 @pytest.mark.parametrize("command", ["fit", "simulate"])
 def test_a_full_disk_is_one_sentence_and_the_old_result_stays(study, tmp_path, command):

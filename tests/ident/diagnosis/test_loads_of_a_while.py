@@ -52,6 +52,7 @@ def test_a_contact(arm):
     assert event.evidence.log_e > threshold(ALPHA)
 
 
+@pytest.mark.long
 def test_a_contact_before_the_flange(arm):
     """Held at the flange it said less than all of the model's parameters: nothing was told of 19 N."""
     request = "external_force:fx=0.4,fy=-0.3,fz=0.3,pz=0.2,from=5,to=9,recording=run1"

@@ -189,7 +189,7 @@ def test_refusals(folder, effects, words):
     assert all(word in str(caught.value) for word in words) and "\n" not in str(caught.value)
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("hidden", "declared"),
     [
@@ -218,7 +218,7 @@ def test_twins_of_every_kind(tmp_path, hidden, declared):
             assert abs(parameter.value - truth[name]) < 4 * parameter.std + 0.02 * abs(truth[name]), name
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(
     "effect, names",
     [("counterbalance", ("Kl", "q0", "rho")), ("current_saturation", ("share", "limit"))],

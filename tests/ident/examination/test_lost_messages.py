@@ -31,7 +31,7 @@ def test_zeros_in_all_signals(tmp_path):
         assert np.allclose(lost.survey.lowest, whole.survey.lowest, rtol=0.02, atol=0.02)
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("robot", "lost"),
     [pytest.param("kuka_lwr4plus", ("q4",), marks=pytest.mark.long), ("airbot_play", "tau_m")],

@@ -50,7 +50,7 @@ def test_of_two_runs_neither_is_blamed(tmp_path):
     assert check.recording == "" and "in one of a and c" in check.message
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("zero", [0.0, 2.0])

@@ -28,7 +28,7 @@ def test_moved_by_one_place(tmp_path, kind, order):
     assert check.remedy == f"columns: {{{lines}}}"
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(

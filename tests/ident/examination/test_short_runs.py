@@ -69,7 +69,7 @@ def test_torques_late_in_slow_runs_are_no_other_signal(tmp_path):
     assert all("or a signal that is not as it is told, here or there" in c.message for c in checks)
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(

@@ -39,7 +39,7 @@ def test_what_a_joint_shares_with_others_tells_its_torque_from_its_position(tmp_
     ) and "not tell which" not in said.message
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("signal", ["q6"])
 def test_where_a_joint_shares_nothing_both_are_named(tmp_path, signal):
     study = _five_seconds(_turned(tmp_path, "kuka_kr300", signal))

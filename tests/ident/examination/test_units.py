@@ -35,7 +35,7 @@ def test_a_spring_is_no_position_in_another_unit(arm, joint, stiffness):
     assert not _checks(arm, f"spring:{joint}:k={stiffness},q0=0")
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(("joint", "factor"), [(2, 2.0)])

@@ -63,6 +63,7 @@ def planar(tmp_path_factory):
     return parse_robot(PLANAR, "planar.yaml"), model, chi
 
 
+@pytest.mark.long
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 10**6), st.floats(0.3, 1.0), st.floats(0.2, 1.0))
 def test_designs_hold_their_limits_at_every_sample(planar, seed, fast, strong):
