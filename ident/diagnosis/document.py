@@ -12,6 +12,7 @@ from ident.diagnosis.findings import Alternative, Finding, Hint, Unexplained
 from ident.diagnosis.outcome import Step
 from ident.diagnosis.requests import own_effects_of, robot_of, separable, separating_command
 from ident.report.joints import joints_of
+from ident.report.numbers import finite
 
 PLACE = {"source_joint": "", "recording": "", "from": "s", "to": "s", "link": ""}  # contract 7: parameters
 
@@ -19,7 +20,7 @@ PLACE = {"source_joint": "", "recording": "", "from": "s", "to": "s", "link": ""
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
     """Plain values, findings strongest first, what was found in the data before them."""
     before, after = diagnosis.first, diagnosis.last
-    return {
+    document: dict[str, Any] = {
         "checks": [check.document() for check in diagnosis.checks],
         "verdict": diagnosis.verdict,
         "robot": diagnosis.robot,
@@ -41,6 +42,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "smallest_visible": [{**asdict(its), "joints": list(its.joints)} for its in diagnosis.visible],
         "notes": [*diagnosis.notes, *after.notes],
     }
+    return {key: finite(value) for key, value in document.items()}
 
 
 def _judged(diagnosis: Diagnosis) -> dict[str, Any]:

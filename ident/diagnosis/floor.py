@@ -48,8 +48,8 @@ def noise_floor(
     error, floor = last.full_rate_error["identify"], {}
     more = {f"{its.channel}{joint}": its for its in told for joint in its.joints}
     for c, name in enumerate(last.columns.channels):
-        left = error.get(name)
-        if left is None:
+        left = error.get(name, np.nan)
+        if not np.isfinite(left):  # of a torque that reads 0 there is no share
             continue
         if (its := more.get(name)) is not None:
             left = min(left * np.sqrt(_left_by_functions(outcome, c, its)), white.get(name, np.inf))

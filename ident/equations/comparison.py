@@ -83,7 +83,8 @@ class Squares:
         self.below[label] += np.sum(measured**2, axis=0, where=real)
 
     def by_role(self) -> dict[str, dict[str, float]]:
-        """100 ||error|| / ||torque||: {role: {"total" | channel: percent}}."""
+        """100 ||error|| / ||torque||: {role: {"total" | channel: percent}}; NaN of a torque that reads 0
+        throughout."""
         out: dict[str, dict[str, float]] = {}
         for role in ROLES:
             labels = [label for label, its in self.roles.items() if its == role]
@@ -96,9 +97,9 @@ class Squares:
 
     def _percent(self, labels: Sequence[str]) -> dict[str, float]:
         above = np.sum([self.above[label] for label in labels], axis=0)
-        below = np.maximum(np.sum([self.below[label] for label in labels], axis=0), 1e-300)
-        out = {"total": float(100 * np.sqrt(above.sum() / below.sum()))}
-        return out | {name: float(100 * np.sqrt(a / b)) for name, a, b in zip(self.channels, above, below)}
+        below = np.sum([self.below[label] for label in labels], axis=0)
+        parts = {"total": (above.sum(), below.sum())} | dict(zip(self.channels, zip(above, below)))
+        return {name: float(100 * np.sqrt(a / b)) if b else np.nan for name, (a, b) in parts.items()}
 
 
 def modelled_torque(

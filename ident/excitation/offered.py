@@ -64,7 +64,7 @@ def _offered(finding: Finding, diagnosis: Diagnosis) -> Finding:
         robot_of(last.study),
         last.study.model,
         numbers,
-        {name: value for name, value in percent.items() if value},
+        {name: value for name, value in percent.items() if value > 0},
         [request_of(named) for named in (its, *rivals)],
         last.study.exact,
         said,

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -21,16 +20,17 @@ from ident.estimation.fit import FitResult, interval_factor
 from ident.estimation.found_effects import found_effects
 from ident.export.saved import keep
 from ident.report.joints import joints_of
+from ident.report.numbers import finite
 
 Row = tuple[str, ...]
 
 
 def fit_document(result: FitResult) -> dict[str, Any]:
-    """The content of fit.json as plain values."""
+    """The content of fit.json as plain values; None where a number is none."""
     columns, estimate, full = result.columns, result.estimate, result.full
     free = max(result.effective_rows - full.b, 1.0)
     channels = columns.channels
-    return {
+    document: dict[str, Any] = {
         "checks": [check.document() for check in result.checks],
         "robot": columns.model.robot_name,
         "model": result.study.model,
@@ -89,6 +89,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "notes": list(result.notes),
         "warnings": list(result.warnings),
     }
+    return {key: finite(value) for key, value in document.items()}
 
 
 def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:
@@ -241,20 +242,7 @@ def write_csv(path: Path, table: tuple[Row, Sequence[Row]]) -> None:
 
 
 def write_document(path: Path, document: Mapping[str, Any]) -> None:
-    path.write_text(json.dumps(_finite(document), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-
-
-def _finite(value: Any) -> Any:
-    """JSON has no infinity: None instead."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(item) for item in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    if isinstance(value, np.integer):
-        return int(value)
-    return value
+    path.write_text(json.dumps(finite(document), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def write_into(result: FitResult, folder: Path, *, plots: bool = True) -> None:
