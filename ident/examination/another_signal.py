@@ -12,9 +12,9 @@ load or other friction there.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from itertools import combinations
+from itertools import chain, combinations
 from typing import Any
 
 import numpy as np
@@ -40,7 +40,7 @@ from ident.examination.hypothesis import (
 from ident.examination.places import along, exchanged
 from ident.examination.quick import FLOOR, Quick, added, gain_of, gains_of, solve
 from ident.examination.recordings_apart import thinned
-from ident.examination.rivals import alike, rivals
+from ident.examination.rivals import alike, gaining, rivals
 from ident.examination.samples import LAGS, Sample
 from ident.examination.signs import all_signs
 from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
@@ -73,13 +73,18 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     foretold = judged is None or not np.nanmax(judged, initial=0.0) > 1.0
     if not (foretold or bad(before.fit) or apart_by_one_fit(whole, asked.how).any()):
         return
-    found = [*_torques(asked, whole, before), *_weightless(asked, whole), *torques_in_all(asked, whole)]
-    found += clocks(asked.how, whole)
-    if positions or bad(before.fit) or any(_explains(its, before) for its in found):
-        found += [_moving(asked, its) for its in (*_positions(asked, whole), *positions_in_all(asked, whole))]
 
     def gain(its: Changed) -> float:
         return its.explained.fit.gain_over(before.fit)
+
+    def better(tried: Iterable[Changed]) -> list[Changed]:  # of hundreds, each with its own equations, few
+        return [its for its in tried if gain(its) > 0]
+
+    torques = chain(_torques(asked, whole, before), _weightless(asked, whole), torques_in_all(asked, whole))
+    found = better(chain(torques, clocks(asked.how, whole)))
+    if positions or bad(before.fit) or any(_explains(its, before) for its in found):
+        moved = better(chain(_positions(asked, whole), positions_in_all(asked, whole)))
+        found += [_moving(asked, its) for its in moved]
 
     owns = [Explained.by(whole.of([s]), asked.how) for s in whole.samples]
     best = _best(before, owns, sorted(found, key=gain, reverse=True))
@@ -93,8 +98,8 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     instead = _instead(whole, best, asked)
     if any(steadily(best.explained, its.explained, RARE) for its in instead):
         return
-    pool = list(rivals(whole, asked.how, asked.currents))
-    if any(agreed(best.explained, its.explained, ODD / len(pool)) for its in pool):
+    pool, count = gaining(rivals(whole, asked.how, asked.currents), before)
+    if any(agreed(best.explained, its.explained, ODD / count) for its in pool):
         return
     same = alike((its for its in pool if its.zero or not its.recording), before, best.explained)
     whose = [best.recording if its.recording else "" for its in same]  # that of words which say it themselves
@@ -136,7 +141,7 @@ def more_in_one(asked: Asked, h: Hypothesis) -> bool:
     if len(whole.samples) < 2:
         return False
     before, told = Explained.by(whole, asked.how), Explained.by(_few(h.quick or asked.quick), h.how)
-    found = (*_torques(asked, whole, before), *_positions(asked, whole))
+    found = chain(_torques(asked, whole, before), _positions(asked, whole))
     return any(its.recording and its.explained.fit.gain_over(told.fit) > 0 for its in found)
 
 

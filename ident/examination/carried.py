@@ -14,7 +14,7 @@ from ident.examination.check import Check
 from ident.examination.hypothesis import Asked, of_several
 from ident.examination.own_factors import WORDS, each_by_itself
 from ident.examination.quick import Assignment, Fit, Quick, gain_of, gains_of
-from ident.examination.rivals import Rival, alike, rivals
+from ident.examination.rivals import Rival, alike, gaining, rivals
 from ident.examination.signs import evidence
 from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
 
@@ -51,9 +51,9 @@ def carried_faults(asked: Asked) -> list[Carried]:
     in the two together speaks for the factor of 40 with which it happened to."""
     whole, how = all_rows(asked.quick), asked.how
     plain = Explained.by(whole, how)
-    others = list(rivals(whole, how, asked.currents))
-    asks = [its for its in others if not its.beside and _moves(plain, its)]
-    rate = ODD / (len(asks) + len(how.order))
+    others, count = gaining(rivals(whole, how, asked.currents), plain)
+    rate = ODD / (count + len(how.order))
+    asks = (its for its in others if not its.beside and _moves(plain, its))
     likely = [its for its in asks if steadily(plain, its.explained, rate)]
     told = [its for its in _scales(asked, whole) if steadily(plain, its[1], rate)]
     told += _others(asked, likely, CARRIED)

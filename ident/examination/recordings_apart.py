@@ -122,8 +122,8 @@ def _causes(asked: Asked, c: int) -> list[str]:
     most first."""
     whole = all_rows(asked.quick)
     plain, own = Explained.by(whole, asked.how), by_each_recording(whole, asked.how)[c]
-    its = [r for r in rivals(whole, asked.how, asked.currents) if r.recording]
-    its = [r for r in its if r.explained.fit.error[c] < AS_OTHERS * own < plain.fit.error[c]]
+    pool = (r for r in rivals(whole, asked.how, asked.currents) if r.recording)
+    its = [r for r in pool if r.explained.fit.error[c] < AS_OTHERS * own < plain.fit.error[c]]
     its = [r for r in its if steadily(plain, r.explained, RARE)]
     return [r.words for r in sorted(its, key=lambda r: float(r.explained.fit.error[c]))]
 

@@ -58,6 +58,16 @@ def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Riv
     return sorted(kept, key=lambda r: -r.explained.gains_over(before).sum())
 
 
+def gaining(pool: Iterable[Rival], before: Explained) -> tuple[list[Rival], int]:
+    """Those that explain more than before, and of how many: each has equations of its own."""
+    kept, count = list[Rival](), 0
+    for rival in pool:
+        count += 1
+        if rival.explained.fit.gain_over(before.fit) > 0:
+            kept.append(rival)
+    return kept, count
+
+
 def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     """Of rows that are all fitted (stretches.all_rows); of the instants of a recording the best one."""
     fit = whole.fit(how)
