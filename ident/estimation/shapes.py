@@ -38,6 +38,7 @@ HELD = 1_500_000  # samples of the identify recordings that are held, strided, w
 WORTH = 1e-4  # of weighted squares that a step must gain: a hundredth of a standard deviation
 IDLE = 2  # turns without gain that a search goes on where effects read the model
 HALVINGS = 6
+LEAST_SHARE = 0.05  # of a step that goes back on the one before
 TRIED = 6  # turns after which one start is taken before another
 
 
@@ -168,6 +169,17 @@ def _moved(columns: Columns, terms: Sequence[Term], chi: np.ndarray) -> tuple[Te
     return tuple(term.moved(chi[[place[name] for name in term.names]]) for term in terms)
 
 
+def _relaxed(share: float, before: np.ndarray, step: np.ndarray) -> float:
+    """The share of a step to take, all of it at most, so that the next is none where steps (b,), in standard
+    deviations, go on as from the one before (of which `share` was taken) to this one. (Irons and Tuck, A
+    version of the Aitken accelerator for computer iteration, 1969. Of an AIRBOT a delay, whose columns read
+    the model that it changes, went to and fro by five deviations until the turns ended.)"""
+    change = before - step
+    square = float(change @ change)
+    told = share * float(before @ change) / square if before.any() and square > 0 else 1.0
+    return float(np.clip(told, LEAST_SHARE, 1.0)) if told > 0 else 1.0
+
+
 @dataclass(frozen=True, slots=True)
 class _Point:
     """x (b,): chi that effects read, then the terms' parameters; sizes (b,): everything linear as it fits
@@ -226,6 +238,7 @@ class _Search:
 
     def _searched(self, progress: Progress, turns: int = TURNS) -> tuple[_Point, tuple[str, ...]]:
         point, idle = self._awake(self._evaluate(self.terms, self.model)), 0
+        before, share = np.zeros(len(point.x)), 1.0
         for turn in range(turns):
             progress(f"fitting the effects of the study, step {turn + 1}")
             reads = self.model.asked.estimate
@@ -234,11 +247,12 @@ class _Search:
                 return point, ()
             aim = np.clip(point.estimate.chi, self.low, self.high)
             still = STILL if self.fine is None else NEARLY
-            far = np.abs(aim - point.x) > still * np.maximum(point.estimate.std, 1e-300)
-            b = len(self.model.chi)
+            step = (aim - point.x) / np.maximum(point.estimate.std, 1e-300)
+            far, b = np.abs(step) > still, len(self.model.chi)
             if not far[b:].any() and not (reads and far[:b].any()):
                 return point, ()
-            new = self._stepped(point, aim, reads)
+            share, before = _relaxed(share, before, step), step
+            new = self._stepped(point, point.x + share * (aim - point.x), reads)
             idle = idle + 1 if new and abs(new.loss - point.loss) < WORTH else 0
             if new is None or idle > (IDLE if reads else 0):
                 return point, ()

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
 from ident.estimation.fit import drive_gains, fit_models, fit_study
 from ident.recordings.study import load_study
@@ -90,3 +91,12 @@ def test_xmate_four_models():
     for name in ("MY2R", "MY4R"):  # gravity is seen by motor and by sensor
         values = [results[m].estimate.chi[results[m].columns.parameters.index(name)] for m in "ABC"]
         assert np.ptp(values) < 0.05 * abs(np.mean(values)), (name, values)
+
+
+def test_a_delay_comes_to_rest(tmp_path):
+    """Its columns read the model that it changes: it went to and fro by five standard deviations."""
+    study = yaml.safe_load((DATA / "airbot_play" / "study.yaml").read_text())
+    for place, key in [(study, "robot"), *((its, "file") for its in study["recordings"])]:
+        place[key] = str(DATA / "airbot_play" / place[key])
+    (tmp_path / "study.yaml").write_text(yaml.safe_dump(study | {"effects": ["time_delay"]}))
+    assert not any("come to rest" in note for note in fit_study(load_study(tmp_path / "study.yaml")).notes)
