@@ -66,6 +66,8 @@ def verdict(document: Mapping[str, Any]) -> str:
         unsure = "These recordings do not confirm that the model lacks anything, nor that it lacks nothing."
         quiet = not (hints or _above_noise(document) or worse)
         sentences = [nothing if quiet else unsure, *hints, left_in_words(document)]
+    elif above := _above_noise(document):
+        sentences.append(_beyond_noise(document, above))
     return " ".join([*sentences, *worse])
 
 
@@ -85,9 +87,12 @@ def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:
 
 
 def _above_noise(document: Mapping[str, Any]) -> list[str]:
-    """Channels whose error on the fitted runs is more than noise, the worst first."""
+    """Channels of which nothing is told and whose error on the fitted runs is more than noise, the worst
+    first."""
     after, white = document["error_percent"]["after"]["identify"], document.get("white_noise_percent", {})
-    above = (n for n in after if n != "total" and white.get(n) and (after[n] or 0.0) > NOISY * white[n])
+    told = [*document["findings"], *document["unexplained"]]
+    known = {"total", *(f"{item['channel']}{joint}" for item in told for joint in item["joints"])}
+    above = (n for n in after if n not in known and white.get(n) and (after[n] or 0.0) > NOISY * white[n])
     return sorted(above, key=lambda n: -after[n] / white[n])
 
 
@@ -101,15 +106,20 @@ def left_in_words(document: Mapping[str, Any]) -> str:
             f"{percent(after['total'])} of the torque is left on the fitted runs; whether that is noise is "
             "not known: no noise can be read off these recordings."
         )
-    above = _above_noise(document)
-    if not above and len(seen) == len(channels):
+    if above := _above_noise(document):
+        return _beyond_noise(document, above)
+    if len(seen) == len(channels):
         return "What is left looks like noise: no torque keeps more than 1.5 times its white noise."
-    if not above:
-        rest = joined([name for name in channels if name not in seen])
-        return f"What is left of {joined(seen)} looks like noise; for {rest} no noise can be read."
-    worst = above[0]
+    rest = joined([name for name in channels if name not in seen])
+    return f"What is left of {joined(seen)} looks like noise; for {rest} no noise can be read."
+
+
+def _beyond_noise(document: Mapping[str, Any], above: Sequence[str]) -> str:
+    """What is left of channels (`_above_noise`) that nothing is told of."""
+    after, white = document["error_percent"]["after"]["identify"], document["white_noise_percent"]
+    worst, *others = above
     beyond = (after[worst] ** 2 - white[worst] ** 2) ** 0.5
-    more = f", and more than 1.5 times its own in {joined(above[1:])}" if len(above) > 1 else ""
+    more = f", and more than 1.5 times its own in {joined(others)}" if others else ""
     return (
         f"{percent(after[worst])} of {worst} is left on the fitted runs where white noise alone would leave "
         f"{percent(white[worst])}: {percent(beyond)} of the torque is beyond it{more}, slow noise or what "

@@ -156,6 +156,19 @@ def test_nothing_found_is_called_noise_only_where_the_floor_says_so():
     assert far.startswith("These recordings do not confirm that the model lacks anything, nor")
 
 
+def test_what_is_left_of_a_torque_that_nothing_is_told_of_is_said():
+    """Of an AIRBOT with a spring on its third joint two other joints were told, and nothing of that one."""
+    left = {"tau_m3": 13.0, "tau_m4": 20.0, "tau_m5": 2.0}
+    document = nothing(left, {"tau_m3": 5.5, "tau_m4": 10.0, "tau_m5": 1.9})
+    document["unexplained"] = [DIAGNOSIS["unexplained"][0] | {"joints": [4], "channel": "tau_m"}]
+    said = diagnosis_verdict(document).replace("\u00a0", " ")
+    assert (
+        "on joint 4 (tau_m). 13.0 % of tau_m3 is left on the fitted runs where white noise alone would"
+        in said
+    )
+    assert "tau_m5" not in said
+
+
 def test_what_too_few_blocks_confirm_is_a_hint_and_not_nothing():
     tilt = {
         "effect": "base_tilt", "joints": [], "log_e": 44.2, "error_drop_percent": 12.0, "channel": "tau_m",
