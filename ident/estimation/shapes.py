@@ -247,10 +247,11 @@ class _Search:
                 return point, ()
             aim = np.clip(point.estimate.chi, self.low, self.high)
             still = STILL if self.fine is None else NEARLY
-            step = (aim - point.x) / np.maximum(point.estimate.std, 1e-300)
-            far, b = np.abs(step) > still, len(self.model.chi)
+            std, b = point.estimate.std, len(self.model.chi)
+            far = np.abs(aim - point.x) > still * np.maximum(std, 1e-300)
             if not far[b:].any() and not (reads and far[:b].any()):
                 return point, ()
+            step = (aim - point.x) / np.where(std > 0, std, np.inf)
             share, before = _relaxed(share, before, step), step
             new = self._stepped(point, point.x + share * (aim - point.x), reads)
             idle = idle + 1 if new and abs(new.loss - point.loss) < WORTH else 0
