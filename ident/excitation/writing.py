@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
@@ -18,6 +17,7 @@ from ident.excitation.page import page, stick_figure
 from ident.inspection.excitation import HARD
 from ident.report.files import write_csv, write_document
 from ident.report.render import render
+from ident.summaries.arrow import table_of
 
 Array = np.ndarray
 SERVO_HZ = 125.0  # of URScript's servoj
@@ -42,7 +42,7 @@ def write_experiment(done: Experiment, folder: Path, rate_hz: float = 1000.0) ->
         columns = {"t": t}
         for name, values in zip(("q", "dq", "ddq"), states):
             columns |= {f"{name}{label}": values[:, k] for k, label in enumerate(done.bounds.labels)}
-        pq.write_table(pa.table(columns), folder / "motion.parquet")
+        pq.write_table(table_of(columns), folder / "motion.parquet")
         with (folder / "motion.csv").open("w", newline="", encoding="utf-8") as out:
             writer = csv.writer(out)
             writer.writerow(columns)

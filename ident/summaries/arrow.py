@@ -3,7 +3,7 @@ worker's first recording and of a fleet's command."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -29,3 +29,13 @@ def array(values: Sequence[Any], kind: Any) -> Any:
         return pa.Array.from_buffers(kind, len(texts), [absent, ends(texts), pa.py_buffer(b"".join(texts))])
     numbers = np.array([0 if value is None else value for value in values], kind.to_pandas_dtype())
     return pa.Array.from_buffers(kind, len(numbers), [absent, pa.py_buffer(numbers)])
+
+
+def table_of(columns: Mapping[str, np.ndarray]) -> Any:
+    """An Arrow table of numbers, {name: (N,)}."""
+    import pyarrow as pa
+
+    def numbers(x: np.ndarray) -> Any:
+        return pa.Array.from_buffers(pa.from_numpy_dtype(x.dtype), len(x), [None, pa.py_buffer(x)])
+
+    return pa.table({name: numbers(np.ascontiguousarray(x)) for name, x in columns.items()})

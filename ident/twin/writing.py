@@ -4,11 +4,11 @@ import json
 import shutil
 from pathlib import Path
 
-import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
 from ident.output import staged
+from ident.summaries.arrow import table_of
 from ident.twin.study import SimulatedStudy
 
 TRUTH = "truth.json"  # not named in the study; for whoever wants to check an answer
@@ -22,7 +22,7 @@ def write_simulation(simulated: SimulatedStudy, folder: Path, overwrite: bool = 
     inputs = [simulated.robot_file] if simulated.robot_file else []
     with staged(folder, "ident simulate", overwrite=overwrite, inputs=inputs) as stage:
         for recording in simulated.recordings:
-            pq.write_table(pa.table(dict(recording.columns)), stage / f"{recording.label}.parquet")
+            pq.write_table(table_of(recording.columns), stage / f"{recording.label}.parquet")
         if simulated.robot_file is not None:
             shutil.copyfile(simulated.robot_file, stage / simulated.robot_file.name)
         text = yaml.safe_dump(dict(simulated.study), sort_keys=False, default_flow_style=None, width=100)
