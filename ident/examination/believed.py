@@ -47,7 +47,7 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
     explained = explains(before.error[its], fit.error[its])
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
-    if motion and len(h.check.signals) == 1:
+    if moved and len(h.check.signals) == 1:  # of one position
         touched = np.abs(gains_of(before.error, fit.error)) > np.log(SAME)  # a wrist's position moves its own
         return explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * touched.sum()
     return explained and predicted and _rms(fit) < RISEN * _rms(before)

@@ -103,6 +103,7 @@ def _coupled(asked: Asked, its: Held, drives: bool, smooth: SmoothTorques) -> It
 
     moved = quick.of([its.without(quick.columns, s, power) for s in quick.samples])
     for hypothesis in asked.along(moved, told, f"{its.own} has {its.before} in it", least=CLEARLY):
-        plain, other = (Explained.by(all_rows(x), how) for x in (quick, moved))
+        plain = Explained.by(all_rows(quick), how)
+        other = Explained.less(all_rows(moved), how, plain.quick)
         if steadily(plain, other, RARE):
             yield from smooth.less_than(hypothesis)

@@ -20,6 +20,7 @@ from modelgen.geometry.names import ParameterName
 
 ROWS = 1500  # samples of all recordings of a role together
 HELD = 6e7  # bytes of their columns: fewer samples of a robot of very many joints
+LEAST = 60  # rows of all recordings of a role, below which they are not asked
 FIRST = 98_304  # rows of a recording that they are taken from
 RAIL = 0.05  # of a clipped torque's range: where the filter rounds the edges
 LAG_S = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
@@ -142,10 +143,12 @@ class Sample:
 def take(
     streams: Sequence[RecordingStream], banks: Sequence[FilterBank], columns: Columns, role: str
 ) -> list[Sample]:
-    """Thinned samples of the recordings with this role; recordings of which nothing moves give none."""
+    """Thinned samples of the recordings with this role, where together they have rows enough to be asked;
+    recordings of which nothing moves give none. (Of a TX40's two runs of 55 rows each with all torques turned
+    nothing was asked: each alone was too short.)"""
     mine = [(s, bank) for s, bank in zip(streams, banks) if s.role == role][:8]
     most = min(ROWS, HELD / (8 * len(columns.channels) * len(columns.parameters)))
-    out = []
+    out, rows = [], 0
     for stream, bank in mine:
         seconds = sum(s.move_end - s.move_start for s in stream.survey.segments)
         length = min(seconds * stream.rate_hz, FIRST)
@@ -155,9 +158,10 @@ def take(
             thin.append(picked(block, np.arange(-total % stride, len(block.t), stride)))
             torques.append(columns.torque(block))
             total += len(block.t)
-        if total >= 60:
+        if total:
             out.append(_sample(stream, columns, joined(thin), np.concatenate(torques), stride))
-    return out
+        rows += total
+    return out if rows >= LEAST else []
 
 
 def _sample(

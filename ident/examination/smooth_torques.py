@@ -46,8 +46,8 @@ class SmoothTorques:
         """A hypothesis about the positions of the joints; with the torque that these recordings do not tell
         from it, and not where that explains them steadily better, or foretells clearly better what judges."""
         quick = its.quick or self.asked.quick
-        taken = Explained.by(all_rows(quick), its.how)
         plain = Explained.by(all_rows(self.asked.quick), self.asked.how)
+        taken = Explained.less(all_rows(quick), its.how, plain.quick)
         if steadily(self.explained, taken, RARE) or not half_of(plain, taken, self.explained):
             yield its
         elif not (self._explain_more(taken) or self._foretells(quick.fit(its.how))):

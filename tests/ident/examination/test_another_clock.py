@@ -1,10 +1,11 @@
 """The clock of one recording beside another's: in ms, or at another rate; planted in a measured recording."""
 
+import re
 from importlib.resources import files
 
 import pytest
 import yaml
-from planted import ON_RECORDINGS, measured, parted, planted, refused
+from planted import ON_RECORDINGS, measured, parted, planted, refused, ur10e
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
@@ -72,3 +73,16 @@ def test_two_rows_of_a_table_exchanged_are_no_clock(tmp_path):
     study = planted(tmp_path, lambda c: {k: x for k, x in c.items() if k[:2] != "dq"}, study)
     checks = examine_fit(prepare_study(study.with_(robot=str(tmp_path / "rows.yaml"))))
     assert "clock_rate" not in {c.check for c in checks}
+
+
+@pytest.mark.parametrize(("factor", "told"), [(2.0, True), (0.5, True), (1.0, False)])
+def test_a_clock_by_which_little_more_is_explained(tmp_path, factor, told):
+    """Of a UR10e's nothing was said: 7 % were left for 5, and inertias came out four times too large."""
+    study = ur10e()
+    study = study.with_(filter=type(study.filter)())
+    other = lambda c: {k: factor * x if k == "t" else x for k, x in c.items() if k[:2] != "dq"}  # noqa: E731
+    checks = examine_fit(prepare_study(planted(tmp_path, other, study)))
+    assert [(c.check, c.signals) for c in checks] == ([("clock_rate", ("t",))] if told else [])
+    if told:
+        least, most = map(float, re.search(r"clock, ([\d.]+) to ([\d.]+) by", checks[0].message).groups())
+        assert least < max(factor, 1 / factor) < most and "robot file's lengths are" in checks[0].message

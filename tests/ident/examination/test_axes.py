@@ -135,3 +135,26 @@ def test_what_a_joint_of_the_other_kind_may_be_as_well(tmp_path, bits, check):
     slides = lambda links: links[2].update(joint="prismatic", theta=0, r="q3")  # noqa: E731
     (told,) = examine_fit(prepare_study(_with_table(tmp_path, planted(tmp_path, coarse, study), slides)))
     assert told.check == check and "or the robot file's joint 3 slides there, not turns" in told.message
+
+
+@pytest.mark.long
+def test_a_torque_to_which_another_is_added_is_measured_by_what_was_recorded(tmp_path):
+    """Of an LWR4+ with its first two rows exchanged the second position was the sum of the first two: the
+    second torque, ten times the first one, was added to that, and of the sum little was left."""
+
+    def exchanged(links):
+        for key in ("alpha", "d", "r"):
+            links[0][key], links[1][key] = links[1].get(key, 0), links[0].get(key, 0)
+
+    study = measured("kuka_lwr4plus")
+    b, a = study.recordings
+    parts = ((a, "identify", 1.0, 24.0), (b, "identify", None, 14.0), (b, "validate", 14.0, 19.0))
+    runs = [
+        entry.model_copy(update={"use": use, "name": f"{k}", "from_s": begin, "to_s": end})
+        for k, (entry, use, begin, end) in enumerate(parts)
+    ]
+    study = _with_table(tmp_path, study.with_(recordings=tuple(runs)), exchanged)
+    checks = examine_fit(prepare_study(study.with_(filter=type(study.filter)())))
+    assert [c.check for c in checks][:1] == ["joint_axis"] and "rows 1 and 2 are exchanged" in checks[
+        0
+    ].message

@@ -54,6 +54,23 @@ def said(folder, study, change, **keys):
     return {c.check for c in examine_tables(made)}, examine_fit(made)
 
 
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_runs_that_are_short_each_are_asked_together(tmp_path, sign):
+    """Two of 70 rows of a TX40 with all torques turned: nothing was asked of either, and nothing said."""
+    change = lambda c: {k: (sign * x if k[:3] == "tau" else x)[::100] for k, x in c.items()}  # noqa: E731
+    study = measured("staubli_tx40")
+    entry = study.recordings[0]
+    runs = [
+        entry.model_copy(update={"use": "identify", "name": name, "from_s": begin, "to_s": begin + 1.4})
+        for name, begin in (("a", 0.0), ("b", 1.4))
+    ]
+    short = study.with_(recordings=tuple(runs), filter=type(study.filter)())
+    checks = examine_fit(prepare_study(planted(tmp_path, change, short)))
+    assert {c.check for c in checks} == ({"torque_sign"} if sign < 0 else set())
+
+
 @pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
