@@ -51,6 +51,7 @@ from ident.examination.scales import scales, too_large, turned_scales
 from ident.examination.signs import all_signs, several_signs
 from ident.examination.stopped_meanwhile import stopped_meanwhile
 from ident.examination.stretches import RARE, Explained, all_rows, same, steadily
+from ident.examination.tilted import tilted
 from ident.examination.turned import all_turned, one_turned, turned_positions
 from ident.examination.unexplained import (
     apart_by_one_fit,
@@ -60,6 +61,7 @@ from ident.examination.unexplained import (
 )
 from ident.examination.units import degrees, geared, scaled_positions
 from ident.examination.velocity import logged_velocities
+from ident.examination.wandering import wandering
 from ident.examination.weightless import unfelt, weightless
 from ident.examination.within import changed_within
 
@@ -165,6 +167,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         beside = [ambiguous(held, scaled)] if scaled else beside
         beside += _by_all(prepared, asked) if asks and not beside else []
         beside += [] if beside or doubted else unpredicted(asked)
+    beside += [] if beside or doubted else wandering(asked)
+    beside += [] if beside or doubted else tilted(prepared, asked)
     beside = beside or list(foretold_badly(asked, apart)) or list(contradicting(asked))
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)
@@ -244,7 +248,7 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
     whole = all_rows(asked.quick)
 
     def explained(h: Hypothesis) -> Explained:
-        return Explained.by(all_rows(h.quick or asked.quick), h.how)
+        return Explained.less(all_rows(h.quick or asked.quick), h.how, whole)
 
     its = explained(best)
     others = [h for h in told if h.words not in ("", best.words) and not asked.of_robot(h)]

@@ -39,19 +39,21 @@ class FirstAxis:
     def turned(self, gravity: Vector | np.ndarray, zero: float) -> np.ndarray:
         """Gravity (3,) that is the same as `zero` rad added to the joint's position; an axis of the base
         where it is close to one."""
-        g, c, s = np.array(gravity, float), np.cos(zero), np.sin(zero)
-        along = self.axis * (self.axis @ g)
-        g = along + c * (g - along) - s * np.cross(self.axis, g)
+        g = self._about(np.array(gravity, float), zero)
         axes = np.linalg.norm(g) * np.vstack([np.eye(3), -np.eye(3)])
         near = axes[np.argmax(axes @ g)]
         return near if degrees_between(near, g) < ROUND_ANGLE else g
+
+    def _about(self, g: np.ndarray, zero: float) -> np.ndarray:
+        along = self.axis * (self.axis @ g)
+        return np.asarray(along + np.cos(zero) * (g - along) - np.sin(zero) * np.cross(self.axis, g))
 
     def zero_of(self, assumed: np.ndarray, gravity: np.ndarray, within: float) -> str:
         """In words what else gravity's direction may be, known to so many degrees; nothing where no zero of
         the joint makes it of what is assumed."""
         a, b = (g - self.axis * (self.axis @ g) for g in (assumed, gravity))
         zero = float(np.arctan2(-self.axis @ np.cross(a, b), a @ b))
-        far = degrees_between(self.turned(assumed, zero), gravity)
+        far = degrees_between(self._about(assumed, zero), gravity)
         return (
             f", or {self.name} starts from another zero, about {-zero:.2g} rad off" if far <= within else ""
         )

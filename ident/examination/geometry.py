@@ -24,7 +24,7 @@ from ident.examination.stretches import all_rows, pieces
 
 def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypothesis | Tilt]:
     """Gravity and the axes of the table; asked last because they cost most."""
-    made = _parts(prepared, asked)
+    made = table_and_parts(prepared, asked)
     if made is None:
         return
     table, samples, gravity, identify, validate = made
@@ -49,7 +49,7 @@ def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypo
     tables = _tables(made, asked)
 
     def instead(g: np.ndarray, aside: Sequence[int]) -> list[str]:
-        return tables.instead_of(_with(table, g), how, aside)
+        return tables.instead_of(with_gravity(table, g), how, aside)
 
     asks = (others, stretches, names, None, measured, FirstAxis.of(table, asked.joints), instead)
     tilted = list(base_orientation(identify, validate, gravity, how, *asks))
@@ -66,7 +66,7 @@ def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypo
 
 def tables_instead(prepared: Prepared, asked: Asked, h: Hypothesis) -> list[str]:
     """What the robot file may have wrong in the place of torques taken otherwise, in words."""
-    made = _parts(prepared, asked)
+    made = table_and_parts(prepared, asked)
     if made is None or h.quick is not None:
         return []
     tables = _tables(made, asked)
@@ -76,19 +76,19 @@ def tables_instead(prepared: Prepared, asked: Asked, h: Hypothesis) -> list[str]
 def _tables(made: tuple[Any, ...], asked: Asked) -> OtherTables:
     table, samples, gravity, *_ = made
     names = asked.names(range(len(asked.how.order)))
-    return OtherTables(_with(table, gravity), asked.quick.of(samples), asked.how, names)
+    return OtherTables(with_gravity(table, gravity), asked.quick.of(samples), asked.how, names)
 
 
-def _with(table: Any, gravity: np.ndarray) -> Any:
+def with_gravity(table: Any, gravity: np.ndarray) -> Any:
     return replace(table, gravity=tuple(float(g) for g in gravity))
 
 
 def unseen_base(prepared: Prepared, asked: Asked) -> Iterable[Check]:
-    made = _parts(prepared, asked)
+    made = table_and_parts(prepared, asked)
     return () if made is None else unseen(made[3], made[4], made[2])
 
 
-def _parts(prepared: Prepared, asked: Asked) -> tuple[Any, ...] | None:
+def table_and_parts(prepared: Prepared, asked: Asked) -> tuple[Any, ...] | None:
     """Table, samples of the usual load, gravity (3,) as the study has it, parts of identify and validate."""
     from modelgen.geometry.kinematics import Geometry
 
@@ -110,6 +110,6 @@ def _parts(prepared: Prepared, asked: Asked) -> tuple[Any, ...] | None:
 def beside_tilt(prepared: Prepared, asked: Asked, h: Hypothesis, tilt: Tilt) -> bool:
     """Whether a hypothesis explains beside a small tilt, which explains more, most of what it does without
     it: a UR10e's first torque looked three times too small where the base was tilted by 6 degrees."""
-    made = [_parts(prepared, asked), _parts(prepared, asked.after(h))]
+    made = [table_and_parts(prepared, asked), table_and_parts(prepared, asked.after(h))]
     before, after = (errors(m[3], None, tilt.gravity)[0] for m in made if m is not None)
     return gain_of(before, after) > 0.5 * h.gain

@@ -23,23 +23,25 @@ def of_either_half(before: Quick, how: Assignment, other: Quick, its: Assignment
 
 
 def by_halves(
-    before: Quick, how: Assignment, other: Quick, its: Assignment
+    before: Quick, how: Assignment, other: Quick, its: Assignment, parts: int = PARTS, c: int | None = None
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Gains of either half, fitted, and of the other one, which that fit foretells."""
-    one, two = _halves(before), _halves(other)
+    """Gains of either half, fitted, and of the other one, which that fit foretells; of torque c alone."""
+    one, two = _halves(before, parts), _halves(other, parts)
 
     def gains(k: int) -> tuple[float, float]:
         plain, taken = (solve(x[k], x[1 - k], way) for x, way in ((one, how), (two, its)))
+        if c is not None:
+            plain, taken = (x.of_channel(c) for x in (plain, taken))
         return taken.gain_over(plain), taken.holds_over(plain)
 
     return gains(0), gains(1)
 
 
-def _halves(quick: Quick) -> list[Normal]:
-    return [added([Normal.of(s) for s in half]) for half in halves_of(quick.samples)]
+def _halves(quick: Quick, parts: int) -> list[Normal]:
+    return [added([Normal.of(s) for s in half]) for half in halves_of(quick.samples, parts)]
 
 
-def halves_of(samples: Sequence[Sample]) -> tuple[list[Sample], list[Sample]]:
+def halves_of(samples: Sequence[Sample], parts: int = PARTS) -> tuple[list[Sample], list[Sample]]:
     """Parts of these recordings, in turn of one half and the other."""
-    parts = [s.rows(rows) for s in samples for rows in np.array_split(np.arange(len(s.t)), PARTS)]
-    return parts[::2], parts[1::2]
+    its = [s.rows(rows) for s in samples for rows in np.array_split(np.arange(len(s.t)), parts)]
+    return its[::2], its[1::2]

@@ -64,6 +64,11 @@ class Fit:
     def inverse(self) -> np.ndarray:
         return np.linalg.inv(self.normal) / np.outer(self.length, self.length)
 
+    def of_channel(self, c: int) -> Fit:
+        """As if nothing of the other torques were seen."""
+        held = None if self.validate is None else self.validate[[c]]
+        return replace(self, error=self.error[[c]], validate=held)
+
     def gain_over(self, other: Fit) -> float:
         return gain_of(other.error, self.error)
 

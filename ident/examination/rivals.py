@@ -100,17 +100,18 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
                 words = f"{name} takes up {share:.2g} of {signal_of(whole.columns, k, currents)}"
                 yield replace(rival, words=words)
     label, joint = whole.columns.need.joints[channels[c].joint], channels[c].joint
+    unit = unit_of(whole, c)
     _, rival = found(lambda r, s: np.abs(s.Y[:, own]) * np.sign(s.dq[:, joint]), True)
     if rival:
         yield replace(rival, words=f"the friction of joint {label} changes with its load")
     slope, rival = found(lambda r, s: s.t)
     if rival:
-        yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} a minute")
+        yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} {unit} a minute")
     for r, sample in enumerate(whole.samples):
         if len(whole.samples) > 1:
             slope, rival = found(lambda i, s, r=r: (i == r) * (s.t - s.t[0]))  # type: ignore[misc]
             if rival:
-                words = f"{name} of {sample.label} drifts by {60 * slope:.2g} a minute"
+                words = f"{name} of {sample.label} drifts by {60 * slope:.2g} {unit} a minute"
                 yield replace(rival, words=words, recording=sample.label)
             share, rival = found(lambda i, s, r=r: (i == r) * s.Y[:, own], True)  # type: ignore[misc]
             if rival:
@@ -119,7 +120,7 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
                 yield replace(rival, words=words, recording=sample.label)
             zero, rival = found(_after(r, -np.inf, None))
             if rival:
-                words = f"{name} of {sample.label} starts from another zero, {zero:.2g} off"
+                words = f"{name} of {sample.label} starts from another zero, {zero:.2g} {unit} off"
                 yield replace(rival, words=words, recording=sample.label, zero=True)
         instants = np.linspace(sample.t[0], sample.t[-1], INSTANTS + 1)[1:-1]
         for constant in (False, True):
@@ -127,7 +128,7 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
             for at in instants:
                 share, rival = found(_after(r, at, None if constant else own), not constant)
                 if rival:
-                    so = f"off by {share:.2g}" if constant else _times(share)
+                    so = f"off by {share:.2g} {unit}" if constant else _times(share)
                     words = f"{name} of {sample.label} is {so} from about {at:.3g} s on"
                     rival = replace(rival, words=words, recording=sample.label)
                     later.append((rival.explained.fit.gain_over(fit), rival))
@@ -180,6 +181,12 @@ def _units(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
             Explained.by(whole, how.times(seen[:k], factor)),
             beside=True,
         )
+
+
+def unit_of(whole: Quick, c: int) -> str:
+    """Of the torque that a channel's signal, a current or a torque, stands for."""
+    joint = whole.columns.need.joints[int(whole.columns.joint_of[c])]
+    return "N" if str(joint) in whole.columns.model.prismatic else "N m"
 
 
 def _times(share: float) -> str:

@@ -1,0 +1,43 @@
+"""A torque whose zero drifts or jumps within a recording, planted in measured ones."""
+
+import numpy as np
+import pytest
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, ur10e
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+from ident.examination.wandering import wandering
+
+pytestmark = ON_RECORDINGS
+
+
+def _off(name, size, how):
+    """size: of the torque's standard deviation; how: of the share of the recording that is over."""
+
+    def change(c):
+        over = (c["t"] - c["t"][0]) / np.ptp(c["t"])
+        return c | {name: c[name] + size * np.std(c[name]) * how(over)}
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "how"),
+    [("i1", 0.6, lambda over: over > 0.45), ("i3", 1.0, lambda over: over), ("i3", 0.0, lambda over: over)],
+    ids=["jumps", "drifts", "as it is"],
+)
+def test_a_current_whose_zero_moves_alike_in_all_recordings(tmp_path, name, size, how):
+    """25 % were left of the first one for 8, and nothing was said."""
+    study = ur10e()
+    study = planted(tmp_path, _off(name, size, how), study.with_(filter=type(study.filter)()))
+    checks = examine_fit(prepare_study(study))
+    assert [(c.check, c.signals) for c in checks] == ([("torque_zero", (name,))] if size else [])
+    assert all("does not keep its zero" in c.message for c in checks)
+
+
+@pytest.mark.parametrize("robot", ["kuka_kr300", "barrett_wam_2dof", "staubli_tx40"])
+def test_short_motions_follow_no_slow_zero(robot):
+    """Eight lines in each of a KR 300's runs left half of what is left of three torques."""
+    study = measured(robot)
+    study = parted(study, 2.8, 3.9) if robot == "staubli_tx40" else study
+    assert not list(wandering(asked_of(study)))
