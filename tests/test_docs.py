@@ -27,7 +27,7 @@ class Links(HTMLParser):
         self.found += [value for name, value in attributes if name == "href" and value]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_site_is_built_without_a_warning_and_its_links_lead_somewhere(tmp_path):
     pytest.importorskip("pdoc", reason="pdoc is not installed")
     from modelgen.effects import catalogue

@@ -68,6 +68,7 @@ def test_the_untouched_bases_are_accepted(monkeypatch):
 
 
 @pytest.mark.slow
+@pytest.mark.first_case
 @pytest.mark.parametrize("case", [("simulate", 2, 0.6), ("fit", 0, 0.5)])
 def test_a_killed_command_leaves_the_old_result_whole(case):
     kills.trial(case)

@@ -33,7 +33,11 @@ def test_another_zero_of_a_joint_in_one_run(arm, zero, recording):
 @pytest.mark.parametrize(
     ("request_", "sizes"),
     [
-        ("payload_change:m=0.1,mz=0.01,from=4,recording=run2", {"m": 0.1, "mz": 0.01}),
+        pytest.param(
+            "payload_change:m=0.1,mz=0.01,from=4,recording=run2",
+            {"m": 0.1, "mz": 0.01},
+            marks=pytest.mark.long,
+        ),
         pytest.param(
             "external_force:fx=0.4,fy=-0.3,fz=0.3,from=3,to=7,recording=run2",
             {"fx": 0.4, "fz": 0.3},
