@@ -8,7 +8,7 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.places import swapped
+from ident.examination.places import other_torques, swapped
 from ident.twin import simulate
 
 
@@ -76,3 +76,22 @@ def test_joints_that_move_alike_are_not_exchanged(judged):
     ]
     checks = examine_fit(prepare_study(study.with_(recordings=tuple(runs), filter=type(study.filter)())))
     assert "swapped_signals" not in {c.check for c in checks}
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("pairs", [((1, 5),), ((1, 5), (2, 4))])
+def test_small_torques_are_told_in_no_other_order_with_those_that_are(tmp_path, pairs):
+    """Of an LWR4+ with the first pair exchanged the sixth and seventh were told to be, too."""
+    order = {j: k for pair in pairs for j, k in (pair, pair[::-1])}
+    change = lambda c: c | {f"tau_l{j}": c[f"tau_l{k}"] for j, k in order.items()}  # noqa: E731
+    b, a = measured("kuka_lwr4plus").recordings
+    parts = ((a, "identify", 1.0, 24.0), (b, "identify", None, 14.0), (b, "validate", 14.0, 19.0))
+    runs = [
+        entry.model_copy(update={"use": use, "name": f"{k}", "from_s": begin, "to_s": end})
+        for k, (entry, use, begin, end) in enumerate(parts)
+    ]
+    study = measured("kuka_lwr4plus").with_(recordings=tuple(runs))
+    study = planted(tmp_path, lambda c: {k: x[::2] for k, x in change(c).items()}, study)
+    told = [set(h.check.signals) for h in other_torques(asked_of(study))]
+    assert told == ([{f"tau_l{j}" for j in order}] if len(pairs) > 1 else [])
