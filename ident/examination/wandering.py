@@ -72,10 +72,12 @@ def wandering(asked: Asked) -> Iterator[Check]:
         its = Wandering.of(whole, c)
         if not any(x.shape[1] for x in its.lines):
             continue
+        name, fit = asked.name(c), its.quick.fit(how)
+        if not fit.error[c] < FALLEN * before[c]:  # as most: halves cost four times as much
+            continue
         held = by_halves(whole, how, its.quick, how, CLUSTERS, c)
         if min(gain for _, gain in held) < -np.log(FALLEN):
             continue
-        name, fit = asked.name(c), its.quick.fit(how)
         left = {r.words: float(r.explained.fit.error[c]) for r in rivals(whole, how, asked.currents)}
         told = sorted((w for w, error in left.items() if error < SAME * fit.error[c]), key=lambda w: left[w])
         where = f", as where {told[0]}{instead(told[1:])}" if told else ""
