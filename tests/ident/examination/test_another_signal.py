@@ -287,6 +287,7 @@ def test_a_torque_turned_in_one_of_two_runs_which_other_torques_fit_together_wor
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 def test_another_zero_that_a_load_explains_as_well_is_said_with_it(tmp_path):
     """Of an AIRBOT's fifth position nothing was said, and a diagnosis found 4 g on its link."""
     study = measured("airbot_play")

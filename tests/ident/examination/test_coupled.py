@@ -14,6 +14,7 @@ from ident.twin import simulate
 
 @pytest.mark.parametrize(("sign", "line"), [(1, "write q3 - q2 in"), (-1, "write q3 + q2 in")])
 @pytest.mark.parametrize("drives", [False, True])
+@pytest.mark.first_case
 def test_an_elbow_that_is_counted_from_the_base(tmp_path, sign, line, drives):
     """With the torques of drives that turn so, by power: tau2 dq2 + tau3 dq3 is what it was."""
     (tmp_path / "small.yaml").write_text(ARM)
@@ -55,6 +56,7 @@ def test_of_a_measured_robot(tmp_path, robot, j, i, sign):
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.long
 def test_in_one_recording_of_a_measured_robot(tmp_path, sign):
     """Of the difference q3 was two times too large in that run."""
 

@@ -40,6 +40,7 @@ def test_friction_that_was_taken_off_is_missed(tmp_path):
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("off", [False, True])
+@pytest.mark.long
 def test_measured_currents_less_what_goes_with_the_rate(tmp_path, off):
     """By each joint's own regression on a sign, the rate, a wave of the position."""
 

@@ -183,6 +183,7 @@ def test_what_explains_as_much_as_a_torque_s_factor_is_told_with_it(tmp_path):
     assert "do not tell which" in check.message and "tau_m2 1.3" in check.message
 
 
+@pytest.mark.long
 def test_two_torques_in_n_mm(tmp_path):
     """Of a TX40 the first one was told to be 800 times too small."""
     milli = lambda c: c | {name: 1e3 * c[name] for name in ("tau_m2", "tau_m3")}  # noqa: E731
@@ -499,6 +500,7 @@ def test_a_scale_that_the_fitted_motion_does_not_feel(tmp_path):
 
 @pytest.mark.first_case
 @pytest.mark.parametrize("which", [[6], range(1, 7)])
+@pytest.mark.long
 def test_a_scale_that_no_torque_feels_is_a_hint_alone(tmp_path, which):
     """The last joint's friction fits in any unit; so do all torques together."""
     times = lambda c: c | {f"tau_m{j}": 1e3 * c[f"tau_m{j}"] for j in which}  # noqa: E731
@@ -669,6 +671,7 @@ def test_what_is_wrong_in_one_recording_alone(tmp_path, defect):
 
 @pytest.mark.first_case
 @pytest.mark.parametrize(("rows", "word"), [(10, "after"), (-10, "before")])
+@pytest.mark.long
 def test_one_torque_at_another_time_than_the_others(tmp_path, rows, word):
     study = planted(tmp_path, changed("i2", lambda x: _shifted(x, rows)))
     (check,) = examine_fit(prepare_study(study))

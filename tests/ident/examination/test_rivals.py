@@ -23,6 +23,7 @@ def _half(t):
     return t > 0.5 * (t[0] + t[-1])
 
 
+@pytest.mark.long
 def test_a_square_is_no_factor(tmp_path):
     """3.4 was told of a Franka's first torque."""
     square = lambda c: c | {"tau_l1": c["tau_l1"] * np.abs(c["tau_l1"])}  # noqa: E731
@@ -58,6 +59,7 @@ def _coarse(c):
 
 @pytest.mark.first_case
 @pytest.mark.parametrize(("share", "recorder"), [(0.25, dict), (0.2, _coarse)])
+@pytest.mark.first_case
 def test_what_drifts_in_one_run_alone_is_no_factor(tmp_path, share, recorder):
     """A Franka's sixth torque was told to be 1.2 times too large, which explains half as much."""
 
@@ -150,6 +152,7 @@ def _five_seconds(study):
     ],
     ids=["factor", "zero of 3", "zero of 4", "share"],
 )
+@pytest.mark.long
 def test_a_slow_motion_blames_nothing_of_what_it_cannot_foretell(tmp_path, change):
     """Of a KR 300 'tau_m1 times 40' was told: validate happened to be foretold so. Fitted together the
     recordings do not contradict each other, with the fault in them or without."""
@@ -158,6 +161,7 @@ def test_a_slow_motion_blames_nothing_of_what_it_cannot_foretell(tmp_path, chang
 
 @pytest.mark.first_case
 @pytest.mark.parametrize(("c", "k", "size"), [("tau_m4", "tau_m3", 0.28), ("tau_m2", "tau_m3", 0.3)])
+@pytest.mark.long
 def test_a_share_that_only_validate_shows_is_no_drift(tmp_path, c, k, size):
     """What takes most of a torque away leaves large errors in shares of the rest, few in N m."""
     mixed = lambda x: x | {c: x[c] + 0.3 * x[k]}  # noqa: E731

@@ -198,6 +198,7 @@ def test_a_load_in_the_run_that_judges_is_not_passed_over(tmp_path):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+@pytest.mark.long
 def test_a_base_that_all_recordings_leave_open_is_not_told_by_those_that_judge(tmp_path):
     """Eight seconds of a clean KR 300 in coarse steps: on a wall two of them were foretold better."""
     step = 2 * np.pi / 2**12

@@ -50,6 +50,7 @@ def test_an_axis_that_one_torque_alone_feels(tmp_path):
     assert not _told(tmp_path, "kuka_lwr4plus", "traj_a", 0.0, 25.8, robot=robot)
 
 
+@pytest.mark.long
 def test_positions_that_are_late_in_what_judges_too(tmp_path):
     """Of an AIRBOT a share of another torque was told, a scale, a drift and a square."""
 

@@ -29,6 +29,7 @@ def _five_seconds(study):
 @pytest.mark.first_case
 @pytest.mark.parametrize("joint", [2, 5])
 @pytest.mark.parametrize(("signal", "check"), [("tau_m", "torque_sign"), ("q", "position_sign")])
+@pytest.mark.long
 def test_what_a_joint_shares_with_others_tells_its_torque_from_its_position(tmp_path, joint, signal, check):
     """A KR 300 is slow: its own friction alone says that a sign is wrong, and fits either."""
     study = _five_seconds(_turned(tmp_path, "kuka_kr300", f"{signal}{joint}"))
@@ -106,6 +107,7 @@ def test_all_torques_or_all_positions(tmp_path, what):
     assert "not tell which" not in told.check.message and len(told.check.signals) == 7
 
 
+@pytest.mark.long
 def test_all_positions_turned_foretell_what_all_torques_turned_do_not(tmp_path):
     """Of an AIRBOT's positions all torques were told, and with them two whole joints."""
     study = measured("airbot_play")

@@ -58,6 +58,7 @@ def shifted(robot, seed, samples, effects=()):
 
 @pytest.mark.parametrize("robot, seed", [("scara", 7), ("scara", 9), ("ur10e", 7)])
 @pytest.mark.parametrize("samples", [4, -4])
+@pytest.mark.first_case
 def test_a_fitted_delay_holds_the_true_one(robot, seed, samples):
     result = ident.fit(shifted(robot, seed, samples, ["time_delay"])).result
     at = result.columns.parameters.index("time_delay.delay")
