@@ -41,6 +41,7 @@ from ident.examination.hypothesis import (
 from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.magnitudes import magnitudes
 from ident.examination.motions import by_themselves, moved_positions, signed
+from ident.examination.other_zeros import other_zeros
 from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.quick import Fit, Quick, gain_of, quick_of
 from ident.examination.recordings_apart import foretold_badly, recordings_apart, recordings_unlike
@@ -169,6 +170,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         beside += [] if beside or doubted else unpredicted(asked)
     beside += [] if beside or doubted else wandering(asked)
     beside += [] if beside or doubted else tilted(prepared, asked)
+    beside += [] if beside or doubted or found else other_zeros(asked)
     beside = beside or list(foretold_badly(asked, apart)) or list(contradicting(asked))
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)

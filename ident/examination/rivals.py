@@ -75,7 +75,7 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
         yield from _of_torque(whole, fit, how, c, currents)
         yield from _powers(whole, how, c, signal_of(whole.columns, c, currents))
     yield from _units(whole, how, currents)
-    yield from _positions(whole, fit, how)
+    yield from of_positions(whole, fit, how)
     for words, recording, moved in held_too(whole):
         yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
     for c in felt(whole):
@@ -227,7 +227,7 @@ def _without(
     return share, Rival("", Explained.less(made, how, recorded or made))
 
 
-def _positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
+def of_positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
     """Each position times a number, and from another zero."""
     for j, label in enumerate(whole.columns.need.joints):
         its = np.arange(len(whole.columns.need.joints)) == j
