@@ -19,7 +19,7 @@ from ident.examination.first_axis import FirstAxis
 from ident.examination.geometry import table_and_parts, with_gravity
 from ident.examination.gravity import direction
 from ident.examination.hypothesis import Asked, Hypothesis
-from ident.examination.rivals import alike, rivals
+from ident.examination.rivals import alike, gaining, rivals
 from ident.examination.sphere import degrees_between, sought
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 
@@ -51,8 +51,8 @@ def tilted(prepared: Prepared, asked: Asked) -> Iterator[Check]:
     )
     if not steadily(before, after, RARE):
         return
-    pool = list(rivals(whole, how, asked.currents))
-    if any(agreed(after, its.explained, ODD / len(pool)) for its in pool):
+    pool, count = gaining(rivals(whole, how, asked.currents), Explained.by(whole, how))
+    if any(agreed(after, its.explained, ODD / count) for its in pool):
         return
     first = FirstAxis.of(table, asked.joints)
     zero = "" if first is None else first.zero_of(gravity, seen.gravity, seen.within)
