@@ -42,7 +42,7 @@ def demo(
         PlannedRun("points", "identify", 45.0, 22),
         PlannedRun("waves", "identify", 40.0),
         PlannedRun("other_waves", "validate", 30.0),
-        PlannedRun("other_points", "test", 40.0, 20),
+        PlannedRun("more_waves", "test", 40.0),
     )
     print(f"{OPENING}\n")
     staging = staged(output, "ident demo", overwrite=overwrite)

@@ -435,4 +435,5 @@ def _error_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> 
     name = "all channels" if channel == "total" else channel
     text = f"; error of {name} on {where} {percent(before[role][channel])} → {percent(after[role][channel])}"
     floor = document.get("noise_floor_percent", {}).get(channel)
-    return text if floor is None else f"{text}, noise floor {percent(floor)}"
+    where = "" if role == "identify" else " of the fitted runs"
+    return text if floor is None else f"{text}, noise floor{where} {percent(floor)}"

@@ -189,7 +189,7 @@ def test_a_finding_says_where_how_sure_and_what_else_it_may_be():
     first, load = (text.replace("\u00a0", " ") for text in told(DIAGNOSIS)[:2])
     assert first == (
         "Joint 4, motor side: stribeck friction, Fs = 3.12 ± 0.11 N m, vs = 0.6000 rad/s (the end of the "
-        "searched range); error of tau_m4 on test runs 6.2 % → 2.4 %, noise floor 1.8 %. "
+        "searched range); error of tau_m4 on test runs 6.2 % → 2.4 %, noise floor of the fitted runs 1.8 %. "
         "These data cannot reject instead: hysteresis on joint 4."
     )
     assert load.startswith(
