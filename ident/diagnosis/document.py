@@ -42,7 +42,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "smallest_visible": [{**asdict(its), "joints": list(its.joints)} for its in diagnosis.visible],
         "notes": [*diagnosis.notes, *after.notes],
     }
-    return {key: finite(value) for key, value in document.items()}
+    return dict(finite(document))
 
 
 def _judged(diagnosis: Diagnosis) -> dict[str, Any]:

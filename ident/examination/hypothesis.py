@@ -135,15 +135,11 @@ class Asked:
         """A fit of other recordings, its errors shares of the torques that were recorded: a small torque with
         a large one added has small errors whatever explains it. (Of an LWR4+ with two rows of its table
         exchanged its second position was the sum of the first two.)"""
-        fit, sums = (
-            moved.fit(how),
-            ((moved.identify, self.quick.identify), (moved.validate, self.quick.validate)),
-        )
-        error, held = (
-            x if x is None or now is None or before is None else x * now.size_beside(before, how)
-            for x, (now, before) in zip((fit.error, fit.validate), sums)
-        )
-        assert error is not None
+        fit, before = moved.fit(how), self.quick
+        held = fit.validate
+        if held is not None and moved.validate is not None and before.validate is not None:
+            held = held * moved.validate.size_beside(before.validate, how)
+        error = fit.error * moved.identify.size_beside(before.identify, how)
         return replace(fit, error=error, validate=held)
 
     def along(

@@ -34,26 +34,28 @@ class Wandering:
     lines: tuple[np.ndarray, ...]
 
     @classmethod
-    def of(cls, whole: Quick, c: int) -> Wandering:
-        hats = []
-        for s in whole.samples:
-            lines = _returns(s)
-            knots = np.linspace(s.t[0], s.t[-1], lines + 1)
-            each = [np.interp(s.t, knots, hat) for hat in np.eye(lines + 1)]
-            hats.append(np.stack(each, axis=1)[:, : lines and lines + 1])
-        ends = np.cumsum([0, *(x.shape[1] for x in hats)])
+    def of(cls, whole: Quick, c: int, lines: tuple[np.ndarray, ...]) -> Wandering:
+        ends = np.cumsum([0, *(x.shape[1] for x in lines)])
         samples = []
-        for s, its, at in zip(whole.samples, hats, ends):
+        for s, its, at in zip(whole.samples, lines, ends):
             more = np.zeros((*s.W.shape[:2], ends[-1]))
             more[c, :, at : at + its.shape[1]] = its
             samples.append(s.beside(more))
-        return cls(whole.of(samples), tuple(hats))
+        return cls(whole.of(samples), lines)
 
     def size(self, chi: np.ndarray) -> float:
         """N m by which the zero wanders within a recording at most."""
         ends = np.cumsum([0, *(x.shape[1] for x in self.lines)])
         zeros = np.split(chi[len(chi) - ends[-1] :], ends[1:-1])
         return max(float(np.ptp(x)) for x in zeros if len(x))
+
+
+def _lines(s: Sample) -> np.ndarray:
+    """(N, knots) of a recording, none where no joint comes back."""
+    lines = _returns(s)
+    knots = np.linspace(s.t[0], s.t[-1], lines + 1)
+    each = [np.interp(s.t, knots, hat) for hat in np.eye(lines + 1)]
+    return np.stack(each, axis=1)[:, : lines and lines + 1]
 
 
 def _returns(s: Sample) -> int:
@@ -68,11 +70,11 @@ def wandering(asked: Asked) -> Iterator[Check]:
     first current jumps half way 25 % were left for 8, and nothing was said. Of eleven robots as they are it
     takes off a tenth at most; of six seconds of a KR 300, whose joints do not come back, half.)"""
     whole, how = all_rows(asked.quick), asked.how
-    before = whole.fit(how).error
+    before, lines = whole.fit(how).error, tuple(map(_lines, whole.samples))
+    if not any(x.shape[1] for x in lines):
+        return
     for c in (c for c in asked.seen if before[c] > LEFT):
-        its = Wandering.of(whole, c)
-        if not any(x.shape[1] for x in its.lines):
-            continue
+        its = Wandering.of(whole, c, lines)
         name, fit = asked.name(c), its.quick.fit(how)
         if not fit.error[c] < FALLEN * before[c]:  # as most: halves cost four times as much
             continue

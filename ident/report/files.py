@@ -89,7 +89,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "notes": list(result.notes),
         "warnings": list(result.warnings),
     }
-    return {key: finite(value) for key, value in document.items()}
+    return dict(finite(document))
 
 
 def _parameters(result: FitResult, half_width: float) -> list[dict[str, Any]]:

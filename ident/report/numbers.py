@@ -8,7 +8,7 @@ import numpy as np
 
 
 def finite(value: Any) -> Any:
-    """JSON has no infinity: None instead."""
+    """JSON has no infinity and no NaN: None instead."""
     if isinstance(value, Mapping):
         return {str(key): finite(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
