@@ -40,10 +40,10 @@ from ident.examination.hypothesis import (
 from ident.examination.places import along, exchanged
 from ident.examination.quick import FLOOR, Quick, added, gain_of, gains_of, solve
 from ident.examination.recordings_apart import thinned
-from ident.examination.rivals import alike, gaining, rivals
+from ident.examination.rivals import alike, standing
 from ident.examination.samples import LAGS, Sample
 from ident.examination.signs import all_signs
-from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
+from ident.examination.stretches import HALF, RARE, Explained, all_rows, steadily
 from ident.examination.unexplained import apart_by_one_fit, odd_beside
 from ident.examination.units import DEGREES, POSITION_FACTORS, times_too
 from ident.examination.weightless import every, felt, without_gravity
@@ -98,8 +98,8 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     instead = _instead(whole, best, asked)
     if any(steadily(best.explained, its.explained, RARE) for its in instead):
         return
-    pool, count = gaining(rivals(whole, asked.how, asked.currents), before)
-    if any(agreed(best.explained, its.explained, ODD / count) for its in pool):
+    pool = standing(whole, asked.how, asked.currents, best.explained)
+    if pool is None:
         return
     same = alike((its for its in pool if its.zero or not its.recording), before, best.explained)
     whose = [best.recording if its.recording else "" for its in same]  # that of words which say it themselves

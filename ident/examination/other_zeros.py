@@ -10,7 +10,7 @@ from ident.examination.check import Check
 from ident.examination.hypothesis import Asked, Hypothesis, falls, of_several
 from ident.examination.quick import Assignment, Quick
 from ident.examination.recordings_apart import thinned
-from ident.examination.rivals import Rival, alike, gaining, of_positions, rivals
+from ident.examination.rivals import Rival, alike, of_positions, standing
 from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
 from ident.examination.unexplained import odd_beside
 
@@ -28,9 +28,8 @@ def other_zeros(asked: Asked) -> Iterator[Check]:
     best = max(told, key=lambda r: r.explained.fit.gain_over(plain.fit))
     if odd_beside(best.explained.fit.error, best.explained.quick.alone(how)).any():
         return  # at most a part of what is wrong
-    others = (r for r in rivals(whole, how, asked.currents) if r.words != best.words)
-    pool, count = gaining(others, plain)
-    if any(agreed(best.explained, r.explained, ODD / count) for r in pool):
+    pool = standing(whole, how, asked.currents, best.explained, best.words)
+    if pool is None:
         return
     name = best.words.split()[0]
     check = Check(

@@ -24,7 +24,7 @@ from ident.examination.coupled import held_too
 from ident.examination.hypothesis import CLEARLY, signal_of
 from ident.examination.quick import Assignment, Fit, Quick
 from ident.examination.samples import Sample
-from ident.examination.stretches import RARE, Explained, half_of, steadily
+from ident.examination.stretches import ODD, RARE, Explained, agreed, half_of, steadily
 from ident.examination.weightless import felt, without_gravity
 
 STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
@@ -66,6 +66,17 @@ def gaining(pool: Iterable[Rival], before: Explained) -> tuple[list[Rival], int]
         if rival.explained.fit.gain_over(before.fit) > 0:
             kept.append(rival)
     return kept, count
+
+
+def standing(
+    whole: Quick, how: Assignment, currents: bool, told: Explained, itself: str = ""
+) -> list[Rival] | None:
+    """Rivals, but for the told one itself, that explain more than is explained without any; None: stretch by
+    stretch one of them explains more than what is told, or chance confirms one of all that were asked."""
+    others = (its for its in rivals(whole, how, currents) if its.words != itself)
+    kept, count = gaining(others, Explained.by(whole, how))
+    outdone = any(agreed(told, its.explained, ODD / count) for its in kept)
+    return None if outdone else kept
 
 
 def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:

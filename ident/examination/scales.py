@@ -12,7 +12,7 @@ from ident.examination.check import FEW, Check, instead, listed, nothing_tells
 from ident.examination.hypothesis import SWAPPED, Asked, Hypothesis, falls
 from ident.examination.own_factors import WORDS, each_by_itself, own_factors
 from ident.examination.quick import Assignment, Fit, Quick, gain_of
-from ident.examination.rivals import gaining, rivals
+from ident.examination.rivals import standing
 from ident.examination.signs import evidence
 from ident.examination.stretches import (
     ODD,
@@ -71,8 +71,8 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     if _in_milli(its):
         yield Hypothesis(gain, how.times(which, MILLI), _milli(asked, after, which))
         return
-    others, count = gaining(rivals(whole, how, asked.currents), plain)
-    if any(agreed(its.explained, other.explained, ODD / count) for other in others):  # or chance confirms one
+    others = standing(whole, how, asked.currents, its.explained)
+    if others is None:
         return
     factors = [allowed(whole, how, [k], factor_of(whole, how, [k]).factor) for k in seen if (k,) != which]
     beside = [other for other in factors if _alike(plain, its.explained, other.explained)]

@@ -19,9 +19,9 @@ from ident.examination.first_axis import FirstAxis
 from ident.examination.geometry import table_and_parts, with_gravity
 from ident.examination.gravity import direction
 from ident.examination.hypothesis import Asked, Hypothesis
-from ident.examination.rivals import alike, gaining, rivals
+from ident.examination.rivals import alike, standing
 from ident.examination.sphere import degrees_between, sought
-from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
+from ident.examination.stretches import RARE, Explained, all_rows, steadily
 
 LEVEL = 1.0  # degrees, to which a floor or a table is level
 LEAST = 0.2  # gain by gravity elsewhere, below which its direction is not measured
@@ -51,8 +51,8 @@ def tilted(prepared: Prepared, asked: Asked) -> Iterator[Check]:
     )
     if not steadily(before, after, RARE):
         return
-    pool, count = gaining(rivals(whole, how, asked.currents), Explained.by(whole, how))
-    if any(agreed(after, its.explained, ODD / count) for its in pool):
+    pool = standing(whole, how, asked.currents, after)
+    if pool is None:
         return
     first = FirstAxis.of(table, asked.joints)
     zero = "" if first is None else first.zero_of(gravity, seen.gravity, seen.within)
