@@ -118,6 +118,15 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
         )
 
 
+def frozen_throughout(recording: str, rows: int, left_out: bool) -> Check:
+    """A recording all of whose rows are the same."""
+    said = f"all {rows} rows are the same, positions and torques: a logger or a driver that was frozen"
+    said += ", or a robot at rest whose signals are too coarse to show it"
+    if left_out:
+        return Check("frozen", (), f"{said}; left out", outcome="mended", recording=recording, rows=(1, rows))
+    return Check("frozen", (), said, "record it again, moving", "refused", recording, (1, rows))
+
+
 def _done(kind: str, number: int, long: int) -> str:
     """What was done to samples, of which `long` are in stretches that nothing can cross."""
     if kind in _WHOLE or long >= number:

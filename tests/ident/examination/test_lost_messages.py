@@ -1,8 +1,10 @@
 """Messages that were lost for some rows: their fields are zero, or hold what came before."""
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, parted, planted
+from planted import ON_RECORDINGS, measured, parted, planted, refused
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
@@ -85,3 +87,23 @@ def test_rows_that_are_gone_though_the_stamps_go_on(tmp_path, gone):
     told = [c for c in examine_tables(prepared) if c.check == "lost_rows"]
     assert [c.rows for c in told] == [(701, 701)] * 2 * bool(gone)
     assert all("3 rows are missing there" in c.message for c in told)
+
+
+@pytest.mark.parametrize("role", ["validate", "identify"])
+def test_a_run_that_is_frozen_throughout(tmp_path, role):
+    """Its joints were told never to move, and its error of 37 % stood beside the fit's."""
+    study = planted(tmp_path, lambda c: c)
+    (entry,) = (e for e in study.recordings if e.use == role)
+    path = study.recording_path(entry)
+    read = pq.read_table(path)
+    frozen = {k: read[k].to_numpy() for k in read.column_names}
+    frozen = {k: x if k == "t" else np.full(len(x), x[700]) for k, x in frozen.items()}
+    pq.write_table(pa.table(frozen), path)
+    if role == "identify":
+        text, checks = refused(study)
+        assert checks == {"frozen"} and "all 5457 rows are the same" in text
+        return
+    prepared = prepare_study(study)
+    (check,) = examine_tables(prepared)
+    assert (check.check, check.outcome, check.recording) == ("frozen", "mended", entry.label)
+    assert [stream.role for stream in prepared.streams] == ["identify"]
