@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from planted import ON_RECORDINGS, changed, measured, planted, refused, rows, tables
+from planted import ON_RECORDINGS, changed, measured, parted, planted, refused, rows, tables
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
@@ -29,6 +29,14 @@ def test_a_torque_that_stands_still_for_a_second_is_warned_of(tmp_path):
     study = planted(tmp_path, changed("i2", lambda x: rows(x, slice(1500, 1600), x[1500])))
     said = [(c.check, c.outcome, c.signals) for c in tables(study)]
     assert set(said) == {("dead_channel", "warned", ("i2",))}
+
+
+def test_a_torque_that_is_held_for_few_rows(tmp_path):
+    """Of a TX40 at 50 Hz 15 of 140 made of 4 % 30, and nothing was said."""
+    study = parted(measured("staubli_tx40"), 2.8, 3.9)
+    change = changed("tau_m1", lambda x: rows(x, slice(5000, 6500), x[5000]))
+    text, checks = refused(planted(tmp_path, lambda c: {k: x[::100] for k, x in change(c).items()}, study))
+    assert "tau_m1 stands still at" in text and checks == {"dead_channel"}
 
 
 def test_a_torque_that_dies_in_a_fast_log(tmp_path):
