@@ -78,8 +78,8 @@ def wandering(asked: Asked) -> Iterator[Check]:
         name, fit = asked.name(c), its.quick.fit(how)
         if not fit.error[c] < FALLEN * before[c]:  # as most: halves cost four times as much
             continue
-        held = by_halves(whole, how, its.quick, how, CLUSTERS, c)
-        if min(gain for _, gain in held) < -np.log(FALLEN):
+        held = [gain for _, gain in by_halves(whole, how, its.quick, how, CLUSTERS, c)]
+        if min(held) < 0 or np.mean(held) < -np.log(FALLEN):  # half of the rows knows a robot worse
             continue
         left = {r.words: float(r.explained.fit.error[c]) for r in rivals(whole, how, asked.currents)}
         told = sorted((w for w, error in left.items() if error < SAME * fit.error[c]), key=lambda w: left[w])
