@@ -6,13 +6,15 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
+import numpy as np
+
 from ident.examination.check import Check
 from ident.examination.hypothesis import Asked, Hypothesis, falls, of_several
-from ident.examination.quick import Assignment, Quick
+from ident.examination.quick import Assignment, Quick, gains_of
 from ident.examination.recordings_apart import thinned
 from ident.examination.rivals import Rival, alike, of_positions, standing
-from ident.examination.stretches import ODD, RARE, Explained, agreed, all_rows, steadily
-from ident.examination.unexplained import odd_beside
+from ident.examination.stretches import HALF, ODD, RARE, Explained, agreed, all_rows, steadily
+from ident.examination.unexplained import by_each_recording, odd_beside
 
 
 def other_zeros(asked: Asked) -> Iterator[Check]:
@@ -53,4 +55,15 @@ def _told(quick: Quick, how: Assignment, rate: float) -> list[Rival]:
         if of_several(quick.columns, plain.fit, r.explained.fit, [] if r.joint is None else [r.joint])
         and steadily(plain, r.explained, rate)
         and agreed(plain, r.explained, rate / len(each))
+        and _most_of_it(plain, r.explained)
     ]
+
+
+def _most_of_it(plain: Explained, its: Explained) -> bool:
+    """Whether the torque that speaks for it most is then nearer to what fits of each recording leave of it
+    than before: else what it explains is a part of something else. (Of a Barrett whose first link was longer
+    by 0.3 m in the file, 2.9 % for 1.6 by fits of each, a zero that leaves 2.6 was told.)"""
+    gains = its.gains_over(plain)
+    most = int(np.argmax(gains))
+    own = gains_of(plain.fit.error, by_each_recording(its.quick, its.how))
+    return bool(gains[most] > HALF * own[most])

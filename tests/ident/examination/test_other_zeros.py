@@ -1,12 +1,17 @@
 """A position from another zero that little of the torques shows, planted in measured recordings."""
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+import yaml
 from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
+from benchmarks import strangers_faults
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.other_zeros import other_zeros
+from ident.recordings.study import load_study
 
 pytestmark = ON_RECORDINGS
 
@@ -24,3 +29,16 @@ def test_of_a_measured_robot(tmp_path, robot, j, degrees, at):
 @pytest.mark.parametrize("robot", ["ur10e", "kuka_kr300", "barrett_wam_2dof", "kuka_lwr4plus", "airbot_play"])
 def test_robots_as_they_are_start_from_none(robot):
     assert not list(other_zeros(asked_of(measured(robot))))
+
+
+def test_a_zero_that_explains_a_part_of_something_else(tmp_path):
+    """Of a Barrett whose file has a link too long, and whose second torque is noise, a first zero."""
+    (base,) = (b for b in strangers_faults.BASES if b.robot == "barrett_wam_2dof")
+    log = strangers_faults.log_of(base, (0, False, True, True), np.random.default_rng(0))
+    log.robot["links"][1]["d"] += 0.3
+    for name, table in log.tables.items():
+        noise = 3 * np.std(table["tau_m2"]) * np.sin(1e9 * 0.3998384329525977 * table["t"] ** 2)
+        pq.write_table(pa.table(table | {"tau_m2": table["tau_m2"] + noise}), tmp_path / f"{name}.parquet")
+    for name, what in (("robot.yaml", log.robot), ("study.yaml", log.study)):
+        (tmp_path / name).write_text(yaml.safe_dump(what), encoding="utf-8")
+    assert not list(other_zeros(asked_of(load_study(tmp_path / "study.yaml"))))
