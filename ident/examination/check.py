@@ -138,12 +138,13 @@ def instead(words: Sequence[str]) -> str:
 def nothing_tells(words: Sequence[str], fallen: str, recording: str = "") -> Check:
     """Of so many causes, in words, none is told; fallen: what each explains."""
     whose = "of this recording contradict the other recordings', or theirs it" if recording else ""
+    file = "" if recording else ", the one that the robot file describes"
     return Check(
         "unrelated_torque",
         (),
         f"torques and motion {whose or 'contradict each other'}, and nothing tells by what: "
         f"{words[0]}{instead(words[1:])} are each an explanation, {fallen}",
-        "check that all signals are of one run and that the recordings are of one robot",
+        f"check that all signals are of one run and that the recordings are of one robot{file}",
         recording=recording,
     )
 
