@@ -52,7 +52,8 @@ def _told(quick: Quick, how: Assignment, rate: float) -> list[Rival]:
     return [
         r
         for r in each
-        if of_several(quick.columns, plain.fit, r.explained.fit, [] if r.joint is None else [r.joint])
+        if r.settled
+        and of_several(quick.columns, plain.fit, r.explained.fit, [] if r.joint is None else [r.joint])
         and steadily(plain, r.explained, rate)
         and agreed(plain, r.explained, rate / len(each))
         and _most_of_it(plain, r.explained)

@@ -27,7 +27,9 @@ from ident.examination.samples import Sample
 from ident.examination.stretches import ODD, RARE, Explained, agreed, half_of, steadily
 from ident.examination.weightless import felt, without_gravity
 
-STEPS, SMALL, MOST = 6, 1e-4, 1.2  # of Gauss-Newton, its difference, and how far it may go: rad, or of one
+STEPS, SMALL = 6, 1e-4  # of Gauss-Newton, and its difference
+ENOUGH = 1e-3  # gain of a step, below which it is the last
+LEAST, MOST = -0.9, 1.2  # how far from one a factor may go by them; a zero up to half a turn
 STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
 POWERS = {0.5: "the square", 2.0: "the root"}  # by which it is what it should be
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
@@ -48,6 +50,7 @@ class Rival:
     beside: bool = False  # asked elsewhere: here only what may be there in place of another one
     joint: int | None = None  # by its place, whose position it is
     check: str = ""  # that tells a position the same
+    settled: bool = True  # whether no other number explains more, as far as was sought
 
 
 def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Rival]:
@@ -252,19 +255,25 @@ def of_positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
             return {"offset": np.where(its, x, 0.0)}
 
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
-        x, explained = _solved(whole, fit, how, times, STARTS)
+        x, explained, settled = _solved(whole, fit, how, times, (LEAST, MOST), STARTS)
         factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
-        yield Rival(f"q{label} is {factor:.3g} times too {word}", explained, joint=j, check="angle_unit")
-        x, explained = _solved(whole, fit, how, zero)
+        words = f"q{label} is {factor:.3g} times too {word}"
+        yield Rival(words, explained, joint=j, check="angle_unit", settled=settled)
+        x, explained, settled = _solved(whole, fit, how, zero, (-np.pi, np.pi))
         words = f"q{label} starts from another zero, {-x:.2g} {unit} off"
-        yield Rival(words, explained, joint=j, check="position_zero")
+        yield Rival(words, explained, joint=j, check="position_zero", settled=settled)
 
 
 def _solved(
-    whole: Quick, fit: Fit, how: Assignment, motion: Callable[[float], Motion], starts: Sequence[float] = ()
-) -> tuple[float, Explained]:
+    whole: Quick,
+    fit: Fit,
+    how: Assignment,
+    motion: Callable[[float], Motion],
+    ends: tuple[float, float],
+    starts: Sequence[float] = (),
+) -> tuple[float, Explained, bool]:
     """The number with which the torques are explained best along such motions, by the linear steps from the
-    motion as it is, or from the best start, that explain more each."""
+    motion as it is, or from the best start, that explain more each; and whether they came to rest."""
     tried = [(x, Explained.by(whole.moved(**motion(x)), how)) for x in starts]
     x, best = max([(0.0, Explained(whole, fit, how)), *tried], key=lambda its: its[1].fit.gain_over(fit))
     for _ in range(STEPS):
@@ -281,13 +290,12 @@ def _solved(
             zr += float((weight * z * (Y - predicted)).sum())
             zW += np.einsum("nc,cnb->b", weight * z, s.W)
         step = zr / max(zz - zW @ inverse @ zW, 1e-300)
-        if not -0.9 < x + step < MOST:
+        if not ends[0] < x + step < ends[1]:
             break
         after = Explained.by(whole.moved(**motion(x + step)), how)
         gained = after.fit.gain_over(best.fit)
-        if not gained > 0:
-            break
-        x, best = x + step, after
-        if gained < 1e-3:
-            break
-    return x, best
+        if gained > 0:
+            x, best = x + step, after
+        if gained < ENOUGH:
+            return x, best, gained > -ENOUGH
+    return x, best, False

@@ -11,6 +11,8 @@ from benchmarks import strangers_faults
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.other_zeros import other_zeros
+from ident.examination.rivals import of_positions
+from ident.examination.stretches import all_rows
 from ident.recordings.study import load_study
 
 pytestmark = ON_RECORDINGS
@@ -42,3 +44,18 @@ def test_a_zero_that_explains_a_part_of_something_else(tmp_path):
     for name, what in (("robot.yaml", log.robot), ("study.yaml", log.study)):
         (tmp_path / name).write_text(yaml.safe_dump(what), encoding="utf-8")
     assert not list(other_zeros(asked_of(load_study(tmp_path / "study.yaml"))))
+
+
+def test_a_zero_of_a_radian(tmp_path):
+    """0.82 rad were told: no step went beyond 0.9."""
+    change = lambda c: {k: (x + (k == "q3"))[::5] for k, x in c.items()}  # noqa: E731
+    (told,) = other_zeros(asked_of(parted(planted(tmp_path, change, measured("franka_panda")), 6.5, 9.8)))
+    assert told.message.startswith("q3 starts from another zero, 0.98 rad off: ")
+
+
+def test_a_number_that_steps_did_not_come_to_is_none():
+    """Of 1.5 rad -0.73 were left where they ended."""
+    asked = asked_of(parted(measured("franka_panda"), 6.5, 9.8))
+    quick = all_rows(asked.quick.moved(offset=np.where(np.arange(7) == 1, 1.5, 0.0)))
+    each = [its for its in of_positions(quick, quick.fit(asked.how), asked.how) if its.joint == 1]
+    assert not next(its for its in each if its.check == "position_zero").settled
