@@ -119,27 +119,29 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     checks = worst_first([*examine_tables(known.prepared), *known.checks])
     mended = mended_study(study, checks)
     working, notes = mended or study, []
+    failed: FitFailedError | None = None
     try:
         first = base = fit_study(study, progress=_part(progress, 0.0, 0.1), known=known)
-    except FitFailedError:
+    except FitFailedError as error:
         if mended is None:
             raise
-        first = None
+        first, failed = None, error
         notes.append("as it is the study has no fit: errors before are those without its faults")
+    as_it_is = known
     if mended:
         try:
             known = examined(working)
-        except RecordingError as error:  # the line that a check proposes contradicts the recordings
+            base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
+        except (RecordingError, FitFailedError) as error:  # the line that a check proposes leads nowhere
             if first is None:
-                raise
+                raise failed or error from None
             notes.append(f"what the checks propose was not applied, as it leads to: {error}")
-            working, mended = study, None
-    if mended:
-        base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
-        if first is not None and spoilt(base, first):  # beside the effects that a study declares, or at all
-            notes.append("what the checks propose was not applied: the torques are predicted worse with it")
-            working, mended, base = study, None, first
-            known = examined(study)
+            working, mended, base, known = study, None, first, as_it_is
+    if (
+        mended and first is not None and spoilt(base, first)
+    ):  # with effects that it declares, or at all
+        notes.append("what the checks propose was not applied: the torques are predicted worse with it")
+        working, mended, base, known = study, None, first, as_it_is
     if working.drive_gains == "identify":
         try:
             working = working.with_(drive_gains=tuple(drive_gains(base)))

@@ -183,7 +183,8 @@ def _fit(known: Examined, progress: Progress) -> FitResult:
     try:
         return _fitted(known, progress)
     except FitFailedError as error:
-        causes = [check for check in worst_first(known.checks) if "columns:" in check.remedy]
+        checks = worst_first([*examine_tables(known.prepared), *known.checks])
+        causes = [check for check in checks if "columns:" in check.remedy or "gravity:" in check.remedy]
         if not causes:
             raise
         raise FitFailedError(f"{causes[0].sentence} (as it is: {error})") from None

@@ -21,6 +21,8 @@ from ident.diagnosis.outcome import BUDGET, threshold
 from ident.diagnosis.sufficiency import signals_read
 from ident.diagnosis.terms import Term
 from ident.diagnosis.weighed_again import pruned
+from ident.errors import FitFailedError
+from ident.estimation import fit
 from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import found_effects
 from ident.examination.check import Check
@@ -205,3 +207,20 @@ def test_of_two_of_a_kind_that_is_left_out_which_is_not_there(stribeck):
     steps = [step, replace(step, term=again)]
     state, left = pruned(both, steps, outcome.tau, 0.01)
     assert [s.term.key for s in left] == [t.key for t in state.terms] == [found.term.key]
+
+
+def test_a_fit_that_fails_is_told_with_what_was_found_before_it(arm, monkeypatch):
+    """Of a dual arm with gravity elsewhere, and of one with a position in degrees beside turned torques that
+    are undone, the gain of a joint was told to have no positive value, and its signs to be checked."""
+    study = arm()
+    gravity = Check("base_orientation", (), "gravity is elsewhere", "gravity: [0, 0, 9.81]")
+    monkeypatch.setattr(fit, "examine_fit", lambda prepared: (gravity,))
+
+    def fails(known, progress):
+        raise FitFailedError(f"no gain with {known.prepared.study.gravity}")
+
+    monkeypatch.setattr(fit, "_fitted", fails)
+    for what in (fit.fit_study, diagnose_study):
+        with pytest.raises(FitFailedError) as caught:
+            what(study)
+        assert str(caught.value) == f"{gravity.sentence} (as it is: no gain with None)"
