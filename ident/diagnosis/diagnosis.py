@@ -137,9 +137,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
                 raise failed or error from None
             notes.append(f"what the checks propose was not applied, as it leads to: {error}")
             working, mended, base, known = study, None, first, as_it_is
-    if (
-        mended and first is not None and spoilt(base, first)
-    ):  # with effects that it declares, or at all
+    if mended and first is not None and spoilt(base, first):  # with effects that it declares, or at all
         notes.append("what the checks propose was not applied: the torques are predicted worse with it")
         working, mended, base, known = study, None, first, as_it_is
     if working.drive_gains == "identify":
