@@ -145,11 +145,10 @@ def _kept(
 
 def _explained(quick: Quick, how: Assignment, recorded: Quick) -> tuple[Explained, Explained]:
     """What a fit takes of the recordings that it is of, and of those that judge it."""
-    fit = quick.fit(how)
-    assert fit.validate is not None and quick.validate is not None and recorded.validate is not None
-    judging, before = (_judging(its) for its in (quick, recorded))
-    held = fit.validate * quick.validate.size_beside(recorded.validate, how)
-    return Explained.less(quick, how, recorded), Explained(judging, replace(fit, error=held), how, before)
+    its = Explained.less(quick, how, recorded)
+    assert its.fit.validate is not None
+    judging, before = (_judging(each) for each in (quick, recorded))
+    return its, Explained(judging, replace(its.fit, error=its.fit.validate), how, before)
 
 
 def _judging(quick: Quick) -> Quick:

@@ -131,17 +131,6 @@ class Asked:
     def better(self, other: Fit, least: float) -> bool:
         return other.gain_over(self.fit) > least and other.holds_over(self.fit) > 0.5 * least
 
-    def of_recorded(self, moved: Quick, how: Assignment) -> Fit:
-        """A fit of other recordings, its errors shares of the torques that were recorded: a small torque with
-        a large one added has small errors whatever explains it. (Of an LWR4+ with two rows of its table
-        exchanged its second position was the sum of the first two.)"""
-        fit, before = moved.fit(how), self.quick
-        held = fit.validate
-        if held is not None and moved.validate is not None and before.validate is not None:
-            held = held * moved.validate.size_beside(before.validate, how)
-        error = fit.error * moved.identify.size_beside(before.identify, how)
-        return replace(fit, error=error, validate=held)
-
     def along(
         self,
         moved: Quick,
@@ -152,7 +141,7 @@ class Asked:
     ) -> Iterator[Hypothesis]:
         """Other positions, where they explain so much more."""
         taken = how or self.how
-        other = self.of_recorded(moved, taken)
+        other = moved.fit_beside(self.quick, taken)
         if self.better(other, least):
             yield Hypothesis(other.gain_over(self.fit), taken, told(other), moved, words)
 

@@ -157,6 +157,16 @@ class Quick:
     def fit(self, how: Assignment) -> Fit:
         return solve(self.identify, self.validate, how)
 
+    def fit_beside(self, recorded: Quick, how: Assignment) -> Fit:
+        """The same, its errors shares of the torques that were recorded: a small torque with a large one
+        added has small errors whatever explains it. (Of an LWR4+ with two rows of its table exchanged its
+        second position was the sum of the first two.)"""
+        fit = self.fit(how)
+        error, held = fit.error * self.identify.size_beside(recorded.identify, how), fit.validate
+        if held is not None and self.validate is not None and recorded.validate is not None:
+            held = held * self.validate.size_beside(recorded.validate, how)
+        return replace(fit, error=error, validate=held)
+
     def fits(self, hows: Sequence[Assignment]) -> list[Fit]:
         """One under each of these hypotheses about torques."""
         return solve_each(self.identify, self.validate, hows)

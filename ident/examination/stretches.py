@@ -44,9 +44,7 @@ class Explained:
     @classmethod
     def less(cls, quick: Quick, how: Assignment, recorded: Quick) -> Explained:
         """Recordings from whose torques something is taken."""
-        fit = quick.fit(how)
-        error = fit.error * quick.identify.size_beside(recorded.identify, how)
-        return cls(quick, replace(fit, error=error), how, recorded)
+        return cls(quick, quick.fit_beside(recorded, how), how, recorded)
 
     def predicted(self, s: Sample) -> np.ndarray:
         """(N, C) N m."""
