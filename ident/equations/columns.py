@@ -94,7 +94,7 @@ def study_columns(study: Study, model: Any, need: Need) -> Columns:
     load = {k: its for k, name in enumerate(model.parameters) if (its := _payload_kind(name, first))}
     own = [k for k in range(len(model.parameters)) if k not in load]
     _check_labels(study, tuple(model.parameters[k] for k in own))
-    dropped = _left_out(study, model.parameters, dict(model.rules))
+    dropped = left_out(study, model.parameters, dict(model.rules))
     kept = [k for k in own if k in reached and model.parameters[k] not in dropped]
     parameters = [model.parameters[k] for k in kept]
     place = {k: position for position, k in enumerate(kept)}
@@ -163,7 +163,7 @@ def _check_labels(study: Study, own: Sequence[str]) -> None:
         taken |= dict.fromkeys(names, f"that of the payload {label}")
 
 
-def _left_out(study: Study, parameters: tuple[str, ...], rules: dict[str, str]) -> set[str]:
+def left_out(study: Study, parameters: tuple[str, ...], rules: dict[str, str]) -> set[str]:
     """Parameters whose columns go. On a slide along gravity an offset stands for the rotor's inertia too
     (Offm3R = Offm3 - 9.81*Iam3), and stays while the rotor does."""
     out: set[str] = set()

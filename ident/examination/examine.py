@@ -38,6 +38,7 @@ from ident.examination.hypothesis import (
     not_recorded,
     signal_of,
 )
+from ident.examination.left_out import asked_for
 from ident.examination.limits import beyond_limits, reads_currents
 from ident.examination.magnitudes import magnitudes
 from ident.examination.motions import by_themselves, moved_positions, signed
@@ -86,8 +87,10 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     """What a quick fit shows of signs, scales, places, gravity and axes, with the terms that the study leaves
     out: a torque that misses one looks scaled, or turned. (Of a KR 300 without its viscous friction two were
     told as turned.) Raises RecordingError where no number would mean anything (positions in degrees)."""
-    if prepared.study.without and not prepared.study.effects:  # which may stand in their place
-        prepared = prepared.again(prepared.study.with_(without=()))
+    study = prepared.study
+    whole_model = not study.effects  # which may stand in the place of what is left out
+    if study.without and whole_model:
+        prepared = prepared.again(study.with_(without=()))
     columns = prepared.columns
     samples = [
         s for role in ("identify", "validate") for s in take(prepared.streams, prepared.banks, columns, role)
@@ -174,6 +177,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     beside = beside or list(foretold_badly(asked, apart)) or list(contradicting(asked))
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)
+    beside += asked_for(study, asked) if whole_model else []
     if not found and not beside and 1 < len(columns.need.joints) <= FEW:
         beside += unseen_base(prepared, asked)
     return (*_joined(found, asked.maps), *beside)
