@@ -13,7 +13,9 @@ with the scale taken from the prediction because a median's deviation is zero on
 90 % quantile over 200 samples, at most three times the 75 and five times the 60 %, so that spikes do not hide
 each other.
 Torques jump honestly (dry friction in one sample at 100 Hz reaches 0.6 of their range on the measured
-robots): there a spike must also be as large as the signal's range.
+robots): there a spike must also be as large as the signal's range, or stand alone between samples that go on
+as if it were not there. (Of a KR 300's first torque at 50 Hz spikes of 0.7 of it were let pass: 53 % were
+foretold for 17.)
 """
 
 from __future__ import annotations
@@ -196,14 +198,14 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
     wide = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
     a, b, c, d, e = (wide[k : k + len(x)] for k in range(5))
     off = np.abs(c - _median_of_five(a, b, c, d, e))
-    reach = 0.0
-    if not off.max() > (LEAST_SPIKE if position else TORQUE_RANGE * known):
-        return none
-    if not position:
-        low, high = np.percentile(x, [5, 95])  # then the whole range, of all but what may be spikes
-        low, high = np.percentile(x[off <= TORQUE_RANGE * max(high - low, known)], [0.5, 99.5])
-        reach = TORQUE_RANGE * max(high - low, known)
-    candidates = off > max(reach, LEAST_SPIKE if position else 0.0)
+    if position:
+        candidates = off > LEAST_SPIKE
+    else:  # 4.4 is the most on the measured robots
+        candidates = off > TORQUE_SPIKE * np.maximum(np.maximum(np.abs(b - a), np.abs(d - b)), np.abs(e - d))
+        if off.max() > TORQUE_RANGE * known:
+            low, high = np.percentile(x, [5, 95])  # then the whole range, of all but what may be spikes
+            low, high = np.percentile(x[off <= TORQUE_RANGE * max(high - low, known)], [0.5, 99.5])
+            candidates |= off > TORQUE_RANGE * max(high - low, known)
     if not candidates.any():
         return none
     miss = np.abs(c - (-a + 4 * b + 4 * d - e) / 6)
