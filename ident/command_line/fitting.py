@@ -104,7 +104,7 @@ def diagnose(
     print_table("error in percent", *with_names(*before_and_after(document), names))
     say_warnings([named(text, names) for text in diagnosis.result.notes])
     if any(f["equivalent"] for f in document["findings"]):
-        from ident.diagnosis.requests import robot_of
+        from ident.diagnosis.telling.requests import robot_of
 
         command = f"ident excite {shlex.quote(robot_of(diagnosis.result.study))} --from {output} -o MOTION"
         print(f"next: {command} designs the experiment that tells the explanations apart")

@@ -14,10 +14,24 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ident.cores import one_blas_thread
-from ident.diagnosis.approximated import moved
-from ident.diagnosis.beyond_noise import beyond_noise
-from ident.diagnosis.candidates import Library
-from ident.diagnosis.findings import (
+from ident.diagnosis.extended.approximated import moved
+from ident.diagnosis.extended.last_fit import (
+    compared_exactly,
+    extended,
+    first_extended,
+    replaced,
+    spoilt,
+    turning_over,
+)
+from ident.diagnosis.extended.remaining import remaining
+from ident.diagnosis.extended.sized_by_judged import sized_by_judged
+from ident.diagnosis.loop import trace
+from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import Outcome
+from ident.diagnosis.rows.room import thrifty
+from ident.diagnosis.search.candidates import Library
+from ident.diagnosis.telling.beyond_noise import beyond_noise
+from ident.diagnosis.telling.findings import (
     PARTLY,
     Finding,
     Hint,
@@ -32,22 +46,8 @@ from ident.diagnosis.findings import (
     told_once,
     unexplained_of,
 )
-from ident.diagnosis.floor import noise_floor, white_noise
-from ident.diagnosis.last_fit import (
-    compared_exactly,
-    extended,
-    first_extended,
-    replaced,
-    spoilt,
-    turning_over,
-)
-from ident.diagnosis.loop import trace
-from ident.diagnosis.opening import opened
-from ident.diagnosis.outcome import Outcome
-from ident.diagnosis.remaining import remaining
-from ident.diagnosis.room import thrifty
-from ident.diagnosis.sized_by_judged import sized_by_judged
-from ident.diagnosis.visible import Visible, smallest_visible
+from ident.diagnosis.telling.floor import noise_floor, white_noise
+from ident.diagnosis.telling.visible import Visible, smallest_visible
 from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
 from ident.examination.check import Check

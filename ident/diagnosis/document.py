@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from ident.diagnosis.diagnosis import Diagnosis
-from ident.diagnosis.findings import Alternative, Finding, Hint, Unexplained
 from ident.diagnosis.outcome import Step
-from ident.diagnosis.requests import own_effects_of, robot_of, separable, separating_command
+from ident.diagnosis.telling.findings import Alternative, Finding, Hint, Unexplained
+from ident.diagnosis.telling.requests import own_effects_of, robot_of, separable, separating_command
 from ident.report.joints import joints_of
 from ident.report.numbers import finite
 

@@ -8,14 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.block_by_block import block_gains
-from ident.diagnosis.evidence import Evidence, Metric, agree, weigh
-from ident.diagnosis.nameless import Flexible
-from ident.diagnosis.nameless_beside import Functions, beside_nameless, leaned_on
-from ident.diagnosis.outcome import Step, Unnamed
-from ident.diagnosis.parameters_apart import Changes, beside_changes
-from ident.diagnosis.state import Found, State, settled, solved, without
-from ident.diagnosis.sufficiency import (
+from ident.diagnosis.evidence.block_by_block import block_gains
+from ident.diagnosis.evidence.evidence import Evidence, Metric, agree, weigh
+from ident.diagnosis.evidence.nameless import Flexible
+from ident.diagnosis.evidence.nameless_beside import Functions, beside_nameless, leaned_on
+from ident.diagnosis.evidence.state import Found, State, settled, solved, without
+from ident.diagnosis.evidence.sufficiency import (
     as_much,
     ask,
     explained_share,
@@ -23,10 +21,12 @@ from ident.diagnosis.sufficiency import (
     move_alike,
     signals_read,
 )
-from ident.diagnosis.terms import Term
-from ident.diagnosis.turning_rows import apart_from_turns
+from ident.diagnosis.evidence.turning_rows import apart_from_turns
+from ident.diagnosis.outcome import Step, Unnamed
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.parameters_apart import Changes, beside_changes
+from ident.diagnosis.search.weighing import Equivalent
 from ident.diagnosis.weighed_again import asked_for
-from ident.diagnosis.weighing import Equivalent
 
 LEAST = 0.25  # share of a channel's whitened residual that is worth saying where it does not carry over
 GROUPS = 60  # functions that are asked of a channel: the search that their own evidence has to pay for

@@ -13,17 +13,30 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.candidates import Library, Ranked, Ranking, beside, elsewhere, ranked, short_list
-from ident.diagnosis.events import Event, best_event, chosen, others_of
-from ident.diagnosis.evidence import Evidence, side_by_side, weigh, whole
-from ident.diagnosis.halves import by_halves
-from ident.diagnosis.in_common import by_common
-from ident.diagnosis.left_out import left_out
+from ident.diagnosis.evidence.evidence import Evidence, side_by_side, weigh, whole
+from ident.diagnosis.evidence.refine import Refined, fit_sizes
+from ident.diagnosis.evidence.state import Found, State, solved, with_found
+from ident.diagnosis.evidence.sufficiency import (
+    Short,
+    as_much,
+    explained_share,
+    margin,
+    move_alike,
+    short_of,
+    short_of_fitted,
+    signals_read,
+)
 from ident.diagnosis.left_over import leftovers
-from ident.diagnosis.loads_in_turn import in_turn
+from ident.diagnosis.loads.events import Event, best_event, chosen, others_of
+from ident.diagnosis.loads.loads_in_turn import in_turn
+from ident.diagnosis.loads.still_a_load import still_holds
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
-from ident.diagnosis.refine import Refined, fit_sizes
-from ident.diagnosis.settling import (
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library, Ranked, Ranking, beside, elsewhere, ranked, short_list
+from ident.diagnosis.search.halves import by_halves
+from ident.diagnosis.search.in_common import by_common
+from ident.diagnosis.search.left_out import left_out
+from ident.diagnosis.search.settling import (
     Settled,
     as_late,
     in_time,
@@ -35,21 +48,7 @@ from ident.diagnosis.settling import (
     settled_anew,
     settled_in,
 )
-from ident.diagnosis.state import Found, State, solved, with_found
-from ident.diagnosis.still_a_load import still_holds
-from ident.diagnosis.sufficiency import (
-    Short,
-    as_much,
-    explained_share,
-    margin,
-    move_alike,
-    short_of,
-    short_of_fitted,
-    signals_read,
-)
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighed_again import pruned, reconsidered
-from ident.diagnosis.weighing import (
+from ident.diagnosis.search.weighing import (
     Equivalent,
     Weighed,
     compared,
@@ -60,6 +59,7 @@ from ident.diagnosis.weighing import (
     rivals_of,
     simplest,
 )
+from ident.diagnosis.weighed_again import pruned, reconsidered
 from ident.progress import Progress, silent
 from modelgen.effects.place import Place
 

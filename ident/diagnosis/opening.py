@@ -14,14 +14,14 @@ from functools import partial
 
 import numpy as np
 
+from ident.diagnosis.evidence.presliding import shortest_travels, told_as_effects
+from ident.diagnosis.evidence.state import Found, Problem, State, first_state, settled
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.presliding import shortest_travels, told_as_effects
-from ident.diagnosis.room import Room, room_for
-from ident.diagnosis.rows import Rows, rows_of
-from ident.diagnosis.state import Found, Problem, State, first_state, settled
-from ident.diagnosis.stretches import cut_out, cuts
-from ident.diagnosis.terms import Term
-from ident.diagnosis.turn_over import Dry
+from ident.diagnosis.rows.room import Room, room_for
+from ident.diagnosis.rows.rows import Rows, rows_of
+from ident.diagnosis.rows.stretches import cut_out, cuts
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.rows.turn_over import Dry
 from ident.equations.build import build
 from ident.equations.fine import Cut, FineKeeper, FineSegment, bytes_of
 from ident.equations.observation import RecordingSystem, stack

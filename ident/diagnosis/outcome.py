@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import Evidence
-from ident.diagnosis.state import State
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Equivalent
+from ident.diagnosis.evidence.evidence import Evidence
+from ident.diagnosis.evidence.state import State
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.weighing import Equivalent
 
 BUDGET = 40  # hypotheses that are held against the judged rows; the rate is shared among them
 

@@ -6,20 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.candidates import SHARE, Library, Ranked, ranked
-from ident.diagnosis.events import Event, best_event, others_of, what
-from ident.diagnosis.evidence import Evidence
-from ident.diagnosis.given import given_fitted
-from ident.diagnosis.in_common import shown_by_fitted
+from ident.diagnosis.evidence.evidence import Evidence
+from ident.diagnosis.evidence.given import given_fitted
+from ident.diagnosis.evidence.refine import Refined
+from ident.diagnosis.evidence.state import Found, State, solved, with_found, without
+from ident.diagnosis.evidence.sufficiency import short_of
+from ident.diagnosis.loads.events import Event, best_event, others_of, what
+from ident.diagnosis.loads.still_a_load import still_holds
 from ident.diagnosis.outcome import Outcome, Step
-from ident.diagnosis.parameters_apart import spoken
-from ident.diagnosis.refine import Refined
-from ident.diagnosis.settling import place_of, refined_together
-from ident.diagnosis.state import Found, State, solved, with_found, without
-from ident.diagnosis.still_a_load import still_holds
-from ident.diagnosis.sufficiency import short_of
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Weighed, compared, main_channel, rivals_of, simplest
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import SHARE, Library, Ranked, ranked
+from ident.diagnosis.search.in_common import shown_by_fitted
+from ident.diagnosis.search.parameters_apart import spoken
+from ident.diagnosis.search.settling import place_of, refined_together
+from ident.diagnosis.search.weighing import Weighed, compared, main_channel, rivals_of, simplest
 
 FEW = 3  # of each metric
 

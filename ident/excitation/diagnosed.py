@@ -15,8 +15,8 @@ from typing import Any
 
 import yaml
 
-from ident.diagnosis.deciding import SoFar
-from ident.diagnosis.requests import request_of, separable
+from ident.diagnosis.telling.deciding import SoFar
+from ident.diagnosis.telling.requests import request_of, separable
 from ident.excitation.limits import ExcitationError
 from ident.excitation.so_far import so_far
 

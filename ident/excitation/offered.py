@@ -16,8 +16,8 @@ import numpy as np
 import generated
 from ident.cores import one_blas_thread
 from ident.diagnosis.diagnosis import Diagnosis
-from ident.diagnosis.findings import Finding
-from ident.diagnosis.requests import request_of, robot_of, separable
+from ident.diagnosis.telling.findings import Finding
+from ident.diagnosis.telling.requests import request_of, robot_of, separable
 from ident.errors import IdentError
 from ident.excitation.known import Known, as_motion, standard_of
 from ident.excitation.limits import bounds_of

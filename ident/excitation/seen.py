@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.deciding import SoFar
-from ident.diagnosis.evidence import BLOCK_S, weigh
-from ident.diagnosis.leading import leading_metric
-from ident.diagnosis.refine import Refined
-from ident.diagnosis.settling import place_of
-from ident.diagnosis.state import State
-from ident.diagnosis.terms import Term as Hypothesis
+from ident.diagnosis.evidence.evidence import BLOCK_S, weigh
+from ident.diagnosis.evidence.leading import leading_metric
+from ident.diagnosis.evidence.refine import Refined
+from ident.diagnosis.evidence.state import State
+from ident.diagnosis.rows.terms import Term as Hypothesis
+from ident.diagnosis.search.settling import place_of
+from ident.diagnosis.telling.deciding import SoFar
 from ident.equations.terms import Term
 from ident.excitation.known import ROWS_HZ, Known
 from ident.excitation.separate import Imitation, Projector, imitation

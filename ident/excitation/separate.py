@@ -21,7 +21,7 @@ import numpy as np
 import scipy.optimize
 import scipy.signal
 
-from ident.diagnosis.deciding import SoFar, seconds_either_way, seconds_needed
+from ident.diagnosis.telling.deciding import SoFar, seconds_either_way, seconds_needed
 from ident.equations.terms import Term, plain, torque_of
 from ident.excitation.information import Rows
 from ident.excitation.known import ROWS_HZ, Known, as_motion

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from ident.diagnosis.deciding import NOTHING, SoFar
+from ident.diagnosis.telling.deciding import NOTHING, SoFar
 
 Before = Callable[[str, str], SoFar]  # of the labels of two suspects
 

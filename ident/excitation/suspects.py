@@ -13,7 +13,7 @@ from itertools import combinations
 
 import numpy as np
 
-from ident.diagnosis.deciding import NOTHING, PATIENCE, SoFar
+from ident.diagnosis.telling.deciding import NOTHING, PATIENCE, SoFar
 from ident.equations.terms import Term
 from ident.excitation.known import ROWS_HZ, Known, sized, term_of
 from ident.excitation.limits import Bounds, ExcitationError

@@ -6,8 +6,8 @@ from typing import Any
 
 from ident.diagnosis import Diagnosis
 from ident.diagnosis.document import diagnosis_document
-from ident.diagnosis.pictures import Picture
-from ident.diagnosis.requests import column_request
+from ident.diagnosis.telling.pictures import Picture
+from ident.diagnosis.telling.requests import column_request
 from ident.report.diagnosis_report import View, diagnosis_page
 from ident.report.fit_result import channel_unit
 from ident.report.joints import names_of, page_with_names

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ident.diagnosis.deciding import PATIENCE
+from ident.diagnosis.telling.deciding import PATIENCE
 from ident.report.wording import joined, number, percent, with_deviation, worse_elsewhere
 
 PLACED = ("source_joint", "recording", "from", "to", "link")  # said as a place, not as a value

@@ -8,8 +8,8 @@ from recordings import motion, write_parquet, write_study
 from small_arm import ARM
 
 import generated
+from ident.diagnosis.evidence.state import State
 from ident.diagnosis.opening import opened
-from ident.diagnosis.state import State
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 

@@ -10,10 +10,10 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "support"))
 
 from small_arm import ARM
 
-from ident.diagnosis.evidence import metric, stacked
+from ident.diagnosis.evidence.evidence import metric, stacked
 from ident.diagnosis.opening import opened
-from ident.diagnosis.rows import Rows
-from ident.diagnosis.whitened import Whitener
+from ident.diagnosis.rows.rows import Rows
+from ident.diagnosis.rows.whitened import Whitener
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

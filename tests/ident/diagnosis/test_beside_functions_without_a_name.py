@@ -10,10 +10,10 @@ from planted import thinned
 
 import ident
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
-from ident.diagnosis.evidence import weigh
-from ident.diagnosis.nameless import Flexible, _ridge
-from ident.diagnosis.nameless_beside import beside_nameless
-from ident.diagnosis.state import Found
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.nameless import Flexible, _ridge
+from ident.diagnosis.evidence.nameless_beside import beside_nameless
+from ident.diagnosis.evidence.state import Found
 
 TAU = 8.3
 M = 1200

@@ -14,16 +14,16 @@ from small_arm import ARM
 
 import ident
 from benchmarks.planted_faults import DATA
-from ident.diagnosis.between_runs import between_runs, says_between
 from ident.diagnosis.diagnosis import diagnose_study, without_explained
-from ident.diagnosis.events import best_event
-from ident.diagnosis.evidence import acting, weigh
+from ident.diagnosis.evidence.evidence import acting, weigh
+from ident.diagnosis.evidence.state import settled
+from ident.diagnosis.loads.between_runs import between_runs, says_between
+from ident.diagnosis.loads.events import best_event
+from ident.diagnosis.loads.own_of_a_run import drives_of, one_number, own_columns, zero_columns
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.own_of_a_run import drives_of, one_number, own_columns, zero_columns
-from ident.diagnosis.parameters_apart import closer
-from ident.diagnosis.state import settled
-from ident.diagnosis.terms import Term
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.parameters_apart import closer
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

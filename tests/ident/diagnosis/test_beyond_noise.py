@@ -4,9 +4,9 @@ import numpy as np
 from dry_arm import back_again, opened_dry_arm
 from recordings import motion
 
-from ident.diagnosis.beyond_noise import FAR_OFF, _given
 from ident.diagnosis.diagnosis import diagnose_study
-from ident.diagnosis.turning_rows import keeping_direction
+from ident.diagnosis.evidence.turning_rows import keeping_direction
+from ident.diagnosis.telling.beyond_noise import FAR_OFF, _given
 from ident.recordings.study import load_study
 
 

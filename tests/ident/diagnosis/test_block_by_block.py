@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.block_by_block import block_gains
-from ident.diagnosis.evidence import agree
-from ident.diagnosis.state import solved
-from ident.diagnosis.sufficiency import ask
-from ident.diagnosis.unknown_turns import unknown_turns
+from ident.diagnosis.evidence.block_by_block import block_gains
+from ident.diagnosis.evidence.evidence import agree
+from ident.diagnosis.evidence.state import solved
+from ident.diagnosis.evidence.sufficiency import ask
+from ident.diagnosis.rows.unknown_turns import unknown_turns
 
 TAU = 8.3
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ident.diagnosis.terms import Scene
+from ident.diagnosis.rows.terms import Scene
 from ident.equations.fine import FINE_HZ, SIGNALS, FineSegment, _strided, _taps, stride_of
 from ident.signals.decimation import decimate, kept_every, means_about
 from ident.signals.filtering import LowPass

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from ident.diagnosis.floor import white_noise_power
+from ident.diagnosis.telling.floor import white_noise_power
 from ident.equations.comparison import Curves
 from ident.signals.filtering import LowPass
 

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from small_arm import ARM
 
-from ident.diagnosis.evidence import weigh
-from ident.diagnosis.leading import leading_metric
-from ident.diagnosis.nameless import Flexible, _ridge, flexible, imitation, wave_peaks
-from ident.diagnosis.opening import opened
-from ident.diagnosis.outcome import threshold
-from ident.diagnosis.refine import refine
-from ident.diagnosis.sufficiency import (
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.leading import leading_metric
+from ident.diagnosis.evidence.nameless import Flexible, _ridge, flexible, imitation, wave_peaks
+from ident.diagnosis.evidence.refine import refine
+from ident.diagnosis.evidence.sufficiency import (
     ask,
     explained_share,
     heard,
@@ -23,7 +21,9 @@ from ident.diagnosis.sufficiency import (
     sufficiency,
     sufficient,
 )
-from ident.diagnosis.terms import Term
+from ident.diagnosis.opening import opened
+from ident.diagnosis.outcome import threshold
+from ident.diagnosis.rows.terms import Term
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

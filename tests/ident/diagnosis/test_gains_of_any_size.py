@@ -9,13 +9,13 @@ import pytest
 
 import ident
 from benchmarks.planted_faults import DATA
-from ident.diagnosis.evidence import weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.refine import Refined, refine
+from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.opening import opened
-from ident.diagnosis.parameters_apart import beside_changes
-from ident.diagnosis.refine import Refined, refine
-from ident.diagnosis.state import Found
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import Weighed, could_stand
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.parameters_apart import beside_changes
+from ident.diagnosis.search.weighing import Weighed, could_stand
 from ident.estimation.fit import examined
 from modelgen.effects import catalogue, effect
 from modelgen.effects.place import Place

@@ -8,8 +8,8 @@ import pytest
 import scipy.stats
 
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.evidence import over, weigh
-from ident.diagnosis.given import given_fitted
+from ident.diagnosis.evidence.evidence import over, weigh
+from ident.diagnosis.evidence.given import given_fitted
 from ident.recordings.study import load_study
 
 M = 480

@@ -8,8 +8,8 @@ import pytest
 from planted import ON_RECORDINGS, measured
 
 import ident
-from ident.diagnosis import last_fit
-from ident.diagnosis.last_fit import _vague, first_extended
+from ident.diagnosis.extended import last_fit
+from ident.diagnosis.extended.last_fit import _vague, first_extended
 from ident.equations.observation import ChannelFactor, stack
 from ident.estimation.least_squares import weighted_least_squares
 from ident.report.diagnosis_words import unexplained_sentence

@@ -8,15 +8,15 @@ from planted import thinned, with_fault
 
 import ident
 from benchmarks.planted_faults import BASES, DATA, LATE_S, Fault, planted
-from ident.diagnosis.candidates import Library, ranked, short_list
+from ident.diagnosis.evidence.state import Found, recolumned, with_found
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.recorded import recorders
-from ident.diagnosis.settling import as_late, in_time, refined_together
-from ident.diagnosis.state import Found, recolumned, with_found
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import compared
+from ident.diagnosis.rows.recorded import recorders
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library, ranked, short_list
+from ident.diagnosis.search.settling import as_late, in_time, refined_together
+from ident.diagnosis.search.weighing import compared
 from ident.equations.prepared import prepare_study
 from ident.estimation.fit import fit_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from ident.diagnosis.evidence.nameless import Flexible
 from ident.diagnosis.left_over import _is_a_law
-from ident.diagnosis.nameless import Flexible
 from ident.diagnosis.outcome import Unnamed
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place

@@ -8,13 +8,13 @@ from planted import DATA, ON_RECORDINGS
 from small_arm import ARM
 
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.candidates import Library, Ranked
-from ident.diagnosis.left_out import left_out
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.settling import settled_in
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import compared
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library, Ranked
+from ident.diagnosis.search.left_out import left_out
+from ident.diagnosis.search.settling import settled_in
+from ident.diagnosis.search.weighing import compared
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study, study_from
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

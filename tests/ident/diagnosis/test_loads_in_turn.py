@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.events import edged
-from ident.diagnosis.evidence import whole
-from ident.diagnosis.loads_in_turn import in_turn
+from ident.diagnosis.evidence.evidence import whole
+from ident.diagnosis.evidence.refine import Refined, fit_sizes
+from ident.diagnosis.evidence.state import Found, solved
+from ident.diagnosis.loads.events import edged
+from ident.diagnosis.loads.loads_in_turn import in_turn
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Step, threshold
-from ident.diagnosis.refine import Refined, fit_sizes
-from ident.diagnosis.settling import refined_together
-from ident.diagnosis.state import Found, solved
-from ident.diagnosis.terms import Term
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.settling import refined_together
 from ident.equations.prepared import prepare_study
 from modelgen.effects import effect
 from modelgen.effects.place import Place

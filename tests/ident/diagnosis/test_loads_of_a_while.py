@@ -11,19 +11,19 @@ from planted import planted as with_change
 import ident
 from benchmarks.planted_faults import BASES, DATA, Fault, carried, planted
 from ident.diagnosis import loop
-from ident.diagnosis.candidates import Library, ranked, short_list
 from ident.diagnosis.diagnosis import diagnose_study
-from ident.diagnosis.events import Event, _gains, best_event
-from ident.diagnosis.evidence import acting, whole
-from ident.diagnosis.is_a_load import crossed, stands_apart
-from ident.diagnosis.leading import outside_metric
+from ident.diagnosis.evidence.evidence import acting, whole
+from ident.diagnosis.evidence.leading import outside_metric
+from ident.diagnosis.evidence.refine import Refined, fit_sizes, refine
+from ident.diagnosis.evidence.state import Found, settled, with_found
+from ident.diagnosis.loads.events import Event, _gains, best_event
+from ident.diagnosis.loads.is_a_load import crossed, stands_apart
+from ident.diagnosis.loads.own_of_a_run import zero_columns
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.own_of_a_run import zero_columns
-from ident.diagnosis.refine import Refined, fit_sizes, refine
-from ident.diagnosis.state import Found, settled, with_found
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import compared
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library, ranked, short_list
+from ident.diagnosis.search.weighing import compared
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

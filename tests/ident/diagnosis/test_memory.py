@@ -4,9 +4,9 @@ import gc
 import weakref
 from dataclasses import replace
 
-from ident.diagnosis.refine import refine
-from ident.diagnosis.state import Found, solved
-from ident.diagnosis.terms import Term
+from ident.diagnosis.evidence.refine import refine
+from ident.diagnosis.evidence.state import Found, solved
+from ident.diagnosis.rows.terms import Term
 from modelgen.effects import effect
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ident.diagnosis.oscillating import block, most_likely, oscillation_says
+from ident.diagnosis.telling.oscillating import block, most_likely, oscillation_says
 from ident.signals.low_pass import LowPass, zero_phase
 
 HOP, ROWS = 0.04, 200

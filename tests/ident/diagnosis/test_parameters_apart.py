@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.evidence import Metric, weigh
-from ident.diagnosis.parameters_apart import _distances, beside_changes
-from ident.diagnosis.rows import Rows
-from ident.diagnosis.state import Found
+from ident.diagnosis.evidence.evidence import Metric, weigh
+from ident.diagnosis.evidence.state import Found
+from ident.diagnosis.rows.rows import Rows
+from ident.diagnosis.search.parameters_apart import _distances, beside_changes
 from ident.report.diagnosis_words import unexplained_sentence
 
 TAU, M, WAVES = 8.3, 2400, 30

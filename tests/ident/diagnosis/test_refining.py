@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from ident.diagnosis.evidence.refine import fit_sizes, refine
 from ident.diagnosis.opening import opened
-from ident.diagnosis.refine import fit_sizes, refine
-from ident.diagnosis.terms import Term
+from ident.diagnosis.rows.terms import Term
 from ident.equations.prepared import prepare_study
 from modelgen.effects import catalogue
 

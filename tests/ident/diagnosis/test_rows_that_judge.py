@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from ident.diagnosis.rows import rows_of
+from ident.diagnosis.rows.rows import rows_of
 from ident.equations.observation import DecimatedSegment, RecordingSystem
 
 

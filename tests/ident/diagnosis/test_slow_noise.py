@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.signal
 
-from ident.diagnosis.slow_noise import SlowNoise
+from ident.diagnosis.rows.slow_noise import SlowNoise
 
 HOP, SECONDS = 0.05, 30.0
 T = np.arange(0, SECONDS, HOP)

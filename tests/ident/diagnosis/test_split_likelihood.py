@@ -7,9 +7,17 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from ident.diagnosis.evidence import block_sums, enough, orthonormal, rarely, side_by_side, weigh, weights
-from ident.diagnosis.refine import Refined
-from ident.diagnosis.weighing import Weighed, nearly
+from ident.diagnosis.evidence.evidence import (
+    block_sums,
+    enough,
+    orthonormal,
+    rarely,
+    side_by_side,
+    weigh,
+    weights,
+)
+from ident.diagnosis.evidence.refine import Refined
+from ident.diagnosis.search.weighing import Weighed, nearly
 
 M = 480
 

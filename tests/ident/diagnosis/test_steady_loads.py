@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence import acting, weigh
-from ident.diagnosis.is_a_load import by_what_it_needs, cross_evidence, halves_of
+from ident.diagnosis.evidence.evidence import acting, weigh
+from ident.diagnosis.evidence.refine import refine
+from ident.diagnosis.evidence.sufficiency import short_of
+from ident.diagnosis.loads.is_a_load import by_what_it_needs, cross_evidence, halves_of
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.refine import refine
-from ident.diagnosis.sufficiency import short_of
-from ident.diagnosis.terms import Term
-from ident.diagnosis.weighing import main_channel
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.weighing import main_channel
 from ident.equations.prepared import prepare_study
 from modelgen.effects import effect
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ident.diagnosis.stretches import EDGE, cut_out, cuts
+from ident.diagnosis.rows.stretches import EDGE, cut_out, cuts
 from ident.equations.observation import DecimatedSegment, RecordingSystem
 
 HOP = 0.04
@@ -69,7 +69,7 @@ def test_rows_at_a_cut_do_not_count():
 
 
 def test_less_room_is_fewer_rows_or_refused(monkeypatch):
-    from ident.diagnosis import room
+    from ident.diagnosis.rows import room
 
     def free(amount):
         monkeypatch.setattr(room, "_free", lambda: amount)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from dry_arm import one_way, opened_dry_arm
 
-from ident.diagnosis.signs import SignColumns, sign_columns
-from ident.diagnosis.state import turned as turned_over
-from ident.diagnosis.turn_over import SHORTEST, _summit, grids, ways
+from ident.diagnosis.evidence.state import turned as turned_over
+from ident.diagnosis.rows.signs import SignColumns, sign_columns
+from ident.diagnosis.rows.turn_over import SHORTEST, _summit, grids, ways
 from ident.signals.dry_friction import TurnOver, mean_sign
 
 RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns over

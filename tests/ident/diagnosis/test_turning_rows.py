@@ -6,13 +6,13 @@ from dry_arm import opened_dry_arm
 
 import ident
 from benchmarks.false_findings import make
-from ident.diagnosis.evidence import weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.presliding import _by_rate_alone
+from ident.diagnosis.evidence.refine import refine
+from ident.diagnosis.evidence.turning_rows import without_turning
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.presliding import _by_rate_alone
-from ident.diagnosis.refine import refine
-from ident.diagnosis.terms import Term
-from ident.diagnosis.turning_rows import without_turning
-from ident.diagnosis.weighing import shifts_all
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.weighing import shifts_all
 from modelgen.effects import effect
 from modelgen.effects.place import Place
 

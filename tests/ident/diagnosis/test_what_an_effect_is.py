@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 from small_arm import ARM
 
-from ident.diagnosis.candidates import Library, Ranked, _contained, ranked, short_list
-from ident.diagnosis.evidence import stacked, weigh
-from ident.diagnosis.last_fit import _ended, _study_term
+from ident.diagnosis.evidence.evidence import stacked, weigh
+from ident.diagnosis.evidence.refine import Refined
+from ident.diagnosis.evidence.state import Found, with_found
+from ident.diagnosis.evidence.turning_rows import turning_alone
+from ident.diagnosis.extended.last_fit import _ended, _study_term
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.refine import Refined
-from ident.diagnosis.state import Found, with_found
-from ident.diagnosis.terms import Term
-from ident.diagnosis.turning_rows import turning_alone
-from ident.diagnosis.weighing import (
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library, Ranked, _contained, ranked, short_list
+from ident.diagnosis.search.weighing import (
     Weighed,
     compared,
     is_itself,

@@ -8,11 +8,11 @@ import pytest
 
 from benchmarks.closing_twice import ARM
 from ident.diagnosis.diagnosis import diagnose_study
+from ident.diagnosis.evidence.refine import refine
+from ident.diagnosis.evidence.state import Found, turned, with_found
 from ident.diagnosis.opening import opened
-from ident.diagnosis.refine import refine
-from ident.diagnosis.state import Found, turned, with_found
-from ident.diagnosis.steps import multiplies_sign, steps
-from ident.diagnosis.terms import Term
+from ident.diagnosis.rows.steps import multiplies_sign, steps
+from ident.diagnosis.rows.terms import Term
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

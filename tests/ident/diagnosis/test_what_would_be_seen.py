@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.absorbed import Dryness, dryness, products
-from ident.diagnosis.candidates import Library
-from ident.diagnosis.evidence import metric, stacked, weigh
-from ident.diagnosis.given import given_fitted
+from ident.diagnosis.evidence.absorbed import Dryness, dryness, products
+from ident.diagnosis.evidence.evidence import metric, stacked, weigh
+from ident.diagnosis.evidence.given import given_fitted
+from ident.diagnosis.evidence.state import solved, turned
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.state import solved, turned
-from ident.diagnosis.terms import Term
-from ident.diagnosis.visible import POWER, _root, seen_from, smallest_visible
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library
+from ident.diagnosis.telling.visible import POWER, _root, seen_from, smallest_visible
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place
 

@@ -6,7 +6,7 @@ import scipy.linalg
 from statsmodels.tsa.arima_process import ArmaProcess
 from statsmodels.tsa.stattools import acf
 
-from ident.diagnosis.whitened import _vecchia, burg, whitener
+from ident.diagnosis.rows.whitened import _vecchia, burg, whitener
 
 COEFFICIENTS = np.array([1.2, -0.5])  # x_t = 1.2 x_(t-1) - 0.5 x_(t-2) + e_t
 

@@ -7,7 +7,11 @@ import numpy as np
 import pytest
 
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.candidates import (
+from ident.diagnosis.document import diagnosis_document
+from ident.diagnosis.evidence.sufficiency import signals_read
+from ident.diagnosis.outcome import BUDGET, threshold
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import (
     Library,
     Ranked,
     elsewhere,
@@ -15,11 +19,7 @@ from ident.diagnosis.candidates import (
     ranked,
     short_list,
 )
-from ident.diagnosis.document import diagnosis_document
-from ident.diagnosis.findings import ESTABLISHED, Finding, in_doubt, told_once
-from ident.diagnosis.outcome import BUDGET, threshold
-from ident.diagnosis.sufficiency import signals_read
-from ident.diagnosis.terms import Term
+from ident.diagnosis.telling.findings import ESTABLISHED, Finding, in_doubt, told_once
 from ident.diagnosis.weighed_again import pruned
 from ident.errors import FitFailedError
 from ident.estimation import fit
@@ -179,7 +179,7 @@ def test_linear_gains_are_half_the_fall(clean_arm):
     columns = [{0: rng.normal(size=(len(state.rows.t), 1))} for _ in range(3)]
     term = Term(catalogue()["offset"], Place(0, None, "motor"))
     gains = linear_gains(state.metric, columns, [(term, None)] * 3)
-    from ident.diagnosis.refine import fit_sizes
+    from ident.diagnosis.evidence.refine import fit_sizes
 
     for made, gain in zip(columns, gains):
         assert gain == pytest.approx(fit_sizes(state.metric, made)[1], rel=1e-6)

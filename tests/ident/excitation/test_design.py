@@ -9,10 +9,10 @@ import scipy.stats
 import sympy as sp
 
 from benchmarks.closing_twice import ARM
-from ident.diagnosis.deciding import seconds_needed
-from ident.diagnosis.evidence import enough
+from ident.diagnosis.evidence.evidence import enough
 from ident.diagnosis.outcome import threshold
-from ident.diagnosis.requests import request_of, separating_command
+from ident.diagnosis.telling.deciding import seconds_needed
+from ident.diagnosis.telling.requests import request_of, separating_command
 from ident.equations.terms import Term
 from ident.excitation.diagnosed import split_requests
 from ident.excitation.information import CRITERIA, Rows, criteria

@@ -8,7 +8,7 @@ from recordings import recording, write_parquet, write_study
 
 import ident
 from ident.diagnosis.document import _hint, _unexplained
-from ident.diagnosis.findings import Alternative, Hint, Unexplained
+from ident.diagnosis.telling.findings import Alternative, Hint, Unexplained
 
 ROOT = Path(__file__).parents[3]
 

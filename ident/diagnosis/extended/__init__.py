@@ -1,0 +1,1 @@
+"""The study with what was found in it, fitted whole."""

@@ -1,0 +1,1 @@
+"""Loads that come and go, and what else they could be."""

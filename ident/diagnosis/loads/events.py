@@ -1,0 +1,397 @@
+"""Loads that come and go: an undeclared body on a run or from a moment on, a contact for a while.
+
+Windows are searched in steps: products of a unit load with the model, itself and the residual, summed over
+short blocks once, give the gain of any window as small dense algebra; window lengths grow by a constant
+ratio and their starts by a quarter of the length, so their number grows as the recording's. The best one's
+edges are then moved. Every window tried counts in the limit; what is a load then is_a_load.py says."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ident.diagnosis.evidence.evidence import Evidence, Metric, acting, said, whole
+from ident.diagnosis.evidence.leading import outside_metric, quiet
+from ident.diagnosis.evidence.refine import Refined, fit_sizes, refine
+from ident.diagnosis.evidence.state import Found, State, solved
+from ident.diagnosis.loads.between_runs import between_runs, comparable, one_number_between, says_between
+from ident.diagnosis.loads.is_a_load import (
+    SHORTEST_S,
+    as_one_number,
+    away_from_turns,
+    by_what_it_needs,
+    can_be,
+    cross_evidence,
+    crosswise,
+    halves_of,
+    is_load,
+    stands_apart,
+)
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.parameters_apart import times_noise
+from ident.diagnosis.search.weighing import Equivalent
+from modelgen.effects.effect import Effect
+from modelgen.effects.place import Layout, Place
+
+STEP_S = 0.5  # s: edges of the search
+RATIO = 1.5  # of window lengths
+TRIED = 8  # loads that are judged
+EDGE = 2.0  # rows by which an edge is moved at first
+MARGIN_S = 1.0  # s from the ends, where a window would take up static friction
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A placed load with its window, judged by alternating blocks."""
+
+    refined: Refined
+    evidence: Evidence
+    gain: float  # nats on all rows, in the noise of the model without it
+    rivals: tuple[Event, ...] = ()  # on other links, or of another kind: not to be told apart
+
+
+def best_event(
+    state: State, effects: Sequence[Effect], layout: Layout, tau: float, alpha: float
+) -> Event | None:
+    """The load that explains most of any recording, if its blocks predict each other; alone, or beside
+    another that holds beside it."""
+    search = _search(state, effects, layout, tau)
+    if search is None:
+        return None
+    held = [event for r in search.asked if (event := _held(state, r, search.limit, tau, alpha)) is not None]
+    if held:
+        best = _simplest(state, search.m, held, search.asked, tau)
+        return replace(best, refined=edged(search.m, state, best.refined))
+    return _beside_another(state, search, effects, layout, tau, alpha)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """The loads to judge, sized in a metric, and what they have to say."""
+
+    m: Metric
+    asked: tuple[Refined, ...]
+    limit: float
+
+
+def _search(state: State, effects: Sequence[Effect], layout: Layout, tau: float) -> _Search | None:
+    loads = [effect for effect in effects if effect.windowed]
+    if not loads:
+        return None
+    m = whole(state.metric, state.rows.usable)
+    listed, tried = _likely(m, state, loads, layout, tau)
+    asked = tuple(sized(m, term, columns, state) for term, columns in listed)
+    return _Search(m, asked, tau + float(np.log(max(tried, 1))))
+
+
+def _beside_another(
+    state: State, search: _Search, effects: Sequence[Effect], layout: Layout, tau: float, alpha: float
+) -> Event | None:
+    """Of two loads, of which one comes and goes, that one, where each holds with the other in the model:
+    fitted to the other one's rows, the model predicts none of its blocks. (Two contacts of an arm, 43 nats
+    that the rest of the run contradicted by 17; a body on one run, and another one from a moment on in the
+    next.)"""
+    windows = [r for r in search.asked if r.gain > search.limit and _comes_and_goes(r.term.place)]
+    first = max(windows, key=lambda r: r.gain, default=None)
+    if first is None:
+        return None
+    beside = _with(state, first)
+    others = _search(beside, effects, layout, tau)
+    if others is None:
+        return None
+    for r in sorted(others.asked, key=lambda r: -r.gain):
+        if r.gain < search.limit or _held(beside, r, search.limit, tau, alpha) is None:
+            continue
+        held = _held(_with(state, r), first, search.limit, tau, alpha)
+        if held is not None:
+            return held
+    return None
+
+
+def _comes_and_goes(place: Place) -> bool:
+    return (place.start, place.stop) != (None, None)
+
+
+def _with(state: State, r: Refined) -> State:
+    return solved(state.plus(Found(r.term, r.columns, r.sizes)))
+
+
+def sized(m: Metric, term: Term, columns: dict[int, np.ndarray], state: State) -> Refined:
+    """A load with its window's edges, its shape and its size where all rows want them. (A force 8 cm before
+    the flange, told at the flange, was no load: all of the model's parameters said more.)"""
+    term, cut = _moved(m, term, columns, state)
+    if term.effect.all_along or term.effect.nonlinear:  # at the size that it has: gravity is bent by degrees
+        return refine(m, state.scene, term)
+    return Refined(term, cut, *fit_sizes(m, cut))
+
+
+def edged(m: Metric, state: State, r: Refined) -> Refined:
+    """A load whose window opens and closes between the rows, where all of them want it: seen through their
+    filter its edges are none of a row. (Of 12 N for three seconds an edge that is a tenth of a second off
+    left 300 nats, and a force was told of that.)"""
+    for which in ("start", "stop"):
+        at = getattr(r.term.place, which)
+        if at is None:
+            continue
+        reach = EDGE * state.rows.hop
+        while reach > state.rows.hop / 8:
+            now = getattr(r.term.place, which)
+            trials = [r, *(_with_edge(m, state, r.term, which, now + way * reach) for way in (-1.0, 1.0))]
+            best = max(trials, key=lambda its: its.gain if its.columns else -np.inf)
+            reach, r = (reach / 2, r) if best is r else (reach, best)
+    return r
+
+
+def _with_edge(m: Metric, state: State, term: Term, which: str, at: float) -> Refined:
+    place = replace(term.place, **{which: at})  # type: ignore[arg-type]
+    moved = replace(term, place=place)
+    columns = state.scene.columns(moved)
+    return Refined(moved, columns, *(fit_sizes(m, columns) if columns else (np.zeros(0), -np.inf)))
+
+
+def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> Event | None:
+    """The load as the rows of its recording judge it; None where they do not say that it is one."""
+    term, columns = r.term, r.columns
+    own = outside_metric(state, r, acting(columns))
+    sizes, gain = fit_sizes(whole(own, state.rows.usable), columns)
+    if gain < limit or not can_be(state, own, term, columns, sizes, tau):
+        return None
+    if not (away_from_turns(state, own, columns, tau) and stands_apart(state, own, term, columns, limit)):
+        return None
+    halves = halves_of(state, own, columns)
+    evidence = cross_evidence(halves, columns, acting(columns))
+    told = evidence.log_e > limit and said(whole(own, state.rows.usable), columns, sizes) > limit
+    if told and as_one_number(state, halves, term, columns, evidence, tau):
+        return None
+    told = told and by_what_it_needs(halves, term, columns, evidence, tau, alpha)
+    runs, refined = comparable(state, term, columns), Refined(term, columns, sizes, gain)
+    if told and evidence.supported(alpha) and is_load(state, halves, columns, evidence, limit, alpha):
+        if runs and one_number_between(state, term, columns, tau, crosswise(halves, columns)):
+            return None
+        return Event(refined, evidence, r.gain)
+    nats = between_runs(state, term, columns, limit, tau) if runs else None
+    return None if nats is None else Event(refined, replace(evidence, log_e=nats), r.gain)
+
+
+def _likely(
+    m: Metric, state: State, loads: Sequence[Effect], layout: Layout, tau: float
+) -> tuple[list[tuple[Term, dict[int, np.ndarray]]], int]:
+    """The loads to judge, each with its best window and its columns, and how many windows were tried.
+
+    The noise at hand is that of a model without the load. A load on a whole run, which the model's own
+    parameters answer half, is most of it: in that noise a weight on a Franka's second link came 27th.
+    So loads on whole runs are also ranked each by the noise that it leaves, and by what the runs have in
+    common: of a weight on an LWR4+'s second link, whose mirror on the other run is as quiet, that is told."""
+    done = {term.key for term in state.terms}
+    plain = whole(state.plain_metric, state.rows.usable)
+    found: list[tuple[float, Term, dict[int, np.ndarray]]] = []
+    all_along: list[tuple[float, Term, dict[int, np.ndarray]]] = []
+    in_common: list[tuple[float, Term, dict[int, np.ndarray]]] = []
+    says, tried = says_between(state), 0
+    for effect in loads:
+        for place in effect.places(layout):
+            if place.recording is None or _role(state, place) == "test":
+                continue
+            term = Term(effect, place, dict(_first(effect, place, state))).beside(done)
+            only_whole = _only_whole(effect, place, layout)
+            columns = {} if term.copy and only_whole else state.scene.columns(term)
+            if not columns:
+                continue
+            windows, gains = _windows(m, columns, state, place, effect.transient, only_whole)
+            tried += len(windows)
+            if not len(windows):
+                continue
+            k = int(np.argmax(gains))
+            if gains[k] > tau:
+                found = _best([*found, (float(gains[k]), _window(term, *windows[k]), columns)])
+            if (None, None) in windows:
+                all_along = _best([*all_along, (quiet(plain, columns), term, columns)])
+                if comparable(state, term, columns) and (nats := says(columns)) > tau:
+                    in_common = _best([*in_common, (nats, term, columns)])
+    best = (*all_along, *found, *in_common)
+    listed = {(t.key, t.place.start, t.place.stop): (t, columns) for _, t, columns in best}
+    return list(listed.values()), tried
+
+
+def _best(
+    ranked: Sequence[tuple[float, Term, dict[int, np.ndarray]]],
+) -> list[tuple[float, Term, dict[int, np.ndarray]]]:
+    return sorted(ranked, key=lambda item: -item[0])[:TRIED]  # their columns are large
+
+
+def _simplest(state: State, m: Metric, held: Sequence[Event], asked: Sequence[Refined], tau: float) -> Event:
+    """Of the loads of the recording that says most which these data cannot tell apart, the one with fewest
+    parameters, its window's edges among them; the others stand beside it, and its mirrors on other runs."""
+    most = max(held, key=lambda event: event.evidence.log_e)
+    mirrored = [e for e in held if _mirrors(e.refined.term, most.refined.term)]
+    most = max((most, *mirrored), key=lambda event: event.gain)
+    run = most.refined.term.place.recording
+    near = most.evidence.log_e - tau
+    equal = [e for e in held if e.evidence.log_e > near and e.refined.term.place.recording == run]
+    best = min(equal, key=lambda event: (chosen(event.refined.term), -event.evidence.log_e))
+    its = best.refined.term  # with more or fewer of its parameters it is no other explanation
+    others = [e for e in equal if what(e.refined.term) != what(its)]
+    mirrors = [r for r in asked if _mirrors(r.term, its)]
+    apart = times_noise(state.metric, best.refined.columns, best.refined.sizes) if mirrors else 1.0
+    for r in mirrors:
+        if r.gain > best.gain - apart * tau and can_be(state, m, r.term, r.columns, r.sizes, tau):
+            others.append(Event(r, best.evidence, r.gain))
+    return replace(best, rivals=tuple(others))
+
+
+def others_of(event: Event) -> tuple[Equivalent, ...]:
+    """What is not to be told from it."""
+    return tuple(Equivalent(x.refined.term, x.evidence.log_e) for x in event.rivals)
+
+
+def what(term: Term) -> tuple[Effect, int | None, int | None]:
+    """The kind of a load, and what it is on."""
+    return term.effect, term.place.joint, term.place.link
+
+
+def _mirrors(one: Term, other: Term) -> bool:
+    """Whether it is the same on another run, and may be the other way round. A run's own rows do not
+    tell which: what is on it is answered by parameters that it alone decides. (Five degrees of another
+    zero on the one fitted run of a UR10e: 185 nats by its own rows, 803 by those of the run that judges.)
+    What one of them is ahead by on all rows counts by what the parameters change by beside it from run
+    to run: of 20 degrees in the one fitted run of a TX40, whose two runs of three seconds a model of 9 %
+    predicts, the run that judges was ahead by 24 nats."""
+    return what(one) == what(other) and one.place.recording != other.place.recording
+
+
+def chosen(term: Term) -> int:
+    """Numbers that the data choose: parameters and the edges of its window."""
+    return term.free + sum(edge is not None for edge in (term.place.start, term.place.stop))
+
+
+def _role(state: State, place: Place) -> str:
+    return state.rows.roles[state.rows.names.index(str(place.recording))]
+
+
+def _first(effect: Effect, place: Place, state: State) -> dict[str, float]:
+    starts = effect.starts(place, state.motions, [np.zeros(len(m.t)) for m in state.motions], state.model)
+    return dict(starts[0]) if starts else {}
+
+
+def _only_whole(effect: Effect, place: Place, layout: Layout) -> bool:
+    """Bodies on inner links are looked for on whole recordings, as is what is there all along one."""
+    return effect.all_along or (place.link is not None and place.link != layout.robot.payload_link("L"))
+
+
+def _window(term: Term, start: float | None, stop: float | None) -> Term:
+    return replace(term, place=replace(term.place, start=start, stop=stop))
+
+
+def _since(state: State, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of a place's recording and their time since its first sample."""
+    number = state.rows.names.index(str(place.recording))
+    mine = np.flatnonzero(state.rows.recording == number)
+    begun = next(s.begun for s in state.segments if s.label == place.recording)
+    return mine, state.rows.t[mine] - begun
+
+
+def _windows(
+    m: Metric, columns: dict[int, np.ndarray], state: State, place: Place, transient: bool, only_whole: bool
+) -> tuple[list[tuple[float | None, float | None]], np.ndarray]:
+    mine, t = _since(state, place)
+    if len(t) < 20:
+        return [], np.zeros(0)
+    cells = np.unique(np.floor(t / STEP_S))  # a pause is one block, however long
+    edges = np.union1d(cells, cells + 1) * STEP_S
+    sums = _sums(m, columns, mine, t, edges)
+    B = len(edges) - 1
+    pairs: list[tuple[int, int]] = [(0, B)]
+    if not only_whole:
+        least, margin = int(SHORTEST_S / STEP_S), int(MARGIN_S / STEP_S)
+        length = float(least)
+        while length < 0.7 * B:
+            n = round(length)
+            pairs += [(a, a + n) for a in range(margin, B - n - margin + 1, max(1, n // 4))]
+            length *= RATIO
+        pairs += [(a, B) for a in range(least, B - least + 1)]
+    alone = sum(r != "test" for r in state.rows.roles) < 2
+    if alone or transient:  # on the only recording a load all along is the model's own
+        pairs = pairs[1:]
+    if not pairs:
+        return [], np.zeros(0)
+    chosen = np.array(pairs)
+    gains = _gains(sums, chosen)
+    windows = [(None if a == 0 else float(edges[a]), None if b == B else float(edges[b])) for a, b in chosen]
+    return windows, gains
+
+
+def _sums(
+    m: Metric, columns: dict[int, np.ndarray], mine: np.ndarray, t: np.ndarray, edges: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cumulative products over the blocks between edges: with the model (B+1, r, p), own, with the
+    residual."""
+    p = next(iter(columns.values())).shape[1]
+    r, B = m.fitted.basis.shape[1], len(edges) - 1
+    block = np.clip(np.searchsorted(edges, t, side="right") - 1, 0, B - 1)
+    cross, own, right = np.zeros((B, r, p)), np.zeros((B, p, p)), np.zeros((B, p))
+    firsts = np.searchsorted(block, np.arange(B + 1))
+    for c, z in columns.items():
+        white = (m.whiteners[c] @ z)[mine] * (m.fitted.mask & m.rows.use[c])[mine, None]
+        places, values = m.X[c]
+        X = values[mine] @ m.fitted.basis[places]
+        e = m.fitted.residual[c, mine]
+        for k in range(B):
+            s = slice(firsts[k], firsts[k + 1])
+            if s.stop > s.start:
+                cross[k] += X[s].T @ white[s]
+                own[k] += white[s].T @ white[s]
+                right[k] += white[s].T @ e[s]
+
+    def cumulative(a: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, axis=0)])
+
+    return cumulative(cross), cumulative(own), cumulative(right)
+
+
+def _gains(sums: tuple[np.ndarray, np.ndarray, np.ndarray], pairs: np.ndarray) -> np.ndarray:
+    cross, own, right = sums
+    a, b = pairs[:, 0], pairs[:, 1]
+    x, g, h = cross[b] - cross[a], own[b] - own[a], right[b] - right[a]
+    left = g - np.swapaxes(x, 1, 2) @ x
+    scale = np.sqrt(np.maximum(np.einsum("kii->ki", g), 1e-300))
+    normal = left / scale[:, :, None] / scale[:, None, :] + 1e-6 * np.eye(g.shape[1])
+    told = h / scale
+    size = np.linalg.solve(normal, told[:, :, None])[:, :, 0]
+    return 0.5 * np.einsum("ki,ki->k", size, told)
+
+
+def _moved(
+    m: Metric, term: Term, columns: dict[int, np.ndarray], state: State
+) -> tuple[Term, dict[int, np.ndarray]]:
+    """The window's edges where the gain is largest, by rows, one edge after the other."""
+    mine, t = _since(state, term.place)
+    ends = [term.place.start, term.place.stop]
+    here, own = m.only(mine), {c: z[mine] for c, z in columns.items()}  # zero in the other recordings
+
+    def inside(start: float | None, stop: float | None) -> np.ndarray:
+        after = t >= (start if start is not None else -np.inf)
+        return np.asarray(after & (t < (stop if stop is not None else np.inf)))
+
+    def gain(start: float | None, stop: float | None) -> float:
+        kept = inside(start, stop)
+        return fit_sizes(here, {c: z * kept[:, None] for c, z in own.items()})[1]
+
+    for _ in range(2):
+        for which in (0, 1):
+            if ends[which] is None:
+                continue
+            near = float(ends[which] or 0.0) + np.arange(
+                -2 * STEP_S, 2.01 * STEP_S, max(state.rows.hop, 0.05)
+            )
+            gains = []
+            for edge in near:
+                trial = list(ends)
+                trial[which] = float(edge)
+                wide = (trial[1] if trial[1] is not None else np.inf) - (trial[0] or 0.0)
+                gains.append(gain(*trial) if wide > 0.5 * SHORTEST_S else 0.0)
+            ends[which] = float(near[int(np.argmax(gains))])
+    rows = np.zeros(len(state.rows.t), bool)
+    rows[mine] = inside(ends[0], ends[1])
+    return _window(term, ends[0], ends[1]), {c: z * rows[:, None] for c, z in columns.items()}

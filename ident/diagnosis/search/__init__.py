@@ -1,0 +1,1 @@
+"""The hypotheses of a step: every candidate, weighed against the others, and the best settled whole."""
