@@ -246,9 +246,10 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
         if not position and small > 0.02 * len(steps) + 2:
             continue
         steps = steps[steps > 0]
-        if len(steps) < 20 or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
+        few = not position and excerpt.fewer(k, TORQUE_LEVELS)  # however seldom it changes
+        if (len(steps) < 20 and not few) or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
             continue
-        if position and np.ptp(x) < MOVED:  # it rests
+        if np.ptp(excerpt.column(int(columns.joint[k]))) < MOVED:  # it rests
             continue
         step = resolution(x)
         if not in_steps(x, step):
