@@ -127,10 +127,10 @@ def contradicting(asked: Asked) -> Iterator[Check]:
 def unpredicted(asked: Asked) -> list[Check]:
     """Said where torques that judge are predicted worse than by nothing: of most of them, where no one fit
     explains all recordings, that something is odd, of any, where one does, that the fitted motion does not
-    show it, or of a part alone that either may be. Which recording is, only a third one tells. (Of a KR 300
-    on a wall the first torque was foretold at 700 %, which gravity moved in the other recording alone, and
-    nothing was said; where its second was another run's, that the motion did not show it. Of eight seconds of
-    a clean AIRBOT a signal was not as it is told.)"""
+    show it or something is not as it is told. Which recording is, only a third one tells. (Of a KR 300 on a
+    wall the first torque was foretold at 700 %, which gravity moved in the other recording alone, and nothing
+    was said; where its second was another run's, or two rows of a rokae's table were exchanged, that the
+    motion did not show it. Of eight seconds of a clean AIRBOT a signal was not as it is told.)"""
     fit, judged = asked.fit, asked.fit.validate
     if judged is None or not np.isfinite(judged).any():
         return []
@@ -147,11 +147,11 @@ def unpredicted(asked: Asked) -> list[Check]:
     most = worse[int(np.argmax(judged[worse]))]
     names, so = asked.names(worse), f"one fit explains both (to {100 * together[most]:.0f} %)"
     said = _unforetold(f"{listed(names)} of validate", fit.error[most], judged[most])
-    if (together[worse] > BAD).any():
-        said += f", and {so}, a part of it: {UNSHOWN}, or {NOT_AS_TOLD}"
+    part = ", a part of it" if (together[worse] > BAD).any() else ""
+    said += f", and {so}{part}: {UNSHOWN}, or {NOT_AS_TOLD}"
+    if part:
         return [_unrelated(names, said, CHECK)]
-    said += f", and {so}: {UNSHOWN}"
-    remedy = "fit more of the recordings, or record a motion that moves all joints more"
+    remedy = "fit more of the recordings, or record a motion that moves all joints more; check the robot file"
     return [Check("poor_excitation", (), said, remedy)]
 
 
