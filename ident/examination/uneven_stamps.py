@@ -4,6 +4,10 @@ Where rows were lost a joint goes on meanwhile, and so much further in a longer 
 goes as far in long steps as in short ones the samples are even, and rates and accelerations by such stamps
 are wrong. (A UR10e's stamps, 10 and 12 ms apart and rounded to 10 ms, are 10 and 20 ms apart: a third of all
 torques was then unexplained, and nothing was said.)
+
+A program that stamps what it receives scatters by less; whose stamps those are the motion tells as well: of
+what the steps differ by joints go further in the longer ones by all, 1.00 of it with a UR10e and 1.00 with a
+Franka, or by nothing, 0.000 of 1 % with an LWR4+.
 """
 
 from __future__ import annotations
@@ -16,6 +20,7 @@ from ident.examination.excerpt import Excerpt
 
 LONG = 1.5  # usual steps, and more
 SIDE = 8  # rows on either side that tell how fast joints go
+BLOCKS, CLEAR = 20, 3.0  # of rows that tell how well a share is known, and of its standard deviations
 FEWEST = 25  # long steps: how far joints go in them is then known to a seventh, a third of what is asked
 
 
@@ -44,6 +49,38 @@ def uneven_steps(excerpt: Excerpt, joints: int) -> str:
     return (
         f"{100 * share:.0f} % of the steps of t are {1e3 * steps[0]:.3g} ms, the others "
         f"{1e3 * steps[1]:.3g} ms, though joints go {further:.2f} times as far in them"
+    )
+
+
+def even_samples(excerpt: Excerpt, joints: int) -> str:
+    """In words where joints go, but for chance, by less than half of what the steps differ by further in the
+    longer of them: the samples are nearer to a uniform clock than to their stamps. Nothing elsewhere."""
+    steps, pairs = [], []
+    for _, t, values in excerpt.pieces:
+        if len(t) < 4 * SIDE or not (np.diff(t) > 0).all():
+            continue
+        t_q = np.column_stack([t, values[:, :joints]])
+        went = np.diff(t_q, axis=0)[SIDE : len(t) - 1 - SIDE]
+        pace = (t_q[2 * SIDE + 1 :] - t_q[: -2 * SIDE - 1]) / (2 * SIDE + 1)
+        longer = went[:, 0] / pace[:, 0] - 1
+        usual = np.abs(longer) < LONG - 1  # where rows are lost joints go on
+        steps.append(longer[usual])
+        pairs.append(((pace[:, 1:] * longer[:, None])[usual], (went - pace)[usual, 1:]))
+    if not pairs:
+        return ""
+    asked, gone = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+    weight = 1.0 / np.maximum(gone.var(axis=0), 1e-300)
+    parts = np.array_split(np.arange(len(asked)), BLOCKS)
+    own = np.array([((asked[rows] ** 2) @ weight).sum() for rows in parts])
+    both = np.array([((asked[rows] * gone[rows]) @ weight).sum() for rows in parts])
+    if not own.sum() > 0:
+        return ""
+    share = both.sum() / own.sum()
+    spread = np.sqrt(((both - share * own) ** 2).sum()) / own.sum()
+    if not share + CLEAR * spread < 0.5:
+        return ""
+    return (
+        f"the steps of t scatter by {100 * np.std(np.concatenate(steps)):.2g} %, and joints go as if none did"
     )
 
 

@@ -30,7 +30,7 @@ from ident.examination.clock import (
 from ident.examination.of_table import more_joints, of_table
 from ident.examination.signals import Columns, frozen_throughout
 from ident.examination.stopped import stopped_positions
-from ident.examination.uneven_stamps import uneven_stamps, uneven_steps
+from ident.examination.uneven_stamps import even_samples, uneven_stamps, uneven_steps
 from ident.examination.velocity import velocity_agrees
 from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
@@ -109,16 +109,18 @@ def open_recording(
     seen, checks = surveyed(stream, study), []
     mended: Check | None = None
     uneven = uneven_steps(seen.excerpt, len(need.joints))
-    if (seen.bursts or seen.grid.rounded or uneven) and stream.counted_rate_hz is None:
+    even = "" if seen.survey.uniform else even_samples(seen.excerpt, len(need.joints))
+    if (seen.bursts or seen.grid.rounded or uneven or even) and stream.counted_rate_hz is None:
         stamps = table.blocks(names[:1])
         clock = uniform_clock((b[:, 0] * factors[0] + offsets[0] for b in stamps), window)
-        mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
+        if seen.grid.holds:
+            mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
         if mended is None and seen.bursts:
             mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
-        if mended is None and uneven and clock.believable:
-            mended = late_stamps(stream.label, clock, uneven, seen.survey.rows)
-    if mended is None and uneven:
-        checks.append(uneven_stamps(stream.label, uneven))
+        if mended is None and (uneven or even) and clock.believable:
+            mended = late_stamps(stream.label, clock, uneven or even, seen.survey.rows)
+    if mended is None and (uneven or even):
+        checks.append(uneven_stamps(stream.label, uneven or even))
     if mended is not None:
         checks.append(mended)
         refuse(stream.file, checks)
