@@ -7,7 +7,7 @@ of their own steps, that line is the clock. Where they do not, rows were lost or
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -136,24 +136,41 @@ class Grid:
         return len(row) < 3 or bool(np.ptp(place - np.polyval(np.polyfit(row, place, 1), row)) < 2.0)
 
 
-def uniform_clock(blocks: Iterable[np.ndarray], window: tuple[float, float] = (-np.inf, np.inf)) -> Clock:
-    """The line over the table's row numbers closest to the stamps inside the window, and their largest
-    distance from it and from each other."""
-    t = np.concatenate(list(blocks))
-    rows = np.flatnonzero((t >= window[0]) & (t < window[1]))
-    t = t[rows]
-    rate = (rows[-1] - rows[0]) / (t[-1] - t[0])
-    for _ in range(3):  # ends of a saw-tooth are not its mean
-        off = t - rows / rate
-        slope = np.polyfit((rows - rows[0]) / len(t), off, 1)[0] / len(t)
-        rate = 1.0 / (1.0 / rate + slope)
-    off = t - rows / rate
-    middle = (off.max() + off.min()) / 2
-    steps = np.diff(t)
-    usual = PAUSE * float(np.median(steps[steps > 0]))  # a pause is no step of the stamps
-    return Clock(
-        float(middle), float(rate), float(np.abs(off - middle).max()), min(float(steps.max()), usual)
-    )
+def uniform_clock(
+    stamps: Callable[[], Iterable[np.ndarray]], window: tuple[float, float] = (-np.inf, np.inf)
+) -> Clock:
+    """The line over the table's row numbers closest to the stamps [s] inside the window, and their largest
+    distance from it and from each other. stamps: their blocks, read twice, however many there are."""
+    sums, first = np.zeros(5), None
+    for rows, t in _inside(stamps(), window):
+        first = first or (rows[0], t[0])
+        r, x = rows - first[0], t - first[1]
+        sums += [len(r), r.sum(), x.sum(), r @ r, r @ x]
+    assert first is not None
+    n, r, x, rr, rx = sums
+    step = (rx - r * x / n) / (rr - r * r / n)
+    low, high, longest, usual, last = np.inf, -np.inf, 0.0, list[float](), first[1]
+    for rows, t in _inside(stamps(), window):
+        off, steps = (t - first[1]) - (rows - first[0]) * step, np.diff(t, prepend=last)
+        low, high, longest = min(low, off.min()), max(high, off.max()), max(longest, steps.max())
+        usual += [float(np.median(steps[steps > 0]))] if (steps > 0).any() else []
+        last = t[-1]
+    middle = (high + low) / 2
+    start = first[1] - first[0] * step + middle
+    pause = PAUSE * float(np.median(usual))  # which is no step of the stamps
+    return Clock(float(start), float(1.0 / step), float(high - middle), min(float(longest), pause))
+
+
+def _inside(
+    blocks: Iterable[np.ndarray], window: tuple[float, float]
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Row numbers and stamps of the blocks inside a window."""
+    begin = 0
+    for t in blocks:
+        rows = np.flatnonzero((t >= window[0]) & (t < window[1]))
+        if len(rows):
+            yield (begin + rows).astype(float), t[rows]
+        begin += len(t)
 
 
 def rounded_stamps(recording: str, clock: Clock, grid: Grid, rows: int) -> Check | None:

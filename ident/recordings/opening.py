@@ -111,8 +111,9 @@ def open_recording(
     uneven = uneven_steps(seen.excerpt, len(need.joints))
     even = "" if seen.survey.uniform else even_samples(seen.excerpt, len(need.joints))
     if (seen.bursts or seen.grid.rounded or uneven or even) and stream.counted_rate_hz is None:
-        stamps = table.blocks(names[:1])
-        clock = uniform_clock((b[:, 0] * factors[0] + offsets[0] for b in stamps), window)
+        clock = uniform_clock(
+            lambda: (b[:, 0] * factors[0] + offsets[0] for b in table.blocks(names[:1])), window
+        )
         if seen.grid.holds:
             mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
         if mended is None and seen.bursts:

@@ -21,7 +21,7 @@ def stamps_told(t):
     grid = Grid()
     for part in np.array_split(t, 3):
         grid.take(np.diff(part))
-    clock = uniform_clock([t])
+    clock = uniform_clock(lambda: [t])
     return rounded_stamps("run", clock, grid, len(t)) if grid.rounded else None
 
 
