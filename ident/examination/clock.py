@@ -20,6 +20,7 @@ FASTEST, NEVER = 1e-5, 1e-6  # s: hardly anybody, and nobody, records faster
 UNITS = (("ms", 1e-3, 100.0), ("us", 1e-6, 1e5), ("ns", 1e-9, 1e9))  # name, scale, largest step in it
 LONGER = (("minutes", 60.0), ("hours", 3600.0), ("days", 86400.0))
 KEPT = 0.05  # of its rate, to which a logger keeps it from one recording to the next
+LONG = 1.5  # usual steps, and more: rows may be missing
 PAUSE = 5.0  # usual steps
 ROUNDED = 10  # steps of another length, from which on stamps on a grid are asked for a clock behind them
 SIDE = 8  # rows on either side of a gap that show whether the motion goes on
@@ -102,6 +103,11 @@ class Clock:
     @property
     def believable(self) -> bool:
         return self.worst_s <= 1.05 * self.step_s
+
+    @property
+    def unbroken(self) -> bool:
+        """Whether no row is missing: stamps of even samples may then wander from the line."""
+        return self.step_s * self.rate_hz < LONG
 
 
 @dataclass(slots=True)

@@ -15,10 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from ident.examination.check import Check
-from ident.examination.clock import BURSTS, PAUSE
+from ident.examination.clock import BURSTS, LONG, PAUSE
 from ident.examination.excerpt import Excerpt
 
-LONG = 1.5  # usual steps, and more
 SIDE = 8  # rows on either side that tell how fast joints go
 BLOCKS, CLEAR = 20, 3.0  # of rows that tell how well a share is known, and of its standard deviations
 FEWEST = 25  # long steps: how far joints go in them is then known to a seventh, a third of what is asked

@@ -118,7 +118,7 @@ def open_recording(
             mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
         if mended is None and seen.bursts:
             mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
-        if mended is None and (uneven or even) and clock.believable:
+        if mended is None and (uneven or even) and (clock.believable or (even and clock.unbroken)):
             mended = late_stamps(stream.label, clock, uneven or even, seen.survey.rows)
     if mended is None and (uneven or even):
         checks.append(uneven_stamps(stream.label, uneven or even))
