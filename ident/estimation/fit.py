@@ -23,7 +23,7 @@ from ident.equations.fitted import FittedModel
 from ident.equations.observation import RecordingSystem
 from ident.equations.prepared import Prepared, prepare_study
 from ident.equations.terms import Term, late_by
-from ident.errors import FitFailedError, RecordingError, StudyError
+from ident.errors import FitFailedError, NotEnoughDataError, RecordingError, StudyError
 from ident.estimation.blocks import widened
 from ident.estimation.cutoff import CutoffTrial, choose_cutoff, excerpt_seconds, first_cutoff
 from ident.estimation.estimators.refined import Feedback, refined
@@ -182,12 +182,15 @@ def drive_gains(result: FitResult) -> list[float]:
 def _fit(known: Examined, progress: Progress) -> FitResult:
     try:
         return _fitted(known, progress)
-    except FitFailedError as error:
+    except (FitFailedError, NotEnoughDataError) as error:
         checks = worst_first([*examine_tables(known.prepared), *known.checks])
-        causes = [check for check in checks if "columns:" in check.remedy or "gravity:" in check.remedy]
+        if isinstance(error, NotEnoughDataError):
+            causes = [check for check in checks if check.check == "frozen"]
+        else:
+            causes = [check for check in checks if "columns:" in check.remedy or "gravity:" in check.remedy]
         if not causes:
             raise
-        raise FitFailedError(f"{causes[0].sentence} (as it is: {error})") from None
+        raise type(error)(f"{causes[0].sentence} (as it is: {error})") from None
 
 
 def _fitted(known: Examined, progress: Progress) -> FitResult:

@@ -31,15 +31,17 @@ def lost_rows(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         if len(t) < 50 or not (step > 0).all() or np.ptp(rows) != len(rows) - 1:
             continue
         rate = np.diff(values[:, : columns.n], axis=0) / step[:, None]
-        around, here = 0.25 * (rate[:-4] + rate[1:-3] + rate[3:-1] + rate[4:]), rate[2:-2]
+        before, after, here = 0.5 * (rate[:-4] + rate[1:-3]), 0.5 * (rate[3:-1] + rate[4:]), rate[2:-2]
+        around = 0.5 * (before + after)
         usual = np.median(np.abs(here - around), axis=0) + 1e-3 * np.std(rate, axis=0) + 1e-300
-        around, here = around / usual, here / usual
+        before, after, around, here = (x / usual for x in (before, after, around, here))
         moves = (around**2).sum(axis=1)
-        times = (here * around).sum(axis=1) / np.maximum(moves, 1e-300)
+        times, *sides = (_times(here, x) for x in (around, before, after))
         left, so = ((here - x * around) for x in (1.0, times[:, None]))
         left, so = (left**2).sum(axis=1), (so**2).sum(axis=1)
         whole = (times > 1.5) & (np.abs(times - np.rint(times)) < WHOLE) & (so < ONE * left)
         whole &= moves > (3 / WHOLE) ** 2  # by which the number is known
+        whole &= np.minimum(*sides) > 1.5  # behind the last row before it is frozen none goes on
         beside = np.convolve(whole, np.ones(2 * APART + 1), "same") > 0.5
         least = ALONE * left[~beside].max(initial=0.0) if (~beside).any() else np.inf
         found += [
@@ -57,3 +59,8 @@ def lost_rows(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         "export the log with its own stamps, or use the part before or after it with from: and to:",
         rows=(found[0][0] + 1, found[-1][0] + 1),
     )
+
+
+def _times(here: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(N,) how many times others (N, n) the rates here (N, n) are."""
+    return np.asarray((here * others).sum(axis=1) / np.maximum((others**2).sum(axis=1), 1e-300))

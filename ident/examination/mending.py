@@ -19,6 +19,8 @@ STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the meas
 LEAST_STEP = 5e-3  # rad or m
 RESOLUTION = 1.5  # times the least changes of a position: its resolution, no leap
 NEAR = 1.0  # rad: what a leap of whole turns is off at most
+QUIET = 0.1  # quantile of what a position's steps change by: its noise, or slow motion
+SLOWER = 0.6  # times the step before: what is brought to rest evenly halves its last one at least
 FEW, FINE = 3, 0.02  # changes from which it is known; share of them that is let go as put in
 Block = tuple[np.ndarray, np.ndarray, np.ndarray]  # rows (N,) of the table, t (N,), values (N, m)
 
@@ -89,7 +91,7 @@ class Mender:
     _reach: np.ndarray = field(default_factory=lambda: np.zeros(0))  # (m,) 5 to 95 % of the blocks seen
     _turns: np.ndarray = field(default_factory=lambda: np.zeros(0))
     _still: tuple[int, float, np.ndarray] | None = None  # row, t, values at which a frozen stretch began
-    _moving: bool = False  # whether a position then went on by more than it slows down from row to row
+    _moving: bool = False  # whether a position then went on by more than it does that comes to rest
 
     def run(self, blocks: Iterable[Block]) -> Iterator[Block]:
         """The same rows, mended, a little later."""
@@ -273,8 +275,11 @@ class Mender:
         self._still = (int(rows[last]), float(t[last]), x[last])
         steps = np.abs(np.diff(x[max(last - 2, 0) : last + 1, : self.n], axis=0))
         bends = np.abs(np.diff(x[:, : self.n], 2, axis=0))
-        usual = np.array([np.median(b[b > 0]) if (b > 0).any() else np.inf for b in bends.T])
-        self._moving = len(steps) > 1 and bool((steps > 8 * usual).all(axis=0).any())
+        least = 1e-6 * bends.max(axis=0, initial=0.0)  # below it steps differ by rounding alone
+        some = [b[b > its] for b, its in zip(bends.T, least)]
+        quiet = np.array([np.quantile(b, QUIET) if len(b) else np.inf for b in some])
+        goes = (steps > 8 * quiet).all(axis=0) & (steps[-1] > SLOWER * steps[0])
+        self._moving = len(steps) > 1 and bool(goes.any())
         out[:begun] = False
         return out
 

@@ -123,9 +123,12 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
             f"{_empty(stream, mender)}; map other columns with columns: {{...}}, or correct the window",
         )
     if rows < MIN_SAMPLES:
+        frozen = sum(int(its.max()) for kind, its in mender.counts.items() if kind in ("frozen", "ended"))
+        beside = f" beside {frozen} that are frozen, in which nothing at all changes" if frozen else ""
         raise RecordingError(
             stream.file,
-            f"holds only {rows} samples, at least {MIN_SAMPLES} are needed; record longer or widen from/to",
+            f"holds only {rows} samples{beside}, at least {MIN_SAMPLES} are needed; record longer or widen "
+            "from/to",
         )
     mean = sums[1] / max(sums[0], 1)
     uniform = worst < 0.02 * first_interval and same_stamp == 0 and settings.resample_hz is None

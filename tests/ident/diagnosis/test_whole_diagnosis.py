@@ -21,7 +21,7 @@ from ident.diagnosis.search.candidates import (
 )
 from ident.diagnosis.telling.findings import ESTABLISHED, Finding, in_doubt, told_once
 from ident.diagnosis.weighed_again import pruned
-from ident.errors import FitFailedError
+from ident.errors import FitFailedError, NotEnoughDataError
 from ident.estimation import fit
 from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import found_effects
@@ -212,15 +212,16 @@ def test_of_two_of_a_kind_that_is_left_out_which_is_not_there(stribeck):
 def test_a_fit_that_fails_is_told_with_what_was_found_before_it(arm, monkeypatch):
     """Of a dual arm with gravity elsewhere, and of one with a position in degrees beside turned torques that
     are undone, the gain of a joint was told to have no positive value, and its signs to be checked."""
-    study = arm()
     gravity = Check("base_orientation", (), "gravity is elsewhere", "gravity: [0, 0, 9.81]")
-    monkeypatch.setattr(fit, "examine_fit", lambda prepared: (gravity,))
+    frozen = Check("frozen", (), "7 samples are frozen; left out", outcome="mended")
+    monkeypatch.setattr(fit, "examine_fit", lambda prepared: (gravity, frozen))
+    for error, cause in ((FitFailedError, gravity), (NotEnoughDataError, frozen)):
 
-    def fails(known, progress):
-        raise FitFailedError(f"no gain with {known.prepared.study.gravity}")
+        def fails(known, progress, error=error):
+            raise error(f"none with {known.prepared.study.gravity}")
 
-    monkeypatch.setattr(fit, "_fitted", fails)
-    for what in (fit.fit_study, diagnose_study):
-        with pytest.raises(FitFailedError) as caught:
-            what(study)
-        assert str(caught.value) == f"{gravity.sentence} (as it is: no gain with None)"
+        monkeypatch.setattr(fit, "_fitted", fails)
+        for what in (fit.fit_study, diagnose_study):
+            with pytest.raises(error) as caught:
+                what(arm())
+            assert str(caught.value) == f"{cause.sentence} (as it is: none with None)"

@@ -4,8 +4,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, parted, planted, refused
+from planted import ON_RECORDINGS, measured, parted, planted, refused, tables
 
+import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
 
@@ -87,6 +88,24 @@ def test_rows_that_are_gone_though_the_stamps_go_on(tmp_path, gone):
     told = [c for c in examine_tables(prepared) if c.check == "lost_rows"]
     assert [c.rows for c in told] == [(701, 701)] * 2 * bool(gone)
     assert all("3 rows are missing there" in c.message for c in told)
+
+
+@pytest.mark.parametrize(("at", "every"), [(16640, 1), (315, 50)])
+def test_a_log_that_is_frozen_from_a_row_on_has_lost_none_before_it(tmp_path, at, every):
+    """Behind the first rows of a long log all positions were said to go on by two rows at once."""
+
+    def stopped(c):
+        its = {k: x[::every] for k, x in c.items()}
+        return {k: x if k == "t" else np.where(np.arange(len(x)) < at, x, x[at]) for k, x in its.items()}
+
+    study = planted(tmp_path, stopped, measured("staubli_tx40"))
+    run = study.recordings[0].model_copy(update={"use": "identify", "from_s": 2.8, "to_s": 3.9})
+    study = study.with_(recordings=(run,), filter=type(study.filter)())
+    if every > 1:
+        with pytest.raises(ident.Error, match="holds only 36 samples beside 74 that are frozen"):
+            prepare_study(study)
+    else:
+        assert {c.check for c in tables(study)} == {"frozen"}
 
 
 @pytest.mark.parametrize("role", ["validate", "identify"])
