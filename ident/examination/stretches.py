@@ -98,11 +98,12 @@ def by_each(G: np.ndarray, v: np.ndarray) -> np.ndarray:
     return np.asarray(np.linalg.solve(normal, (v / length)[:, :, None])[:, :, 0] / length)
 
 
-def stretch_gains(one: Explained, other: Explained) -> np.ndarray:
+def stretch_gains(one: Explained, other: Explained, but: int | None = None) -> np.ndarray:
     """(stretches,) by how much more the other explains of each stretch: falls of the squared errors, in units
-    of what the two leave."""
+    of what the two leave; of all torques but one."""
     left = one.fit.error * other.fit.error
     seen = np.isfinite(left) & (left > 0)
+    seen[[] if but is None else [but]] = False
     falls = [0.5 * (x - y)[:, seen] / left[seen] for x, y in zip(one.stretches, other.stretches)]
     return np.concatenate([fall.sum(axis=1) for fall in falls])
 

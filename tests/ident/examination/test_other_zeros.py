@@ -59,3 +59,13 @@ def test_a_number_that_steps_did_not_come_to_is_none():
     quick = all_rows(asked.quick.moved(offset=np.where(np.arange(7) == 1, 1.5, 0.0)))
     each = [its for its in of_positions(quick, quick.fit(asked.how), asked.how) if its.joint == 1]
     assert not next(its for its in each if its.check == "position_zero").settled
+
+
+@pytest.mark.parametrize("j", [2, 3])
+def test_a_zero_of_which_one_torque_says_most(tmp_path, j):
+    """17 % were left of an AIRBOT's fifth torque for 8, and nothing was said; nor is the second position told
+    for the third, which says as much but for a fiftieth."""
+    change = lambda c: {k: (x + np.deg2rad(10) * (k == f"q{j}"))[::2] for k, x in c.items()}  # noqa: E731
+    (told,) = other_zeros(asked_of(planted(tmp_path, change, measured("airbot_play"))))
+    assert f"q{j} starts from another zero, 0.1" in told.message
+    assert ("q2 starts" in told.message) == ("q3 starts" in told.message)
