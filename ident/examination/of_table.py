@@ -51,7 +51,7 @@ def of_table(
     found = chain(
         lost_samples(columns, mender, rows),
         wraps(columns, mender),
-        units(columns, mender, lowest, highest),
+        units(columns, mender, excerpt, lowest, highest),
         position_steps(columns, mender, excerpt),
         lost_rows(columns, excerpt),
         dead_and_resting(columns, lowest, highest),

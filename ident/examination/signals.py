@@ -145,15 +145,19 @@ def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
     """Positions that leap by a whole turn were made continuous; not to a spike and back."""
     mending = mender.mending()
     for k in np.unique(mending.wrap_columns):
-        rows, lost = mending.wrap_rows[mending.wrap_columns == k], mending.rows[mending.columns == k]
-        rows = rows[~np.isin(rows, [lost, lost + 1])] + 1
+        mine, lost = mending.wrap_columns == k, mending.rows[mending.columns == k]
+        kept = ~np.isin(mending.wrap_rows[mine], [lost, lost + 1])
+        rows, turns = mending.wrap_rows[mine][kept] + 1, mending.wrap_turns[mine][kept]
         if not len(rows):
             continue
+        there = np.flatnonzero((np.diff(rows) == 1) & (turns[1:] == -turns[:-1]))
+        back = 2 * len(there) == len(rows)  # of a spike, too
+        count = len(there) if back else len(rows)
         yield Check(
             "wrap",
             (columns.signals[k],),
-            f"{columns.signals[k]} leaps by a whole turn {len(rows)} time{'s' if len(rows) > 1 else ''} "
-            f"(first in row {rows[0]}); made continuous",
+            f"{columns.signals[k]} leaps by {'whole turns and back' if back else 'a whole turn'} {count} "
+            f"time{'s' if count > 1 else ''} (first in row {rows[0]}); made continuous",
             outcome="mended",
             rows=(int(rows[0]), int(rows[-1])),
         )
@@ -344,10 +348,16 @@ def dead_bands(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]:
         )
 
 
-def units(columns: Columns, mender: Mender, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:
-    """Positions beyond what joints reach: counts of an encoder; torques that only N mm give."""
+def units(
+    columns: Columns, mender: Mender, excerpt: Excerpt, lowest: np.ndarray, highest: np.ndarray
+) -> Iterator[Check]:
+    """Positions beyond what joints reach, for two rows at least: counts of an encoder; torques that only N mm
+    give."""
     n = columns.n
     reach = np.maximum(np.abs(lowest), np.abs(highest))
+    for k in range(n):  # of spikes that stand too close to be told it was said to be in degrees
+        x = np.abs(excerpt.column(k))
+        reach[k] = np.minimum(x[:-1], x[1:]).max(initial=0.0)
     counts = [k for k in range(n) if reach[k] > COUNTS]
     if counts:
         names = [columns.signals[k] for k in counts]

@@ -39,6 +39,16 @@ def test_a_torque_that_is_held_for_few_rows(tmp_path):
     assert "tau_m1 stands still at" in text and checks == {"dead_channel"}
 
 
+def test_a_torque_that_is_held_for_most_of_few_rows(tmp_path):
+    """38 values of 110 rows were taken for its resolution."""
+    study = measured("staubli_tx40")
+    run = study.recordings[0].model_copy(update={"use": "identify", "from_s": 2.8, "to_s": 3.9})
+    study = study.with_(recordings=(run,), filter=type(study.filter)())
+    change = changed("tau_m6", lambda x: rows(x, slice(318 * 50, None), x[318 * 50]))
+    text, checks = refused(planted(tmp_path, lambda c: {k: x[::50] for k, x in change(c).items()}, study))
+    assert "tau_m6 stands still at" in text and checks == {"dead_channel"}
+
+
 def test_a_torque_that_dies_in_a_fast_log(tmp_path):
     """At 5 kHz no piece of the table that is looked at was longer than it: of a TX40 nothing was said."""
     change = changed("tau_m3", lambda x: rows(x, slice(7000, 14000), 0.0))

@@ -7,7 +7,7 @@ from ident.examination.clock import time_unit
 from ident.examination.excerpt import Excerpt
 from ident.examination.mending import Mender
 from ident.examination.repeats import coarse
-from ident.examination.signals import Columns, units
+from ident.examination.signals import Columns, units, wraps
 from ident.examination.spikes import is_spike
 
 N, BLOCK = 20000, 3000
@@ -122,7 +122,9 @@ def test_a_log_in_one_unit_is_told_with_all_its_torques(largest, named):
     joint, labels = np.tile(np.arange(n), 2), tuple("1234")
     columns = Columns("run", signals, joint, labels, {}, signals[n:], np.zeros(n, bool))
     highest = np.array([1.0] * n + largest)
-    said = list(units(columns, Mender(n, np.ones(2 * n), np.zeros(2 * n)), -0.5 * highest, highest))
+    excerpt = Excerpt()
+    excerpt.take((np.arange(2), np.arange(2.0), np.stack([highest, highest])))
+    said = list(units(columns, Mender(n, np.ones(2 * n), np.zeros(2 * n)), excerpt, -0.5 * highest, highest))
     assert [check.signals for check in said] == ([tuple(f"tau_m{j}" for j in named)] if named else [])
     for j in range(1, n + 1):
         assert all((f"tau_m{j}: {{scale: 0.001}}" in check.remedy) == (j in named) for check in said)
@@ -135,3 +137,20 @@ def test_a_torque_s_spike_that_stands_alone_is_one():
     assert not is_spike(torque, position=False).any()
     torque[[120, 333]] += (1.5, -1.5)
     assert np.flatnonzero(is_spike(torque, position=False)).tolist() == [120, 333]
+
+
+@pytest.mark.parametrize(("size", "said"), [(15.0, set()), (4 * np.pi + 0.1, {"wrap"})])
+def test_spikes_of_few_rows_are_neither_degrees_nor_turns(size, said):
+    """Six of 55 rows: of a TX40's fourth joint both were told."""
+    t = np.arange(55) / 50
+    seen = np.column_stack([np.sin(3 * t), np.cos(t)])
+    seen[4:55:9, 0] += size
+    mender, excerpt = Mender(1, np.ones(2), np.zeros(2)), Excerpt()
+    blocks = list(mender.run([(np.arange(55), t, seen)]))
+    for block in blocks:
+        excerpt.take(block)
+    columns = Columns("run", ("q1", "tau_m1"), np.array([0, 0]), ("1",), {}, ("tau_m1",), np.array([False]))
+    ends = [f(blocks[0][2], axis=0) for f in (np.min, np.max)]
+    checks = [*units(columns, mender, excerpt, *ends), *wraps(columns, mender)]
+    assert {c.check for c in checks} == said
+    assert all("leaps by whole turns and back 6 times" in c.message for c in checks)
