@@ -177,13 +177,19 @@ def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: f
         late = in_time(state, library.places, late_at, tau, alpha)
         if late is not None and not late.evidence.given and late.evidence.log_e > evidence.log_e:
             return _settled(late, late.tried)
+
+    def step() -> Step:
+        rivals = rivals_of(weighed, best, evidence, tau, alpha)
+        return Step(best.term, evidence, rivals, could_stand(weighed, best, tau))
+
     short = short_of(state, weighed.metric, best, evidence, c, tau)
     if short is not None:
         afresh = settled_in(state, weighed, best, c, tau, alpha)
         if afresh is not None:
             return _settled(afresh, could_stand(weighed, best, tau))
         flex, alike = short.flex, move_alike(short.flex, tau)
-        if alike or not _has_a_second(state, weighed, best, short, library, tau, alpha):
+        begun = None if alike else _beside_a_second(state, weighed, best, short, library, tau, alpha)
+        if begun is None:
             what = Unnamed(
                 c,
                 flex.variables,
@@ -196,10 +202,8 @@ def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: f
             )
             function = Found(None, {c: flex.column[:, None]}, np.ones(1), flex.variables)
             return Taken(with_found(state, function), what)
-    step = Step(
-        best.term, evidence, rivals_of(weighed, best, evidence, tau, alpha), could_stand(weighed, best, tau)
-    )
-    return Taken(refined_together(with_found(state, Found(best.term, best.columns, best.sizes))), step)
+        return Taken(begun, step())
+    return Taken(refined_together(with_found(state, Found(best.term, best.columns, best.sizes))), step())
 
 
 def _late_instead(weighed: Weighed, best: Refined, evidence: Evidence) -> Place | None:
@@ -286,13 +290,15 @@ def _ended(state: State, r: Refined, e: Evidence) -> Taken:
     return Taken(with_found(state, Found(None, r.columns, r.sizes, read)), what)
 
 
-def _has_a_second(
+def _beside_a_second(
     state: State, weighed: Weighed, best: Refined, short: Short, library: Library, tau: float, alpha: float
-) -> bool:
-    """Whether another effect on the channel makes the best one sufficient after all: one of those weighed, or
-    what the joint lacks beside it, both refined together. (A UR10e's first joint, whose friction grows with
-    the square of its rate, and a Stribeck friction planted in it: each alone is short of functions of the
-    rate.)"""
+) -> State | None:
+    """The state with the best one, where another effect on the channel makes it sufficient after all: one of
+    those weighed, or what the joint lacks beside it, both refined together; it is then at the shape that it
+    has beside that, or it would stand for both. (A UR10e's first joint, whose friction grows with the square
+    of its rate, and a Stribeck friction planted in it: each alone is short of functions of the rate. Of two
+    Stribeck frictions of one joint the first, alone, left a second one that said less than a quadratic.)"""
+    begun = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
     for other, _ in weighed.all:
         if other.term.key == best.term.key or not set(other.columns) & set(best.columns):
             continue
@@ -300,18 +306,22 @@ def _has_a_second(
         more = margin(max(best.term.free, other.term.free), tau)
         judged, fitted = together.log_e - flex.evidence.log_e, together.gain - flex.fitted
         if min(judged, fitted) > more and together.supported(alpha):
-            return True
-    begun = refined_together(with_found(state, Found(best.term, best.columns, best.sizes)))
+            return begun
     others = frozenset(range(state.segments[0].q.shape[1])) - {best.term.place.joint}
     asked = compared(begun, short_list(ranked(begun, library, others)), tau, alpha).all
     likely = [r for r, e in asked if e.gain > tau and not r.at_bound and set(r.columns) & set(best.columns)]
-    return any(_together(begun, other, short, tau, alpha) for other in likely[:SECOND])
+    for other in likely[:SECOND]:
+        first, second = refined_together(
+            with_found(begun, Found(other.term, other.columns, other.sizes))
+        ).found[-2:]
+        if _say_as_much(first, second, short, tau, alpha):
+            return solved(state.plus(first))
+    return None
 
 
-def _together(begun: State, other: Refined, short: Short, tau: float, alpha: float) -> bool:
-    """Whether what was found last in a state and another effect say as much as functions do."""
-    both = refined_together(with_found(begun, Found(other.term, other.columns, other.sizes))).found[-2:]
-    columns = side_by_side(both[0].columns, both[1].columns)
-    e, numbers = weigh(short.metric, columns), sum(f.term.free for f in both if f.term is not None)
+def _say_as_much(one: Found, other: Found, short: Short, tau: float, alpha: float) -> bool:
+    """Whether two effects say as much as functions do."""
+    columns = side_by_side(one.columns, other.columns)
+    e, numbers = weigh(short.metric, columns), sum(f.term.free for f in (one, other) if f.term is not None)
     judged = as_much(e.log_e, short.flex.evidence.log_e, numbers, tau)
     return judged and as_much(e.gain, short.flex.fitted, numbers, tau) and e.supported(alpha)

@@ -70,7 +70,7 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
     slow: held anyway. (Of a TX40 at 50 Hz a torque that was held for 0.3 s, 15 rows, made of 4 % 30, and
     nothing was said.)"""
     for k in range(columns.n, len(columns.signals)):
-        changes = np.count_nonzero(np.diff(excerpt.column(k)))
+        changes = int(np.count_nonzero(np.diff(excerpt.column(k))))
         if k in slow or excerpt.fewer(k, min(FEW, changes // 2)):  # by its resolution
             continue
         j = int(columns.joint[k])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 
+from ident.diagnosis.diagnosis import diagnose_study
 from ident.diagnosis.evidence.refine import fit_sizes, refine
 from ident.diagnosis.opening import opened
 from ident.diagnosis.rows.terms import Term
@@ -92,3 +93,13 @@ def test_a_tilt_that_is_a_little_off_is_refined(arm):
     right, off = (refine(state.metric, state.scene, Term(effect, place, dict(its))) for its in begins)
     assert off.gain == pytest.approx(right.gain, abs=0.5)
     assert off.term.theta == pytest.approx(right.term.theta, rel=0.01)
+
+
+def test_two_of_a_kind_on_one_joint(arm):
+    """One refined once after the other stood for both; a function of the rate was told."""
+    findings = diagnose_study(arm(*(f"stribeck_friction:2:Fs=0.5,vs={vs}" for vs in (0.1, 0.03)))).findings
+    assert [finding.effect for finding in findings] == ["stribeck_friction"] * 2
+    for finding, vs in zip(sorted(findings, key=lambda f: -f.parameters["vs"]["value"]), (0.1, 0.03)):
+        for name, truth in {"vs": vs, "Fs": 0.5}.items():
+            told = finding.parameters[name]
+            assert abs(told["value"] - truth) < 4 * told["std"] < 0.5 * truth
