@@ -50,7 +50,7 @@ def test_a_torque_of_few_steps_is_no_clipped_one(tmp_path):
     """An LWR4+'s fifth in steps of 0.8 N m: half of its samples were told to be clipped."""
     coarse = lambda c: c | {"tau_l5": 0.8 * np.round(c["tau_l5"] / 0.8)}  # noqa: E731
     prepared = prepare_study(planted(tmp_path, coarse, measured("kuka_lwr4plus")))
-    assert {check.check for check in examine_tables(prepared)} == {"coarse_signal"}
+    assert {check.check for check in examine_tables(prepared)} == {"coarse_signal", "time_stamps"}
 
 
 @pytest.mark.parametrize("size", [0.5, 1.0])

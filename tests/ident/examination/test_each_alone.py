@@ -12,7 +12,13 @@ from ident.estimation.fit import fit_study
 from ident.recordings.study import RecordingEntry
 
 pytestmark = ON_RECORDINGS
-SAID = {"poor_excitation", "coarse_signal", "resting_joint", "spike"}  # how well the data show the robot
+SAID = {
+    "poor_excitation",
+    "coarse_signal",
+    "resting_joint",
+    "spike",
+    "time_stamps",
+}  # how well the data show the robot
 TOLD = {
     "dualarm_v2_7dof": "sensors of one sign beside others of the other",
     "kuka_lwr4plus/traj_a_run1": "joints 6 and 7 move alike and carry next to nothing: told as exchanged",
