@@ -10,7 +10,7 @@ import numpy as np
 
 from ident.equations.columns import Columns, study_columns
 from ident.errors import StudyError
-from ident.examination.signals import MOVED
+from ident.examination.tables.signals import MOVED
 from ident.progress import Progress, silent
 from ident.recordings.need import need_of
 from ident.recordings.opening import open_recordings

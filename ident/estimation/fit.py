@@ -35,8 +35,8 @@ from ident.estimation.shapes import Extended, declared, extend
 from ident.estimation.solving import estimate_all
 from ident.examination.check import Check, worst_first
 from ident.examination.examine import examine_fit, examine_tables, sentences
-from ident.examination.hypothesis import signal_of
-from ident.examination.limits import reads_currents
+from ident.examination.fits.hypothesis import signal_of
+from ident.examination.tables.limits import reads_currents
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study

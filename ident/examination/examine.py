@@ -17,19 +17,9 @@ from typing import Any
 import numpy as np
 
 from ident.equations.prepared import Prepared, resting_joints
-from ident.examination.another_clock import clock_of_all
-from ident.examination.another_signal import another_signal, more_in_one
-from ident.examination.base import Tilt
-from ident.examination.believed import believed
-from ident.examination.bodies import beyond_own
-from ident.examination.carried import CARRIED, ambiguous, carried_faults
 from ident.examination.check import Check, refuse, turned_sign, worst_first
-from ident.examination.coupled import coupled_positions
-from ident.examination.currents import motor_signs
-from ident.examination.delays import delays
-from ident.examination.frictionless import frictionless
-from ident.examination.geometry import beside_tilt, of_geometry, tables_instead, unseen_base
-from ident.examination.hypothesis import (
+from ident.examination.fits.bodies import beyond_own
+from ident.examination.fits.hypothesis import (
     CLEARLY,
     EXPLAINED,
     Asked,
@@ -38,34 +28,44 @@ from ident.examination.hypothesis import (
     not_recorded,
     signal_of,
 )
-from ident.examination.left_out import asked_for
-from ident.examination.limits import beyond_limits, reads_currents
-from ident.examination.magnitudes import magnitudes
-from ident.examination.motions import by_themselves, moved_positions, signed
-from ident.examination.other_zeros import other_zeros
-from ident.examination.places import other_orders, other_torques, swapped, swapped_positions
-from ident.examination.quick import Fit, Quick, gain_of, quick_of
-from ident.examination.recordings_apart import foretold_badly, recordings_apart, recordings_unlike
-from ident.examination.rivals import Rival, alike, rivals
-from ident.examination.same_samples import same_samples
-from ident.examination.samples import Sample, take
-from ident.examination.scales import scales, too_large, turned_scales
-from ident.examination.signs import all_signs, several_signs
-from ident.examination.stopped_meanwhile import stopped_meanwhile
-from ident.examination.stretches import RARE, Explained, all_rows, same, steadily
-from ident.examination.tilted import tilted
-from ident.examination.turned import all_turned, one_turned, turned_positions
-from ident.examination.unexplained import (
+from ident.examination.fits.quick import Fit, Quick, gain_of, quick_of
+from ident.examination.fits.samples import Sample, take
+from ident.examination.fits.stretches import RARE, Explained, all_rows, same, steadily
+from ident.examination.fits.unexplained import (
     apart_by_one_fit,
     contradicting,
     unexplained,
     unpredicted,
 )
-from ident.examination.units import degrees, geared, scaled_positions
-from ident.examination.velocity import logged_velocities
-from ident.examination.wandering import wandering
-from ident.examination.weightless import unfelt, weightless
-from ident.examination.within import changed_within
+from ident.examination.one_recording.another_clock import clock_of_all
+from ident.examination.one_recording.another_signal import another_signal, more_in_one
+from ident.examination.positions.coupled import coupled_positions
+from ident.examination.positions.motions import by_themselves, moved_positions, signed
+from ident.examination.positions.places import other_orders, other_torques, swapped, swapped_positions
+from ident.examination.positions.units import degrees, geared, scaled_positions
+from ident.examination.rivals.carried import CARRIED, ambiguous, carried_faults
+from ident.examination.rivals.other_zeros import other_zeros
+from ident.examination.rivals.recordings_apart import foretold_badly, recordings_apart, recordings_unlike
+from ident.examination.rivals.rivals import Rival, alike, rivals
+from ident.examination.rivals.scales import scales, too_large, turned_scales
+from ident.examination.rivals.stopped_meanwhile import stopped_meanwhile
+from ident.examination.rivals.wandering import wandering
+from ident.examination.robot.base import Tilt
+from ident.examination.robot.geometry import beside_tilt, of_geometry, tables_instead, unseen_base
+from ident.examination.robot.left_out import asked_for
+from ident.examination.robot.tilted import tilted
+from ident.examination.tables.limits import beyond_limits, reads_currents
+from ident.examination.tables.same_samples import same_samples
+from ident.examination.tables.velocity import logged_velocities
+from ident.examination.torques.believed import believed
+from ident.examination.torques.currents import motor_signs
+from ident.examination.torques.delays import delays
+from ident.examination.torques.frictionless import frictionless
+from ident.examination.torques.magnitudes import magnitudes
+from ident.examination.torques.signs import all_signs, several_signs
+from ident.examination.torques.turned import all_turned, one_turned, turned_positions
+from ident.examination.torques.weightless import unfelt, weightless
+from ident.examination.torques.within import changed_within
 
 BROKEN = ("dead_channel", "unsigned_torque")  # of a torque, which is then asked nothing
 FAULTS = 4  # at most, one after the other

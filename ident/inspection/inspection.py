@@ -131,7 +131,7 @@ def _tried(inspection: Inspection, sources: Sequence[Source], folder: Path, prog
     """Open the logs as a study would, and ask the regressor."""
     from ident.equations.prepared import columns_of, prepare_study
     from ident.examination.examine import examine_fit
-    from ident.examination.limits import beyond_limits
+    from ident.examination.tables.limits import beyond_limits
     from ident.recordings.opening import open_recording
 
     text = trial_text(inspection.study, inspection.proposal)

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ident.errors import RecordingError
-from ident.examination.excerpt import Excerpt
+from ident.examination.tables.excerpt import Excerpt
 from ident.recordings.tables import Table
 
 MOST_COLUMNS = 400

@@ -19,7 +19,7 @@ import numpy as np
 
 from ident.errors import StudyError
 from ident.examination.check import Check, refuse, worst_first
-from ident.examination.clock import (
+from ident.examination.tables.clock import (
     Pace,
     late_stamps,
     rounded_stamps,
@@ -27,11 +27,11 @@ from ident.examination.clock import (
     time_unit_beside,
     uniform_clock,
 )
-from ident.examination.of_table import more_joints, of_table
-from ident.examination.signals import Columns, frozen_throughout
-from ident.examination.stopped import stopped_positions
-from ident.examination.uneven_stamps import even_samples, uneven_stamps, uneven_steps
-from ident.examination.velocity import velocity_agrees
+from ident.examination.tables.of_table import more_joints, of_table
+from ident.examination.tables.signals import Columns, frozen_throughout
+from ident.examination.tables.stopped import stopped_positions
+from ident.examination.tables.uneven_stamps import even_samples, uneven_stamps, uneven_steps
+from ident.examination.tables.velocity import velocity_agrees
 from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
 from ident.recordings.need import need_of as need_of

@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ident.examination.check import Check
-from ident.examination.mending import NOTHING, Mending
-from ident.examination.signals import MOVED
+from ident.examination.tables.mending import NOTHING, Mending
+from ident.examination.tables.signals import MOVED
 from ident.recordings.held import Held
 from ident.recordings.need import Need
 from ident.recordings.resampling import resample

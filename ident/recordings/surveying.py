@@ -9,10 +9,10 @@ import numpy as np
 
 from ident.errors import RecordingError
 from ident.examination.check import Check, listed, refuse
-from ident.examination.clock import BURSTS, SIDE, Grid, clock_leap, goes_on, time_unit
-from ident.examination.excerpt import Excerpt
-from ident.examination.mending import Mender
-from ident.examination.signals import MOVED
+from ident.examination.tables.clock import BURSTS, SIDE, Grid, clock_leap, goes_on, time_unit
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.mending import Mender
+from ident.examination.tables.signals import MOVED
 from ident.recordings.recording import (
     MIN_SAMPLES,
     RecordingStream,

@@ -25,7 +25,7 @@ deviations. Hence
   4. a torque that comes late carries the sign of then: where it is known by how much, samples do not count
      either whose joint was too slow then. (Counted, they put delays of a twin 0.3 to 0.8 of 17 ms, 2 to 5
      standard deviations, too low.)
-  5. samples that are no measurement (examination/samples.py) do not count either,
+  5. samples that are no measurement (examination/fits/samples.py) do not count either,
   6. it runs through the same decimation filter as the torque, as all columns do.
 Rest at the ends is not used, nor the first and last moments of a segment, which the filter made up.
 """

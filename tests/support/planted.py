@@ -14,9 +14,9 @@ from benchmarks import planted_faults
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
 from ident.examination.examine import examine_fit, examine_tables
-from ident.examination.hypothesis import Asked
-from ident.examination.quick import quick_of
-from ident.examination.samples import take
+from ident.examination.fits.hypothesis import Asked
+from ident.examination.fits.quick import quick_of
+from ident.examination.fits.samples import take
 from ident.recordings.study import load_study
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[3] / "shared" / "data")

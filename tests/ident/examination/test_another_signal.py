@@ -11,8 +11,8 @@ from small_arm import ARM
 
 import ident
 from ident.equations.prepared import prepare_study
-from ident.examination.another_signal import another_signal
 from ident.examination.examine import examine_fit
+from ident.examination.one_recording.another_signal import another_signal
 from ident.examination.undone import mended_study
 from ident.recordings.study import ColumnMap
 from ident.twin import PlannedRun, simulate

@@ -6,9 +6,9 @@ from small_arm import ARM
 
 import ident
 from ident.equations.prepared import prepare_study
-from ident.examination.another_torque import Sums
-from ident.examination.quick import quick_of
-from ident.examination.samples import take
+from ident.examination.fits.quick import quick_of
+from ident.examination.fits.samples import take
+from ident.examination.one_recording.another_torque import Sums
 from ident.twin import PlannedRun, simulate
 
 

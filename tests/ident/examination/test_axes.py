@@ -9,8 +9,8 @@ import yaml
 from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
-from ident.examination.axes import OtherTables
 from ident.examination.examine import examine_fit
+from ident.examination.robot.axes import OtherTables
 from modelgen.geometry.kinematics import Geometry
 
 pytestmark = ON_RECORDINGS

@@ -7,7 +7,7 @@ from planted import ON_RECORDINGS, planted, ur10e
 from ident.equations.prepared import prepare_study
 from ident.estimation.fit import fit_study
 from ident.examination.examine import examine_fit, examine_tables
-from ident.examination.spikes import dead_band
+from ident.examination.tables.spikes import dead_band
 
 
 def swinging(seed=0, middle=0.0):

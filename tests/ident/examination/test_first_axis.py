@@ -7,9 +7,9 @@ import pytest
 from planted import ON_RECORDINGS, measured
 
 from ident.equations.prepared import prepare_study
-from ident.examination.bodies import torques
 from ident.examination.examine import examine_fit
-from ident.examination.first_axis import FirstAxis
+from ident.examination.fits.bodies import torques
+from ident.examination.fits.first_axis import FirstAxis
 from modelgen.geometry.kinematics import geometry
 from modelgen.geometry.robot_file import load_robot
 

@@ -11,10 +11,10 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.gravity import direction
-from ident.examination.quick import quick_of
-from ident.examination.samples import take
-from ident.examination.stretches import all_rows
+from ident.examination.fits.quick import quick_of
+from ident.examination.fits.samples import take
+from ident.examination.fits.stretches import all_rows
+from ident.examination.robot.gravity import direction
 from ident.twin import PlannedRun, simulate
 from modelgen.geometry.kinematics import Geometry
 

@@ -9,8 +9,8 @@ from small_arm import ARM
 import generated
 from benchmarks.false_findings import make
 from ident.equations.prepared import prepare_study
-from ident.examination.delays import delays
 from ident.examination.examine import examine_fit
+from ident.examination.torques.delays import delays
 from ident.recordings.study import load_study
 from modelgen.effects.states import integrate_dahl
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
-from ident.examination.changed import unsigned
-from ident.examination.hypothesis import CLEARLY
-from ident.examination.magnitudes import magnitudes
-from ident.examination.stretches import all_rows
-from ident.examination.turned import one_turned
+from ident.examination.fits.hypothesis import CLEARLY
+from ident.examination.fits.stretches import all_rows
+from ident.examination.one_recording.changed import unsigned
+from ident.examination.torques.magnitudes import magnitudes
+from ident.examination.torques.turned import one_turned
 
 pytestmark = ON_RECORDINGS
 

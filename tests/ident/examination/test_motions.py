@@ -9,11 +9,11 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.motions import by_themselves, moved_positions
-from ident.examination.quick import quick_of
-from ident.examination.samples import take
-from ident.examination.stretches import ByItself, all_rows
-from ident.examination.unexplained import contradicting, unexplained
+from ident.examination.fits.quick import quick_of
+from ident.examination.fits.samples import take
+from ident.examination.fits.stretches import ByItself, all_rows
+from ident.examination.fits.unexplained import contradicting, unexplained
+from ident.examination.positions.motions import by_themselves, moved_positions
 from ident.twin import PlannedRun, simulate
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from planted import ON_RECORDINGS, measured
 
 from ident.equations.prepared import prepare_study
-from ident.examination.samples import take
+from ident.examination.fits.samples import take
 from modelgen.geometry.names import ParameterName
 
 

@@ -8,10 +8,10 @@ from recordings import motion, recording, true_chi, write_parquet, write_study
 import generated
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.hypothesis import Asked
-from ident.examination.quick import quick_of
-from ident.examination.samples import take
-from ident.examination.unexplained import _contradiction, odd_one
+from ident.examination.fits.hypothesis import Asked
+from ident.examination.fits.quick import quick_of
+from ident.examination.fits.samples import take
+from ident.examination.fits.unexplained import _contradiction, odd_one
 from ident.recordings.study import load_study
 
 USES = {"a": "identify", "b": "identify", "c": "validate"}

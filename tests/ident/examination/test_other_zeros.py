@@ -10,9 +10,9 @@ from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 from benchmarks import strangers_faults
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.other_zeros import other_zeros
-from ident.examination.rivals import of_positions
-from ident.examination.stretches import all_rows
+from ident.examination.fits.stretches import all_rows
+from ident.examination.rivals.other_zeros import other_zeros
+from ident.examination.rivals.rivals import of_positions
 from ident.recordings.study import load_study
 
 pytestmark = ON_RECORDINGS

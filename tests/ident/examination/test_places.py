@@ -8,7 +8,7 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.places import other_torques, swapped
+from ident.examination.positions.places import other_torques, swapped
 from ident.twin import simulate
 
 

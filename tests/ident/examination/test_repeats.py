@@ -6,7 +6,7 @@ from planted import ON_RECORDINGS, changed, measured, parted, planted, refused, 
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
-from ident.examination.spikes import dropouts
+from ident.examination.tables.spikes import dropouts
 
 pytestmark = ON_RECORDINGS
 

@@ -10,7 +10,7 @@ from scipy.signal import butter, lfilter, lfilter_zi
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.scales import scales
+from ident.examination.rivals.scales import scales
 
 pytestmark = ON_RECORDINGS
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from ident.examination.clock import time_unit
-from ident.examination.excerpt import Excerpt
-from ident.examination.mending import Mender
-from ident.examination.repeats import coarse
-from ident.examination.signals import Columns, units, wraps
-from ident.examination.spikes import is_spike
+from ident.examination.tables.clock import time_unit
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.mending import Mender
+from ident.examination.tables.repeats import coarse
+from ident.examination.tables.signals import Columns, units, wraps
+from ident.examination.tables.spikes import is_spike
 
 N, BLOCK = 20000, 3000
 

@@ -11,7 +11,7 @@ import ident
 from benchmarks.planted_faults import BASES, carried
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
-from ident.examination.unexplained import apart_by_one_fit
+from ident.examination.fits.unexplained import apart_by_one_fit
 from ident.twin import PlannedRun, simulate
 
 

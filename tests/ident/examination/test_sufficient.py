@@ -9,7 +9,7 @@ from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.unexplained import contradicting
+from ident.examination.fits.unexplained import contradicting
 
 pytestmark = ON_RECORDINGS
 

@@ -7,8 +7,8 @@ from planted import ON_RECORDINGS, asked_of, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.signs import all_signs
-from ident.examination.turned import all_turned
+from ident.examination.torques.signs import all_signs
+from ident.examination.torques.turned import all_turned
 from ident.examination.undone import mended_study
 
 pytestmark = ON_RECORDINGS

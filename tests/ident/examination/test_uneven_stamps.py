@@ -7,8 +7,8 @@ from planted import ON_RECORDINGS, measured, planted, tables, ur10e
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.excerpt import Excerpt
-from ident.examination.uneven_stamps import even_samples, uneven_steps
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.uneven_stamps import even_samples, uneven_steps
 
 
 def _said(t, stamps, kept=slice(None)):

@@ -10,7 +10,7 @@ from two_links import TWO_LINKS
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.units import degrees, geared
+from ident.examination.positions.units import degrees, geared
 from ident.twin import simulate
 
 

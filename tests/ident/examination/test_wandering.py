@@ -7,7 +7,7 @@ from planted import ON_RECORDINGS, asked_of, measured, parted, planted, ur10e
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.wandering import wandering
+from ident.examination.rivals.wandering import wandering
 
 pytestmark = ON_RECORDINGS
 

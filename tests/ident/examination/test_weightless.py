@@ -9,8 +9,8 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.quick import quick_of
-from ident.examination.samples import at_rest, take
+from ident.examination.fits.quick import quick_of
+from ident.examination.fits.samples import at_rest, take
 from ident.examination.undone import mended_study
 from ident.twin import PlannedRun, simulate
 

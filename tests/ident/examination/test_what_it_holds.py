@@ -7,7 +7,7 @@ from recordings import recording, write_parquet, write_study
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.samples import take
+from ident.examination.fits.samples import take
 from ident.recordings.study import load_study
 
 

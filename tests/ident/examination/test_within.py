@@ -6,10 +6,10 @@ from planted import ON_RECORDINGS, measured, parted, planted
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.hypothesis import Asked
-from ident.examination.quick import quick_of
-from ident.examination.samples import take
-from ident.examination.within import changed_within
+from ident.examination.fits.hypothesis import Asked
+from ident.examination.fits.quick import quick_of
+from ident.examination.fits.samples import take
+from ident.examination.torques.within import changed_within
 
 pytestmark = ON_RECORDINGS
 

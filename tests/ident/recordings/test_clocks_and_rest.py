@@ -9,8 +9,8 @@ from small_arm import ARM
 import generated
 from ident.equations.prepared import prepare_study
 from ident.estimation.fit import fit_study
-from ident.examination.clock import Grid, goes_on, rounded_stamps, uniform_clock
-from ident.examination.of_table import more_joints
+from ident.examination.tables.clock import Grid, goes_on, rounded_stamps, uniform_clock
+from ident.examination.tables.of_table import more_joints
 from ident.recordings.study import load_study
 
 K = np.arange(6000)

@@ -1,0 +1,394 @@
+"""A signal that is another one in one of the recordings, or in all: a position turned, in degrees, from
+another zero, a torque turned, exchanged with another, times a number.
+
+All other questions change a signal alike in all recordings. Where one recording alone is odd, such an answer
+explains a part of it by chance: of an LWR4+ whose second joint was turned in the run that is fitted, "the
+positions of joints 2 and 5 look swapped" was told. So each signal of each recording is changed alone, all
+recordings fitted together, and what explains steadily more than every answer for all of them is told, with
+all that these recordings do not tell from it: another signal, the same one of another recording or of all, a
+load or other friction there.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import chain, combinations
+from typing import Any
+
+import numpy as np
+
+from ident.examination.check import FEW, Check, listed, nothing_tells
+from ident.examination.fits.bodies import AS_OTHERS, ENOUGH, beyond_own, standard
+from ident.examination.fits.hypothesis import (
+    CLEARLY,
+    EXPLAINED,
+    SAME,
+    SWAPPED,
+    Asked,
+    Hypothesis,
+    bad,
+    falls,
+    not_recorded,
+)
+from ident.examination.fits.quick import FLOOR, Quick, added, gain_of, gains_of, solve
+from ident.examination.fits.samples import LAGS, Sample
+from ident.examination.fits.stretches import HALF, RARE, Explained, all_rows, steadily
+from ident.examination.fits.unexplained import apart_by_one_fit, odd_beside
+from ident.examination.one_recording.another_clock import clocks
+from ident.examination.one_recording.another_torque import Reading, Sums, readings
+from ident.examination.one_recording.changed import Changed, positions_in_all, torques_in_all, unsigned
+from ident.examination.positions.coupled import held
+from ident.examination.positions.places import along, exchanged
+from ident.examination.positions.units import DEGREES, POSITION_FACTORS, times_too
+from ident.examination.rivals.recordings_apart import thinned
+from ident.examination.rivals.rivals import alike, standing
+from ident.examination.torques.delays import LEAST_S
+from ident.examination.torques.signs import all_signs
+from ident.examination.torques.weightless import every, felt, without_gravity
+from modelgen.geometry.kinematics import Geometry
+from modelgen.geometry.names import ParameterName
+
+OFFSETS = (*(sign * x for x in (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2) for sign in (1, -1)), np.pi)  # rad
+OWN = "give this recording a columns: of its own in the study"
+LOAD = "a load is carried that the study does not declare", "declare it with payload:"
+
+
+def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = True) -> Iterator[Check]:
+    """The signal of one recording that explains steadily more than each of the hypotheses told of all; or of
+    all, where the fitted ones are too poor to tell it and those that judge do. (Of seven seconds of a rokae
+    with its third position turned that was told of the recording that judges.)
+
+    Positions cost a motion each; without them it is looked whether a torque is another one, and they are
+    asked where it looks so, or where no fit of all recordings explains a torque. (Each of a UR10e's, of which
+    one had its fourth position doubled, was explained well enough by itself.) Nothing is where what judges is
+    not foretold at all though one fit explains all as fits of each do. (Of six clean seconds of an LWR4+
+    two torques looked swapped.)"""
+    whole = _few(asked.quick)
+    if len(whole.samples) < 2:
+        return
+    before = Explained.by(whole, asked.how)
+    judged = asked.fit.validate
+    foretold = judged is None or not np.nanmax(judged, initial=0.0) > 1.0
+    if not (foretold or bad(before.fit) or apart_by_one_fit(whole, asked.how).any()):
+        return
+
+    def gain(its: Changed) -> float:
+        return its.explained.fit.gain_over(before.fit)
+
+    def better(tried: Iterable[Changed]) -> list[Changed]:  # of hundreds, each with its own equations, few
+        return [its for its in tried if gain(its) > 0]
+
+    torques = chain(_torques(asked, whole, before), _weightless(asked, whole), torques_in_all(asked, whole))
+    found = better(chain(torques, clocks(asked.how, whole)))
+    if positions or bad(before.fit) or any(_explains(its, before) for its in found):
+        moved = better(chain(_positions(asked, whole), positions_in_all(asked, whole)))
+        found += [_moving(asked, its) for its in moved]
+
+    owns = [Explained.by(whole.of([s]), asked.how) for s in whole.samples]
+    best = _best(before, owns, sorted(found, key=gain, reverse=True))
+    if best is None or _contradicted(best):
+        return
+    if any(h.gain > gain(best) for h in told if asked.of_robot(h)):
+        return
+    others = [Explained.by(_few(h.quick or asked.quick), h.how) for h in told if not asked.of_robot(h)]
+    if not all(steadily(its, best.explained, RARE) for its in (before, *others)):
+        return
+    instead = _instead(whole, best, asked)
+    if any(steadily(best.explained, its.explained, RARE) for its in instead):
+        return
+    pool = standing(whole, asked.how, asked.currents, best.explained)
+    if pool is None:
+        return
+    same = alike((its for its in pool if its.zero or not its.recording), before, best.explained)
+    whose = [best.recording if its.recording else "" for its in same]  # that of words which say it themselves
+    everywhere = [Changed(its, (), "", r.words, "", r.explained) for r, its in zip(same, whose)]
+    if any(gain(its) > gain(best) for its in everywhere):
+        return
+    once = {
+        (its.recording, its.check, its.signals): its for its in sorted(found, key=gain) if its is not best
+    }
+    told_too = [its for its in once.values() if _explains(its, before)]
+    told_too = [its for its in told_too if steadily(before, its.explained, RARE)]
+    told_too = [its for its in told_too if _of_itself(before, owns, its)]
+    near = [its for its in (*told_too, *instead) if not steadily(its.explained, best.explained, RARE)]
+    first = max(instead, key=gain, default=best)  # of ten numbers, which may have less to say than one
+    every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
+    every.sort(key=lambda its: its is not first or gain(its) <= gain(best))
+    said = [its.words + _where(its, best) for its in every]
+    fallen = f"{falls(before.fit, best.explained.fit)} over all recordings"
+    where = "in this recording " if best.recording else ""
+    which = ", these recordings do not tell which" if every[1:] else ""
+    if len(every) > 1 + FEW or every[0] is not best:
+        yield nothing_tells(said, fallen, best.recording)
+        return
+    yield Check(
+        best.check,
+        best.signals,
+        f"{where}{', or '.join(said)}{which}: so taken, {fallen}",
+        " or ".join(dict.fromkeys(its.remedy for its in every if its.remedy)),
+        recording=best.recording,
+        explains=best.check != "position_zero"  # which is told to some degrees only
+        and all(its.recording and its.signals for its in every),
+    )
+
+
+def more_in_one(asked: Asked, h: Hypothesis) -> bool:
+    """Whether a signal of one recording alone explains more than what is told of all. (Of an LWR4+ whose
+    fourth position starts from another zero in the run that judges two were told to look swapped.)"""
+    whole = _few(asked.quick)
+    if len(whole.samples) < 2:
+        return False
+    before, told = Explained.by(whole, asked.how), Explained.by(_few(h.quick or asked.quick), h.how)
+    found = chain(_torques(asked, whole, before), _positions(asked, whole))
+    return any(its.recording and its.explained.fit.gain_over(told.fit) > 0 for its in found)
+
+
+def _moving(asked: Asked, its: Changed) -> Changed:
+    """Of a position that stands still in all recordings any other place is one that was not recorded."""
+    still = asked.still(its.signals)
+    if not still:
+        return its
+    check = not_recorded(still)
+    so = check.check, check.message, check.remedy
+    return replace(its, recording="", signals=still, check=so[0], words=so[1], remedy=so[2])
+
+
+def _where(its: Changed, best: Changed) -> str:
+    if its.recording == best.recording:
+        return ""
+    return f" in {its.recording}" if its.recording else " in all recordings"
+
+
+def _best(before: Explained, owns: Sequence[Explained], found: Sequence[Changed]) -> Changed | None:
+    """The first of these, most gain first, that its recording bears by itself, where it explains enough and
+    what gains more does not reject it: or it is only a part of something else."""
+    enough = [k for k, its in enumerate(found) if _explains(its, before)]
+    for k, its in enumerate(found[: max(enough, default=-1) + 1]):
+        if _of_itself(before, owns, its):
+            bears = k in enough and not steadily(its.explained, found[0].explained, RARE)
+            return its if bears else None
+    return None
+
+
+def _contradicted(its: Changed) -> bool:
+    """Whether torques are left that the others contradict: it is at most a part of what is wrong. (Of an
+    LWR4+ whose joints were all logged one place further the first two positions looked swapped, which leaves
+    the third torque at 97 %, by itself explained to 10 %.)"""
+    explained = its.explained
+    return bool(odd_beside(explained.fit.error, explained.quick.alone(explained.how)).any())
+
+
+def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bool:
+    """Whether a fit of the recording alone explains it no worse than without the cause (owns: of each
+    recording), and one fit of all recordings explains them about as fits of each do: a signal that is another
+    one contradicts its own recording, too, or fits it as well, and beside nothing else makes one robot's
+    recordings of them. (Of an LWR4+ whose other recording had no gravity in its torques a first position 10
+    times too small was told, of torques of another run two that look swapped.)"""
+
+    each = []
+    for own, so in zip(owns, its.explained.quick.samples):
+        if its.recording in ("", so.label):
+            changed = Explained.by(before.quick.of([so]), its.explained.how)
+            if steadily(changed, own, RARE):
+                return False
+            own = changed
+        each.append(own)
+    usual = np.exp(np.mean(np.log(np.maximum([x.fit.error for x in each], FLOOR)), axis=0))
+    plain, left = before.fit.error, its.explained.fit.error
+    asks = np.full(len(left), True)
+    if all(name.startswith(("tau", "i")) for name in its.signals):  # others may fit together as well anyway
+        asks = beyond_own(plain, usual) | (np.abs(gains_of(plain, left)) > np.log(SAME))
+    most = gain_of(plain[asks], left[asks]) > HALF * gain_of(plain[asks], usual[asks])
+    return bool(most and _mean(left) < max(AS_OTHERS * _mean(usual), ENOUGH))
+
+
+def _mean(error: np.ndarray) -> float:
+    """Geometric, of errors (C,)."""
+    return float(np.exp(np.nanmean(np.log(np.maximum(error, FLOOR)))))
+
+
+def _few(quick: Quick) -> Quick:
+    """All rows as one, few enough to try a hundred motions."""
+    whole = all_rows(quick)
+    return whole.of([thinned(s) for s in whole.samples])
+
+
+def _explains(its: Changed, before: Explained) -> bool:
+    """Whether torques that are then explained gain as much as they have to, less what others lose. (Of an
+    LWR4+ that judges with its third position turned nothing was told: the last torque is mostly noise, and
+    was foretold better, too.)"""
+    gains, error = its.explained.gains_over(before), np.nan_to_num(its.explained.fit.error)
+    return bool(gains[(error <= EXPLAINED) | (gains < 0)].sum() > its.least)
+
+
+def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
+    """What a recording's own may be where one of its signals looks another: zeros of its torques, a body on
+    the link on which it explains most (nearly what another zero does), other friction of joints whose torques
+    look scaled."""
+    if its.check not in ("position_zero", "torque_scale") or not its.recording:
+        return []
+    columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
+    (s,) = (s for s in whole.samples if s.label == its.recording)
+
+    def beside(own: np.ndarray, words: str, do: str) -> Changed:
+        samples = [
+            x.beside(own if x is s else np.zeros((*x.W.shape[:2], own.shape[2]))) for x in whole.samples
+        ]
+        explained = Explained.by(whole.of(samples), asked.how)
+        return Changed(s.label, (), "", words, do, explained)
+
+    zeros = np.eye(len(columns.channels))[:, None, :].repeat(len(s.t), axis=1)
+    out = [beside(zeros, "its torques start from other zeros", "take zeros alike in all recordings")]
+    if columns.need.model != "D":
+        bodies = standard(table, s.q, s.dq, s.ddq, free=False)[0][columns.joint_of]
+        each = [bodies[:, :, 10 * link : 10 * link + 10] for link in range(len(table.rows))]
+        loads = [beside(own, *LOAD) for own in each]
+        out.append(min(loads, key=lambda load: float(np.nansum(np.log(load.explained.fit.error)))))
+    if its.drives:
+        names = [ParameterName.of(name) for name in columns.parameters]
+        labels = {asked.joints[j] for j in its.drives}
+        drives = [k for k, name in enumerate(names) if name and not name.of_body and name.label in labels]
+        joints = f"joint{'s' if len(labels) > 1 else ''} {listed(sorted(labels))}"
+        words = f"the friction of {joints} is another", f"look at the drive of {joints}"
+        out += [beside(s.W[:, :, drives], *words)] if drives else []
+    return out
+
+
+def _torques(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]:
+    sums = Sums.of(whole, asked.how)
+    for k, sample in enumerate(whole.samples):
+        told = list(readings(asked, sums, k, before.fit))
+        most = max((gain for gain, _ in told), default=0.0)
+        for gain, reading in told:
+            if gain > max(most - SWAPPED, 0.0):
+                its = _read(whole, asked, sample, reading)
+                if not all_signs(replace(asked, quick=its.explained.quick, fit=its.explained.fit)):
+                    yield its  # or it is the other recordings
+        yield from _late(asked, whole, k)
+    yield from unsigned(asked, whole, [s.label for s in whole.samples])
+
+
+def _read(whole: Quick, asked: Asked, sample: Sample, its: Reading) -> Changed:
+    explained = _taken(asked, whole, sample, sample.read(its.source, its.factor))
+    remedy = _own_line(asked, sample, its.changes)
+    return Changed(sample.label, its.signals, its.check, its.words, remedy, explained, its.least, its.drives)
+
+
+def _late(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:
+    """Each torque of recording k, or all, at the time at which the others foretell it best."""
+    s, how = whole.samples[k], asked.how
+    own = s.read(how.order, how.factor)
+    rest = added([its for i, its in enumerate(whole.each) if i != k])
+    predicted = s.predicted(solve(rest, None, how).chi)
+    left = np.sqrt((s.weight * (own.late - predicted) ** 2).sum(axis=1))  # (lags, C)
+    for which in every(asked.seen):
+        lag = int(np.argmin(np.log(np.maximum(left[:, which], 1e-300)).sum(axis=1)))
+        seconds = LAGS[lag]
+        if not LEAST_S <= abs(seconds) < max(LAGS):  # the largest is no lag that was found: more is better
+            continue
+        places = [how.order[c] for c in which]
+        Y = s.Y.copy()
+        Y[:, places] = s.late[lag][:, places]
+        names = asked.names(which)
+        words = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(seconds):g} s "
+        words += f"{'after' if seconds > 0 else 'before'} the positions"
+        explained = _taken(asked, whole, s, replace(s, Y=Y))
+        yield Changed(s.label, names, "channel_delay", words, "record both with one clock", explained)
+
+
+def _own_line(asked: Asked, sample: Sample, changes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Of the study, with columns of the recording's own."""
+    return f"recordings: [{{name: {json.dumps(sample.label)}, {asked.line(changes)}}}]"
+
+
+def _taken(asked: Asked, whole: Quick, sample: Sample, other: Sample) -> Explained:
+    """All recordings fitted together with another sample in the place of one."""
+    return Explained.by(whole.of([other if s is sample else s for s in whole.samples]), asked.how)
+
+
+def _weightless(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    for sample in whole.samples:
+        for which in every([c for c in felt(whole) if c in asked.seen]):
+            names = asked.names(which)
+            words = f"{listed(names)} {'does' if len(names) == 1 else 'do'} not feel gravity"
+            explained = Explained.by(without_gravity(whole, which, sample.label), asked.how)
+            remedy = "log that recording with the controller's gravity torque"
+            yield Changed(sample.label, names, "gravity_compensated", words, remedy, explained)
+
+
+def _positions(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    for sample in whole.samples:
+        for joint in range(len(asked.joints)):
+            yield from _position(asked, whole, sample, joint)
+        yield from _joints(asked, whole, sample)
+
+
+def _joints(asked: Asked, whole: Quick, sample: Sample) -> Iterator[Changed]:
+    """Two positions of one recording exchanged, alone or with their torques; a joint's position and torque
+    with the other sign, or those of all joints."""
+    columns, how, n = whole.columns, asked.how, len(asked.joints)
+    channels, joint_of, labels = range(len(how.order)), np.array(columns.joint_of, int), asked.joints
+
+    def told(
+        check: str, words: str, moved: Sample, source: Sequence[int], factor: np.ndarray, changes: dict
+    ) -> Changed:
+        order, factors = np.arange(len(channels)), np.ones(len(channels))
+        order[list(how.order)], factors[list(how.order)] = np.array(how.order)[list(source)], factor
+        explained = _taken(asked, whole, sample, moved.read(order.tolist(), factors))
+        line = _own_line(asked, sample, changes)
+        return Changed(sample.label, tuple(changes), check, words, line, explained)
+
+    for a, b in combinations(range(n), 2):
+        moved, source = sample.moved(columns, exchanged(n, a, b)), along(columns, exchanged(n, a, b))
+        one, other = f"q{labels[a]}", f"q{labels[b]}"
+        changes: dict[str, dict] = {one: {"of": other}, other: {"of": one}}
+        words = f"{one} and {other} look swapped"
+        yield told("swapped_signals", words, moved, channels, np.ones(len(channels)), changes)
+        if source is not None:
+            words = f"joints {labels[a]} and {labels[b]} look swapped, positions and torques"
+            changes |= {asked.name(c): {"of": asked.name(k)} for c, k in enumerate(source) if c != k}
+            factor = asked.gains / asked.gains[source]
+            yield told("swapped_signals", words, moved, source, factor, changes)
+    for its in every(range(n)):
+        turned = np.isin(np.arange(n), its)
+        own = np.flatnonzero(turned[joint_of])
+        names = (*(f"q{labels[j]}" for j in its), *asked.names(own))
+        words = "all positions and torques have" if len(its) == n > 1 else f"{listed(names)} have"
+        moved, factor = sample.moved(columns, factor=np.where(turned, -1.0, 1.0)), np.ones(len(channels))
+        factor[own] = -1.0
+        changes = {name: {"sign": -1} for name in names}
+        yield told("position_sign", f"{words} the other sign", moved, channels, factor, changes)
+
+
+def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterator[Changed]:
+    """One position of one recording, moved in all ways that are ordinary."""
+    name, columns = f"q{asked.joints[joint]}", whole.columns
+    its = np.arange(len(asked.joints)) == joint
+
+    def changed(check: str, words: str, remedy: str, **motion: float) -> Changed:
+        factor, offset = (
+            np.where(its, motion.get(key, none), none) for key, none in (("factor", 1.0), ("offset", 0.0))
+        )
+        explained = _taken(asked, whole, sample, sample.moved(columns, factor=factor, offset=offset))
+        return Changed(sample.label, (name,), check, f"{name} {words}", remedy, explained)
+
+    def line(**change: float) -> str:
+        return _own_line(asked, sample, {name: change})
+
+    yield changed("position_sign", "has the other sign", line(sign=-1), factor=-1.0)
+    if asked.joints[joint] in columns.model.prismatic:
+        return
+    yield changed("angle_unit", "is in degrees", line(scale=DEGREES), factor=DEGREES)
+    for factor in POSITION_FACTORS:
+        yield changed("angle_unit", f"is {times_too(1 / factor)}", line(scale=factor), factor=factor)
+    for offset in OFFSETS:
+        words = f"starts from another zero, about {-offset:.2g} rad off"
+        remedy = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"  # no line: known to some degrees only
+        yield replace(changed("position_zero", words, remedy, offset=offset), least=CLEARLY)
+    for too in held(columns):
+        if too.j == joint:
+            explained = _taken(asked, whole, sample, too.without(columns, sample))
+            remedy = f"{too.remedy} of that recording"
+            yield Changed(sample.label, (name,), "coupled_position", too.words, remedy, explained)

@@ -1,0 +1,66 @@
+"""Rows that were lost while the stamps go on as if none were: all positions go on by some rows at once.
+
+From row to row the positions of smooth motion go on as their four neighbours do; where rows are gone they go
+on by a whole number of times that, all of them by the same. How far joints go on otherwise elsewhere in the
+log says how much of that is none. (Of a Franka at 50 Hz without two rows in a run nothing was said: errors of
+2 to 3 % were 5 to 12.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ident.examination.check import Check, listed
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.signals import Columns
+
+WHOLE, ONE = 0.3, 0.1  # from a whole number of rows; share of what is left when so many are taken as gone
+ALONE = 10.0  # times what any other row leaves
+APART = 3  # rows from which on a row is another
+
+
+def lost_rows(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Rows behind which others are missing."""
+    if columns.n < 2:
+        return
+    found: list[tuple[int, int]] = []
+    for rows, t, values in excerpt.pieces:
+        step = np.diff(t)
+        if len(t) < 50 or not (step > 0).all() or np.ptp(rows) != len(rows) - 1:
+            continue
+        rate = np.diff(values[:, : columns.n], axis=0) / step[:, None]
+        before, after, here = 0.5 * (rate[:-4] + rate[1:-3]), 0.5 * (rate[3:-1] + rate[4:]), rate[2:-2]
+        around = 0.5 * (before + after)
+        usual = np.median(np.abs(here - around), axis=0) + 1e-3 * np.std(rate, axis=0) + 1e-300
+        before, after, around, here = (x / usual for x in (before, after, around, here))
+        moves = (around**2).sum(axis=1)
+        times, *sides = (_times(here, x) for x in (around, before, after))
+        left, so = ((here - x * around) for x in (1.0, times[:, None]))
+        left, so = (left**2).sum(axis=1), (so**2).sum(axis=1)
+        whole = (times > 1.5) & (np.abs(times - np.rint(times)) < WHOLE) & (so < ONE * left)
+        whole &= moves > (3 / WHOLE) ** 2  # by which the number is known
+        whole &= np.minimum(*sides) > 1.5  # behind the last row before it is frozen none goes on
+        beside = np.convolve(whole, np.ones(2 * APART + 1), "same") > 0.5
+        least = ALONE * left[~beside].max(initial=0.0) if (~beside).any() else np.inf
+        found += [
+            (int(rows[k + 3]), round(float(times[k])) - 1) for k in np.flatnonzero(whole & (left > least))
+        ]
+    if not found:
+        return
+    gone = sum(count for _, count in found)
+    yield Check(
+        "lost_rows",
+        ("t",),
+        f"all positions go on by {listed(count + 1 for _, count in found)} rows at once before row "
+        f"{listed(row + 1 for row, _ in found)}, and the stamps by one: {gone} row{'s' if gone > 1 else ''} "
+        f"{'are' if gone > 1 else 'is'} missing there",
+        "export the log with its own stamps, or use the part before or after it with from: and to:",
+        rows=(found[0][0] + 1, found[-1][0] + 1),
+    )
+
+
+def _times(here: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(N,) how many times others (N, n) the rates here (N, n) are."""
+    return np.asarray((here * others).sum(axis=1) / np.maximum((others**2).sum(axis=1), 1e-300))

@@ -1,0 +1,89 @@
+"""Every check of one table, one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from itertools import chain
+
+import numpy as np
+
+from ident.examination.check import Check
+from ident.examination.tables import repeats
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.lost_rows import lost_rows
+from ident.examination.tables.mending import Mender
+from ident.examination.tables.signals import (
+    Columns,
+    dead_and_resting,
+    dead_bands,
+    flags,
+    limits_hit,
+    lost_samples,
+    posed,
+    position_steps,
+    units,
+    wraps,
+)
+from ident.examination.tables.stopped_at_once import stopped_at_once
+
+TORQUES = ("tau_m", "tau_l", "i")
+
+
+def of_table(
+    columns: Columns,
+    mender: Mender,
+    excerpt: Excerpt,
+    lowest: np.ndarray,
+    highest: np.ndarray,
+    rows: int,
+    resting: Sequence[Collection[int]] = (),
+) -> list[Check]:
+    """Every check of one table, with the recording's name; resting: joints that stand, stretch by stretch."""
+    said, slow = repeats.held(columns, excerpt)
+    lost = sum(
+        (c for kind, c in mender.counts.items() if kind not in ("spike", "ended")),
+        np.zeros(len(columns.signals)),
+    )
+    coarse = tuple(repeats.coarse(columns, excerpt, slow))
+    few = {columns.signals.index(name) for check in coarse for name in check.signals}  # one is the largest
+    gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
+    found = chain(
+        lost_samples(columns, mender, rows),
+        wraps(columns, mender),
+        units(columns, mender, excerpt, lowest, highest),
+        position_steps(columns, mender, excerpt),
+        lost_rows(columns, excerpt),
+        dead_and_resting(columns, lowest, highest),
+        posed(columns, lowest, highest, resting),
+        flags(columns, excerpt),
+        limits_hit(columns, excerpt, slow | few | gone),
+        dead_bands(columns, mender, rows),
+        said,
+        stopped_at_once(columns, excerpt, slow | gone),
+        repeats.copies(columns, excerpt),
+        repeats.standing(columns, excerpt, slow | gone),
+        repeats.noise_alone(columns, excerpt),
+        repeats.unsigned(columns, excerpt),
+        coarse,
+    )
+    return [replace(check, recording=columns.recording) for check in found]
+
+
+def more_joints(recording: str, columns: Collection[str], joints: Collection[str]) -> list[Check]:
+    """Position and torque of joints that the robot does not have: the recording may be another robot's."""
+    measured = {name[1:] for name in columns if name.startswith("q") and name[1:].isdigit()}
+    measured &= {name[len(t) :] for t in TORQUES for name in columns if name.startswith(t)}
+    others = sorted(measured - set(joints), key=int)
+    if not others or not set(joints) < measured:
+        return []
+    which = f"joint{'s' if len(others) > 1 else ''} {', '.join(others)}"
+    return [
+        Check(
+            "more_joints",
+            (),
+            f"position and torque of {which} are recorded, which the robot does not have",
+            "if another robot was recorded, name that; a tool's joints may be left out",
+            recording=recording,
+        )
+    ]

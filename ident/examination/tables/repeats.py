@@ -1,0 +1,312 @@
+"""Signals that repeat themselves or another one: copies, torques that stand still while their joint moves,
+values held over many rows, resolutions too coarse for what is measured.
+
+Every function is pure and looks at the excerpt of a table; what changes by its own resolution alone (small
+counts, slow turns) is told from what a logger repeats by the spacing of its changes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ident.examination.check import Check, Outcome, listed
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.signals import MOVED, Columns
+from ident.signals.resolution import in_steps, resolution
+
+SAME = 1e-9  # of a signal's range
+STILL_S, STILL_ROWS, STILL_TIMES = 0.3, 30, 10.0  # s, rows, times the longest usual run of equal values
+AT_REST = 0.1  # of its pace elsewhere: what a torque does while its joint rests says nothing
+TRAVEL = 0.02  # of the joint's range, moved through meanwhile
+MOST_STILL, FEW = 0.05, 40  # share of the samples; values of a signal that stands still by its resolution
+NEAR_ZERO, AWAY, VISITS = 0.01, 0.1, 8  # of the largest value
+HELD_S, HELD_ROWS, HELD_ALIKE = 0.04, 4, 0.6  # s and rows between changes, share of equal distances
+TRAVELLED = 0.05  # rad or m, that a joint must move for its torque to be asked for more than noise
+FEWEST_STEPS, FEWEST_SCALES = 16, 4  # of means of one length, and lengths
+WHITE = 4.5  # standard deviations between scatter at one length and at the shortest
+LEVELS, TORQUE_LEVELS = 250, 6  # steps of its resolution that a signal's range holds
+STEPS_SHARE = 0.25  # of a position's acceleration, from which its resolution is said to make it
+SHORTEST = 256  # rows of a piece whose spectrum is looked at
+
+
+def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Two signals of which one is the other but for scale and offset."""
+    thin = slice(None, None, max(1, len(excerpt.column(0)) // 4000))
+    x = np.stack([excerpt.column(k)[thin] for k in range(len(columns.signals))], axis=1)
+    span = np.ptp(x, axis=0)
+    live = np.flatnonzero(span > 0)
+    if len(x) < 100 or len(live) < 2:
+        return
+    z = (x - x.mean(axis=0)) / np.where(span > 0, span, 1.0)
+    alike = np.corrcoef(z[:, live].T)
+    for k, m in zip(*(live[its] for its in np.nonzero(np.triu(np.abs(alike) > 1 - 1e-6, 1)))):
+        slope = (z[:, k] @ z[:, m]) / (z[:, k] @ z[:, k])
+        if np.abs(z[:, m] - slope * z[:, k]).max() > SAME or len(np.unique(x[:, m])) < 10:
+            continue
+        names, same_joint = (columns.signals[k], columns.signals[m]), columns.joint[k] == columns.joint[m]
+        soft = m < columns.n or (k >= columns.n and same_joint)  # a mimicking joint, a torque from a current
+        outcome: Outcome = "warned" if soft else "refused"
+        yield Check(
+            "copied_signal",
+            names,
+            f"{names[1]} is {names[0]} again{'' if np.isclose(slope, 1) else ' times a number'}: one column "
+            "read for two signals, or a log that repeats it",
+            f"map the right columns with columns: {{{names[1]}: ...}}"
+            + (f", or leave it out with {columns.without([names[1]])}" if m >= columns.n else ""),
+            outcome=outcome,
+        )
+
+
+def runs_of_equals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Begin (K,) and length (K,) of the runs of equal values of x (N,)."""
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
+    return edges[:-1], np.diff(edges)
+
+
+def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
+    """Torques that keep one value for a while in which their joint moves, many times longer than elsewhere;
+    slow: held anyway. (Of a TX40 at 50 Hz a torque that was held for 0.3 s, 15 rows, made of 4 % 30, and
+    nothing was said.)"""
+    for k in range(columns.n, len(columns.signals)):
+        changes = int(np.count_nonzero(np.diff(excerpt.column(k))))
+        if k in slow or excerpt.fewer(k, min(FEW, changes // 2)):  # by its resolution
+            continue
+        j = int(columns.joint[k])
+        low, high = (f(excerpt.column(k)) for f in (np.min, np.max))
+        reach, lengths, paces, found = np.ptp(excerpt.column(j)), [], [], []
+        for rows, _, values in excerpt.stretches(k, j):
+            begin, length = runs_of_equals(values[:, 0])
+            gone = np.abs(values[begin + length - 1, 1] - values[begin, 1])
+            lengths.append(length)
+            paces.append(gone / np.maximum(length - 1, 1))
+            for at in np.flatnonzero(length >= STILL_TIMES):
+                own = slice(begin[at], begin[at] + length[at])
+                moved = np.ptp(values[own, 1]) > max(TRAVEL * reach, 1e-3)
+                x = values[own, 0][0]
+                sides = values[[max(own.start - 1, 0), min(own.stop, len(values) - 1)], 0]
+                step = np.quantile(np.abs(np.diff(values[:, 0])), 0.95)
+                inside = low < x < high or np.abs(sides - x).max() > 5 * step
+                if moved and inside:
+                    found.append((int(length[at]), int(rows[own][0]) + 1, int(rows[own][-1]) + 1, float(x)))
+        if not found:
+            continue
+        every, pace = np.concatenate(lengths), np.concatenate(paces)
+        rests = (every > 1) & (pace < AT_REST * pace[np.isin(every, [run[0] for run in found])].min())
+        usual = np.repeat(np.where(rests, 1, every), every)[_others(every, found)]
+        most = STILL_TIMES * np.quantile(usual, 0.99, method="lower")
+        found = [run for run in found if run[0] >= most]
+        if not found:
+            continue
+        share = sum(run[0] for run in found) / max(every.sum(), 1)
+        refused = share > MOST_STILL
+        name, (_, first, _, x) = columns.signals[k], found[0]
+        yield Check(
+            "dead_channel",
+            (name,),
+            f"{name} stands still at {x:.4g} for {100 * share:.3g} % of the samples while joint "
+            f"{columns.labels[j]} moves (rows {first} to {found[0][2]}"
+            f"{' and others' if len(found) > 1 else ''}): a drive that was off, a cable, a value held"
+            f"{', a dead band' if x == 0 else ''}",
+            f"leave the stretch out with from: and to:, or the torque with {columns.without([name])}",
+            outcome="refused" if refused else "warned",
+            rows=(first, found[-1][2]),
+        )
+
+
+def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Torques that come down to zero again and again and never below it; beside them those that have one sign
+    as well, which may be what the same logger made of torques that do not come down to zero. (Of a Franka's
+    magnitudes three were told, and of the others that two positions are exchanged.)"""
+    told, beside = [], []
+    for k in range(columns.n, len(columns.signals)):
+        x = excerpt.column(k)
+        if x.min() < 0 < x.max() or excerpt.fewer(k, FEW):
+            continue
+        size = np.abs(x) / max(np.abs(x).max(), 1e-300)
+        state = np.where(size < NEAR_ZERO, 0, np.where(size > AWAY, 1, -1))
+        visits = state[state >= 0]
+        count = int(((visits[:-1] == 1) & (visits[1:] == 0)).sum())
+        name = columns.signals[k]
+        if count < VISITS:
+            beside.append(name)
+            continue
+        told.append(name)
+        yield Check(
+            "unsigned_torque",
+            (name,),
+            f"{name} comes down to zero {count} times and never changes its sign: a magnitude, or a "
+            "sensor of one direction",
+            f"record it with its sign, or leave it out with {columns.without([name])}",
+        )
+    if told and beside:
+        verb, what = ("have", "magnitudes") if len(beside) > 1 else ("has", "a magnitude")
+        yield Check(
+            "unsigned_torque",
+            tuple(beside),
+            f"{listed(beside)} {verb} one sign throughout, too, as {listed(told)}: {what}, or kept on one "
+            "side by a load",
+            "record all torques with their signs",
+        )
+
+
+def noise_alone(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Torques that are white noise about a constant while their joint moves: means over 2, 4, 8 ... samples
+    scatter as those of independent samples do, at every length (Haar's variances), and so do the longest
+    about the mean of all. Gravity, friction or an offset that turns with the motion would show in the long
+    ones, however far below the noise, where the joint goes there and back. (Of four seconds of a UR10e up to
+    0.2 s alone were asked, and three torques told as dead; of a second of a KR 300, one way, one.)"""
+    for k in range(columns.n, len(columns.signals)):
+        q = excerpt.column(int(columns.joint[k]))
+        there, back = np.max(q - np.minimum.accumulate(q)), np.max(np.maximum.accumulate(q) - q)
+        if min(there, back) < TRAVELLED or excerpt.fewer(k, 3):
+            continue
+        low, high = np.quantile(excerpt.column(k), [0.1, 0.9])  # spikes would drown what is below them
+        means = [np.clip(values[:, k], low, high) for _, _, values in excerpt.pieces]  # over `size` samples
+        size, ratios = 1, []
+        first = 0.0
+        while True:
+            pairs = [x[: len(x) // 2 * 2].reshape(-1, 2) for x in means]
+            steps = np.concatenate([pair[:, 1] - pair[:, 0] for pair in pairs])
+            if len(steps) < FEWEST_STEPS:
+                break
+            power = float(np.mean(steps**2)) * size
+            first = first or power
+            if not first:
+                break
+            ratios.append((power / first - 1.0) / np.sqrt(2.0 / len(steps)))
+            if abs(ratios[-1]) >= WHITE:
+                break
+            size, means = 2 * size, [0.5 * (pair[:, 0] + pair[:, 1]) for pair in pairs]
+        if len(ratios) < FEWEST_SCALES or abs(ratios[-1]) >= WHITE:
+            continue
+        longest = np.concatenate(means)
+        ratio = 2 * size * float(np.var(longest, ddof=1)) / first - 1.0
+        if ratio < WHITE * np.sqrt(2.0 / (len(longest) - 1)):
+            name, x = columns.signals[k], excerpt.column(k)
+            yield Check(
+                "dead_channel",
+                (name,),
+                f"{name} is noise about {x.mean():.3g} and nothing else while joint "
+                f"{columns.labels[columns.joint[k]]} moves: dead, absent, or far below its own noise",
+                f"leave it out with {columns.without([name])}",
+            )
+
+
+def _others(every: np.ndarray, found: list[tuple[int, int, int, float]]) -> np.ndarray:
+    """(rows,) bool: of all rows by run, those outside the runs that were found."""
+    long = np.isin(every, [run[0] for run in found])
+    keep = ~np.repeat(long, every)
+    return keep if keep.any() else np.ones(len(keep), bool)
+
+
+def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
+    """Signals that change only every so many rows; their columns."""
+    slow: dict[int, tuple[float, int]] = {}
+    for k in range(len(columns.signals)):
+        x = excerpt.column(k)
+        changes = np.count_nonzero(x[1:] != x[:-1]) - 2 * len(excerpt.pieces)
+        if len(x) < (1 + HELD_ROWS) / 2 * changes:  # half of the runs cannot be of HELD_ROWS
+            continue
+        gaps, steps = [], []
+        for _, t, values in excerpt.pieces:
+            gaps.append(runs_of_equals(values[:, k])[1][1:-1])
+            steps.append(float(np.median(np.diff(t))) if len(t) > 1 else 0.0)
+        every = np.concatenate(gaps)
+        if len(every) < 10:
+            continue
+        usual = float(np.median(every))
+        alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
+        seconds = usual * float(np.median(steps))
+        if usual >= HELD_ROWS and seconds > HELD_S and alike > HELD_ALIKE:
+            slow[k] = (seconds, int(usual))
+    if not slow:
+        return [], set()
+    names = tuple(columns.signals[k] for k in slow)
+    seconds, rows = max(slow.values())
+    text = (
+        f"{listed(names)} change{'s' if len(names) == 1 else ''} only every {rows} rows ({seconds:.3g} s): "
+        f"recorded at {1 / seconds:.3g} Hz and held, which is late by {500 * seconds:.3g} ms in the mean"
+    )
+    remedy = "record them at the rate of the others; cut-offs above a fifth of theirs show the steps"
+    return [Check("held_signal", names, text, remedy)], set(slow)
+
+
+def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
+    """Signals whose range holds few steps of their resolution, and positions of whose acceleration the steps
+    make much."""
+    told: dict[str, float] = {}
+    shares: dict[str, tuple[float, float]] = {}  # position: step, share
+    for k, name in enumerate(columns.signals):
+        x, position = excerpt.column(k), k < columns.n
+        levels = LEVELS if position else TORQUE_LEVELS
+        steps = np.abs(np.diff(x))
+        small = np.count_nonzero(steps < np.ptp(x) / levels) - np.count_nonzero(steps == 0)
+        # the quantile below is one of these, so that enough of them fit
+        if not position and small > 0.02 * len(steps) + 2:
+            continue
+        steps = steps[steps > 0]
+        few = not position and excerpt.fewer(k, TORQUE_LEVELS)  # however seldom it changes
+        if (len(steps) < 20 and not few) or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
+            continue
+        if np.ptp(excerpt.column(int(columns.joint[k]))) < MOVED:  # it rests
+            continue
+        step = resolution(x)
+        if not in_steps(x, step):
+            continue
+        if np.ptp(x) / step < levels:
+            told[name] = step
+        elif position and (share := _share_of_steps(excerpt, k, step, columns.cutoff_hz)) > STEPS_SHARE:
+            shares[name] = step, share
+    positions = {name: step for name, step in told.items() if name in columns.signals[: columns.n]}
+    finer, lower = (
+        "record with a finer resolution or a larger motion",
+        ", or a lower filter: {position_cutoff_hz: ...}",
+    )
+    for its, what, also in (
+        (positions, "rates and accelerations are", lower),
+        ({name: told[name] for name in told if name not in positions}, "what is fitted to them is", ""),
+    ):
+        if its:
+            yield Check(
+                "coarse_signal",
+                tuple(its),
+                f"{listed(its)} move{'s' if len(its) == 1 else ''} in steps of {max(its.values()):.3g}, few "
+                f"of which fit into the whole motion: {what} mostly those steps",
+                finer + also,
+            )
+    if shares:
+        step, share = (max(values) for values in zip(*shares.values()))
+        yield Check(
+            "coarse_signal",
+            tuple(shares),
+            f"{listed(shares)} move{'s' if len(shares) == 1 else ''} in steps of {step:.3g}: behind a filter "
+            f"of {columns.cutoff_hz:g} Hz they make {'up to ' if len(shares) > 1 else ''}{100 * share:.0f} % "
+            "of the acceleration, which errors and inertias feel",
+            finer + lower,
+        )
+
+
+def _share_of_steps(excerpt: Excerpt, k: int, step: float, cutoff_hz: float) -> float:
+    """Root mean square of the acceleration that rounding to `step` leaves below the cut-off, over that of the
+    position as recorded. Rounding is taken as white, step^2 / 12 spread up to half of the rate, the least
+    that it is there: of a slow motion more of it lies below."""
+    power, count, rates = 0.0, 0, []
+    for _, t, values in excerpt.pieces:
+        if len(t) < SHORTEST or not t[-1] > t[0]:
+            continue
+        N, rate = len(t), (len(t) - 1) / (t[-1] - t[0])
+        x = values[:, k] - np.linspace(values[0, k], values[-1, k], N)
+        window = np.hanning(N)
+        f = np.fft.rfftfreq(N, 1 / rate)
+        low = f < min(cutoff_hz, rate / 2)
+        density = np.abs(np.fft.rfft(x * window)[low]) ** 2 * (2 * np.pi * f[low]) ** 4
+        power += float(2 * density.sum() / np.sum(window**2))
+        count += N
+        rates.append(rate)
+    if not power:
+        return 0.0
+    rate = float(np.median(rates))
+    noise = step**2 / 12 * 2 / rate * (2 * np.pi) ** 4 * min(cutoff_hz, rate / 2) ** 5 / 5
+    return float(np.sqrt(min(noise * count / power, 1.0)))

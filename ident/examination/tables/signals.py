@@ -1,0 +1,418 @@
+"""What the columns of one table show each for itself: lost samples, dead torques, resting joints, limits hit.
+
+Every function is pure: what one pass counted goes in, checks come out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ident.examination.check import Check, column_line, listed
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.mending import Mender
+
+MOST_MISSING = 0.05
+MOST_SPIKES = 0.01
+MOST_BAND = 0.5  # of a torque: what is left of it tells the robot as well
+BEYOND = 3.0  # standard deviations of a count
+MOVED = 1e-3  # rad or m: less is rest
+TURNS = 4 * np.pi
+BESIDE_ROWS, CHANCE = 30, 1e-3  # behind a leap; of as many rows in which nothing happens to change
+COUNTS = 1000.0  # rad: beyond it no joint goes, but an encoder's counts do
+LARGEST = 2e4  # N m: more than robots' joints give
+BESIDE = 1000**0.5  # times smaller: torques of one robot in one unit rather than in two, a thousand apart
+CLIPPED_RUN = 5  # consecutive samples exactly at the extreme while the joint moves
+CLIPPED_EXCESS = 6.0  # of samples at the extreme over those just below it; a rounded peak has 2.4
+
+
+@dataclass(frozen=True, slots=True)
+class Columns:
+    """Names of one table's signals: positions, then torques; `joint` (m,) from 0, labels (n,)."""
+
+    recording: str
+    signals: tuple[str, ...]  # the study's names: q1.., tau_m1.. or i1.., tau_l1..
+    joint: np.ndarray
+    labels: tuple[str, ...]
+    maps: Mapping[str, Any]  # the study's column maps
+    channels: tuple[str, ...]  # torques in use
+    prismatic: np.ndarray  # (n,) bool
+    cutoff_hz: float = 10.0  # of the filter that positions go through
+
+    @property
+    def n(self) -> int:
+        return len(self.labels)
+
+    def without(self, dead: Sequence[str]) -> str:
+        """The `channels:` line that leaves torques out."""
+        gone = {"tau_m" + name[1:] if name.startswith("i") else name for name in dead}
+        gone |= {"tau_d" + name[5:] for name in gone}
+        return f"channels: [{', '.join(name for name in self.channels if name not in gone)}]"
+
+
+_WORDS = {
+    "missing_values": "empty or not a number",
+    "sentinel": "a logger's mark for no value",
+    "frozen": "frozen: nothing at all changes, though joints were on their way",
+    "ended": "frozen to the end: nothing at all changes any more, though joints were on their way",
+    "spike": "a spike, far off its neighbours in the signal's own noise",
+}
+_WHOLE = ("frozen", "ended")  # rows, not samples of a signal
+_MOST = {"spike": MOST_SPIKES, "ended": 1.0}  # what lies before the end is as good as it was
+_CURE = {
+    "missing_values": "export the log without them, or leave the stretch out with from: and to:",
+    "sentinel": "export the log without them, or leave the stretch out with from: and to:",
+    "frozen": "leave the stretches out with from: and to:",
+    "spike": "find what disturbs this sensor or its cable",
+}
+
+
+def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]:
+    """One check a kind of samples that are no measurement."""
+    for kind, counts in mender.counts.items():
+        if kind == "dead_band":
+            continue
+        mine = np.flatnonzero(counts)
+        if kind == "spike":
+            mine = np.array([k for k in mine if not _after_a_stop(mender, int(k))], int)
+        if not len(mine):
+            continue
+        worst = int(counts[mine].max())
+        limit = _MOST.get(kind, MOST_MISSING)
+        chance = BEYOND * np.sqrt(worst) if kind == "spike" else 0.0  # of few rows two are no share
+        refused = worst - chance > limit * rows
+        names = tuple(columns.signals[k] for k in mine)
+        seen = mender.first[kind].values()
+        span = min(a for a, _ in seen), max(b for _, b in seen)
+        subject = "all signals" if kind in _WHOLE else listed(names)
+        if refused:
+            said = f"{worst} of {rows} samples of {names[int(np.argmax(counts[mine]))]} are"
+            message = f"{said} {_WORDS[kind]} (rows {span[0]} to {span[1]}), more than {100 * limit:g} %"
+        else:
+            number = worst if kind in _WHOLE else int(counts[mine].sum())
+            message = (
+                f"{number} sample{'s' if number > 1 else ''} of {subject} "
+                f"{'are' if number > 1 else 'is'} {_WORDS[kind]} (rows {span[0]} to {span[1]}); "
+                f"{_done(kind, number, mender.left_out if (mine < columns.n).any() else 0)}"
+            )
+        check = {"sentinel": "missing_values", "ended": "frozen"}.get(kind, kind)
+        yield Check(
+            check,
+            () if kind in _WHOLE else names,
+            message,
+            _CURE[kind] if refused else "",
+            outcome="refused" if refused else "mended",
+            rows=span,
+        )
+    if mender.truncated is not None:
+        row = mender.truncated + 1
+        yield Check(
+            "truncated",
+            (),
+            f"the last row ({row}) is not whole and was left out",
+            outcome="mended",
+            rows=(row, row),
+        )
+
+
+def frozen_throughout(recording: str, rows: int, left_out: bool) -> Check:
+    """A recording all of whose rows are the same."""
+    said = f"all {rows} rows are the same, positions and torques: a logger or a driver that was frozen"
+    said += ", or a robot at rest whose signals are too coarse to show it"
+    if left_out:
+        return Check("frozen", (), f"{said}; left out", outcome="mended", recording=recording, rows=(1, rows))
+    return Check("frozen", (), said, "record it again, moving", "refused", recording, (1, rows))
+
+
+def _done(kind: str, number: int, long: int) -> str:
+    """What was done to samples, of which `long` are in stretches that nothing can cross."""
+    if kind in _WHOLE or long >= number:
+        return "left out"
+    crossed = "interpolated, and given no weight in the fit"
+    return f"{long} of them in long stretches left out, the others {crossed}" if long else crossed
+
+
+def _after_a_stop(mender: Mender, k: int) -> bool:
+    """Whether a signal's spikes are the leap with which it goes on after the logger stood still."""
+    first, last = mender.first["spike"][k]
+    return any(first > stop and last <= stop + 3 for _, stop in mender.first.get("frozen", {}).values())
+
+
+def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
+    """Positions that leap by a whole turn were made continuous; not to a spike and back."""
+    mending = mender.mending()
+    for k in np.unique(mending.wrap_columns):
+        mine, lost = mending.wrap_columns == k, mending.rows[mending.columns == k]
+        kept = ~np.isin(mending.wrap_rows[mine], [lost, lost + 1])
+        rows, turns = mending.wrap_rows[mine][kept] + 1, mending.wrap_turns[mine][kept]
+        if not len(rows):
+            continue
+        there = np.flatnonzero((np.diff(rows) == 1) & (turns[1:] == -turns[:-1]))
+        back = 2 * len(there) == len(rows)  # of a spike, too
+        count = len(there) if back else len(rows)
+        yield Check(
+            "wrap",
+            (columns.signals[k],),
+            f"{columns.signals[k]} leaps by {'whole turns and back' if back else 'a whole turn'} {count} "
+            f"time{'s' if count > 1 else ''} (first in row {rows[0]}); made continuous",
+            outcome="mended",
+            rows=(int(rows[0]), int(rows[-1])),
+        )
+
+
+def position_steps(columns: Columns, mender: Mender, excerpt: Excerpt) -> Iterator[Check]:
+    """A position that leaps and stays is an encoder that slipped, or rows that are gone; one that stood still
+    before, while another one moved, was held meanwhile."""
+    spikes = mender.counts.get("spike", np.zeros(len(columns.signals)))
+    steps = [step for step in mender.leaps if spikes[step[1]] < 20]  # what is left of spikes is no step
+    if not steps:
+        return
+    row, k, size = steps[0]
+    unit = "m" if columns.prismatic[k] else "rad"
+    names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
+    first = _held_until(excerpt, row, k)
+    if first is None:
+        rows = row + 1, row + 1
+        said = (
+            f"leaps by {size:.3g} {unit} in row {row + 1} and stays there, as when an encoder slips or rows "
+        )
+        said += "were cut out"
+        remedy = "use the part before or after it with from: and to:"
+    else:
+        rows = first + 1, row
+        said = f"stands still in rows {rows[0]} to {rows[1]}, in which others change, and then leaps by "
+        said += f"{size:.3g} {unit}: an encoder or a message that was held"
+        remedy = "leave these rows out with from: and to:"
+    yield Check("position_step", names, f"{columns.signals[k]} {said}", remedy, outcome="refused", rows=rows)
+
+
+def _held_until(excerpt: Excerpt, row: int, k: int) -> int | None:
+    """The first row of those up to a leap in which a position does not change though others do from row
+    to row, as it does behind it; None where chance leaves as many. (0.3 s of a Franka's at 50 Hz were 15
+    rows, and it was said to have slipped.)"""
+    for rows, _, values in excerpt.pieces:
+        at = int(np.searchsorted(rows, row))
+        if not 0 < at < len(rows) or rows[at] != row:
+            continue
+        changes = np.flatnonzero(np.diff(values[:at, k]))
+        first = int(changes[-1]) + 1 if len(changes) else 0
+        others = np.delete(np.diff(values[first:at], axis=0) != 0, k, axis=1).any(axis=1)
+        goes_on = np.diff(values[at : at + BESIDE_ROWS, k]) != 0  # or the joint rests
+        if not others.any() or not others.mean() > 0.5 or not goes_on.mean() > 0.5:
+            return None
+        rests = 1 - (len(changes) + goes_on.sum()) / (first + len(goes_on) + 1)
+        return int(rows[first]) if rests ** (at - first) < CHANCE else None
+    return None
+
+
+def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:
+    """Torques that never change, joints that never move. lowest, highest (m,)."""
+    n, reach = columns.n, highest - lowest
+    still = [k for k in range(n) if reach[k] < MOVED]
+    if still:
+        which = listed(columns.labels[k] for k in still)
+        exact = listed(columns.signals[k] for k in still if reach[k] == 0)  # no encoder is as still as that
+        or_lost = f" ({exact} to the last digit: unless held, not recorded)" if exact else ""
+        yield Check(
+            "resting_joint",
+            tuple(columns.signals[k] for k in still),
+            f"joint {which} never moves{or_lost}, so its own friction and inertia cannot be seen here, and "
+            "its offset holds the friction that it rests with",
+            "record it moving",
+        )
+    dead = [k for k in range(n, len(reach)) if reach[k] == 0 and columns.joint[k] not in still]
+    if not dead:
+        return
+    names = tuple(columns.signals[k] for k in dead)
+    everything = len(dead) == len(reach) - n
+    value = f"{lowest[dead[0]] + 0.0:g}"  # no -0
+    clipped = lowest[dead].all()  # a short run may be, whole
+    cause = "dead, absent or held at the end of its range" if clipped else "dead or absent"
+    yield Check(
+        "dead_channel",
+        names,
+        f"{listed(names)} {'reads' if len(names) == 1 else 'read'} {value} throughout: {cause}"
+        if not everything
+        else f"no torque is recorded: {listed(names)} never changes while joints move",
+        "map the right columns with columns: {...}"
+        if everything
+        else f"leave {'it' if len(names) == 1 else 'them'} out with {columns.without(names)}",
+        outcome="refused",
+    )
+
+
+def posed(
+    columns: Columns, lowest: np.ndarray, highest: np.ndarray, resting: Sequence[Collection[int]]
+) -> Iterator[Check]:
+    """Joints that stand in every one of a recording's stretches, here and there; lowest, highest (m,),
+    resting: the joints that stand, stretch by stretch."""
+    still = set.intersection(*map(set, resting)) if resting else set()
+    which = sorted(j for j in still if highest[j] - lowest[j] >= MOVED)
+    if which:
+        whole = len(which) == columns.n
+        names = "the robot" if whole else f"joint {listed(columns.labels[j] for j in which)}"
+        yield Check(
+            "resting_joint",
+            tuple(columns.signals[j] for j in which),
+            f"{names} stands still in each of the {len(resting)} stretches: dry friction at rest is anything "
+            f"up to that of motion, and nothing {'' if whole else 'of its torque '}is used beside recordings "
+            "of motion",
+            "record slow moves there and back through these places",
+        )
+
+
+def flags(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """A signal of two values is a switch, or too small for its resolution. A joint at rest is neither. (Of a
+    UR10e that rests three seconds, whose encoder flickers by its one step, q1 was refused as a switch.)"""
+    for k, name in enumerate(columns.signals):
+        values = excerpt.column(k)
+        if k < columns.n and np.ptp(values) < MOVED:
+            continue
+        distinct = np.unique(values[:: max(1, len(values) // 2000)])
+        if len(distinct) == 2 and len(values) > 200 and len(np.unique(values)) == 2:
+            if k >= columns.n and not _switch(distinct):
+                yield Check(
+                    "coarse_signal",
+                    (name,),
+                    f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: it stays below its "
+                    "own resolution, and nothing is seen of it",
+                    f"leave it out with {columns.without([name])}",
+                )
+                continue
+            out = f", or leave it out with {columns.without([name])}" if k >= columns.n else ""
+            yield Check(
+                "flag_column",
+                (name,),
+                f"{name} holds only two values, {distinct[0]:g} and {distinct[1]:g}: a switch, or a signal "
+                "below its own resolution",
+                f"map the right column with columns: {{{name}: {{column: ...}}}}{out}",
+                outcome="refused",
+            )
+
+
+def _switch(values: np.ndarray) -> bool:
+    """Whether two values are those of a switch: whole numbers, or leaps beyond a torque's resolution."""
+    return bool((values == np.rint(values)).all() or np.ptp(values) > 0.5)
+
+
+def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -> Iterator[Check]:
+    """Torques that stay exactly at their extreme while the joint moves; slow: those that are held anyway."""
+    for k in range(columns.n, len(columns.signals)):
+        if k in slow:
+            continue
+        x, q = excerpt.column(k), excerpt.column(int(columns.joint[k]))
+        for sign, word in ((1.0, "largest"), (-1.0, "smallest")):
+            y = sign * x
+            top = y == y.max()
+            moving = np.abs(np.diff(q, append=q[-1:])) > 0
+            count = int((top & moving).sum())
+            if count < 4 * CLIPPED_RUN or y.max() == 0:
+                continue
+            steps = np.abs(np.diff(x))
+            smallest = np.quantile(steps[steps > 0], 0.1) if (steps > 0).any() else 0.0
+            beside = y.max(where=~top, initial=y.min())  # farther below where steps are of several sizes
+            below = (y >= min(y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x)), beside)) & ~top
+            if count < CLIPPED_EXCESS * max(below.sum(), 1):
+                continue
+            edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
+            if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
+                yield Check(
+                    "saturation",
+                    (columns.signals[k],),
+                    f"{columns.signals[k]} stays exactly at its {word} value {sign * y.max():.4g} "
+                    f"for {100 * count / len(x):.2g} % of the samples, as a signal that is clipped",
+                    "record with a wider range, or a slower motion",
+                )
+                break
+
+
+def dead_bands(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]:
+    """Torques that read 0 where they are small: that is no measurement, and has no weight."""
+    counts = mender.counts.get("dead_band", np.zeros(0, int))
+    for k in np.flatnonzero(counts).tolist():
+        name, share = columns.signals[k], counts[k] / rows
+        refused = share > MOST_BAND
+        done = "" if refused else "; these have no weight in the fit"
+        out = f", or leave it out with {columns.without([name])}" if refused else ""
+        yield Check(
+            "dead_band",
+            (name,),
+            f"{name} reads 0 wherever it is below {mender.bands[k]:.3g}, in {100 * share:.2g} % of the "
+            f"samples: a dead band of the sensor, the drive or the logger{done}",
+            f"log it without that band{out}",
+            outcome="refused" if refused else "warned",
+            rows=mender.first["dead_band"][k],
+        )
+
+
+def units(
+    columns: Columns, mender: Mender, excerpt: Excerpt, lowest: np.ndarray, highest: np.ndarray
+) -> Iterator[Check]:
+    """Positions beyond what joints reach, for two rows at least: counts of an encoder; torques that only N mm
+    give."""
+    n = columns.n
+    reach = np.maximum(np.abs(lowest), np.abs(highest))
+    for k in range(n):  # of spikes that stand too close to be told it was said to be in degrees
+        x = np.abs(excerpt.column(k))
+        reach[k] = np.minimum(x[:-1], x[1:]).max(initial=0.0)
+    counts = [k for k in range(n) if reach[k] > COUNTS]
+    if counts:
+        names = [columns.signals[k] for k in counts]
+        change = {"scale": "2*pi/(counts per turn * gear ratio)"}
+        yield Check(
+            "angle_unit",
+            tuple(names),
+            f"{names[0]} reaches {reach[counts[0]]:.4g}, which no joint does in rad: {listed(names)} look "
+            "like an encoder's counts",
+            f"write columns: {{{names[0]}: {{scale: {change['scale']}}}, ...}} in the study, as a number",
+            outcome="refused",
+        )
+    no_doubt = {*np.flatnonzero(columns.prismatic), *mender.mending().wrap_columns}  # leaps by 2 pi are rad
+    far = [k for k in range(n) if TURNS < reach[k] <= COUNTS and k not in no_doubt]
+    if far:
+        names = [columns.signals[k] for k in far]
+        yield Check(
+            "angle_unit",
+            tuple(names),
+            f"{names[0]} reaches {reach[far[0]]:.4g}, more than two turns in rad, it looks like degrees or "
+            f"the motor's side of the gear (joints {listed(columns.labels[k] for k in far)})",
+            "if degrees, write "
+            + column_line(columns.maps, {name: {"scale": 0.0174533} for name in names})
+            + "; if the motor's side, the same with scale: 1/ratio of the gear (100: 0.01)",
+            hint=True,
+        )
+    yield from _too_large(columns, reach)
+
+
+def _too_large(columns: Columns, reach: np.ndarray) -> Iterator[Check]:
+    """Torques beyond LARGEST, side by side of the gear: a log has one unit, so that where others stand beside
+    them as torques of one robot do they all have it. reach (m,)."""
+    n = columns.n
+    kinds = [name.rstrip("0123456789") for name in columns.signals]
+    for kind in dict.fromkeys(kinds[n:]):
+        side = [k for k in range(n, len(reach)) if kinds[k] == kind and reach[k] > 0]
+        large = [k for k in side if reach[k] > LARGEST]
+        if not large:
+            continue
+        top = max(large, key=lambda k: reach[k])
+        others = [k for k in side if k not in large]
+        beside = [k for k in others if BESIDE * reach[k] > reach[top]]
+        whole = 2 * len(beside) >= len(others)
+        milli = "mA" if kind == "i" else "N mm"
+        names, every = ([columns.signals[k] for k in ks] for ks in (large, side))
+        lines = [column_line(columns.maps, {m: {"scale": 0.001} for m in ms}) for ms in (names, every)]
+        remedy = f"if {milli}, write {lines[whole]}"
+        if beside and not whole:
+            remedy += f" where these alone are, {lines[1]} where all are"
+        yield Check(
+            "torque_scale",
+            tuple(every if whole else names),
+            f"{columns.signals[top]} reaches {reach[top]:.3g} N m, more than robots' joints give"
+            f"{', and the others are of its size, as in one unit' if whole and others else ''}: {milli}, or "
+            f"another gain ({listed(every if whole else names)})",
+            remedy,
+            hint=True,
+        )

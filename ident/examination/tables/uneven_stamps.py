@@ -1,0 +1,94 @@
+"""Stamps whose steps are not those of the motion: rounded to about a sample's length, or taken late.
+
+Where rows were lost a joint goes on meanwhile, and so much further in a longer step of the stamps. Where it
+goes as far in long steps as in short ones the samples are even, and rates and accelerations by such stamps
+are wrong. (A UR10e's stamps, 10 and 12 ms apart and rounded to 10 ms, are 10 and 20 ms apart: a third of all
+torques was then unexplained, and nothing was said.)
+
+A program that stamps what it receives scatters by less; whose stamps those are the motion tells as well: of
+what the steps differ by joints go further in the longer ones by all, 1.00 of it with a UR10e and 1.00 with a
+Franka, or by nothing, 0.000 of 1 % with an LWR4+.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.examination.check import Check
+from ident.examination.tables.clock import BURSTS, LONG, PAUSE
+from ident.examination.tables.excerpt import Excerpt
+
+SIDE = 8  # rows on either side that tell how fast joints go
+BLOCKS, CLEAR = 20, 3.0  # of rows that tell how well a share is known, and of its standard deviations
+FEWEST = 25  # long steps: how far joints go in them is then known to a seventh, a third of what is asked
+
+
+def uneven_steps(excerpt: Excerpt, joints: int) -> str:
+    """In words where at least one step in twenty is long and positions, the first so many columns, go in
+    these less than half of what they have to go beyond what they go in the others; nothing elsewhere."""
+    long, usual = (np.zeros(4) for _ in range(2))  # steps, their sum [s], what joints go, have to at one pace
+    for _, t, values in excerpt.pieces:
+        q, dt = values[:, :joints], np.diff(t)
+        if len(t) < 4 * SIDE or not (dt > 0).any():
+            continue
+        middle = float(np.median(dt[dt > 0]))
+        dt = dt[SIDE : len(dt) - SIDE]
+        went = np.diff(q, axis=0)[SIDE : len(t) - 1 - SIDE]
+        pace = (q[2 * SIDE + 1 :] - q[: -2 * SIDE - 1]) / (2 * SIDE + 1)
+        each = np.stack([np.ones(len(dt)), dt, (went * pace).sum(axis=1), (pace * pace).sum(axis=1)])
+        far = dt > LONG * middle
+        long += each[:, far & (dt < PAUSE * middle)].sum(axis=1)
+        usual += each[:, ~far & (dt > 0)].sum(axis=1)
+    if long[0] < max(FEWEST, BURSTS * (long[0] + usual[0])) or not min(long[3], usual[3]) > 0:
+        return ""
+    steps, share = (long[1] / long[0], usual[1] / usual[0]), long[0] / (long[0] + usual[0])
+    further = (long[2] / long[3]) / (usual[2] / usual[3])
+    if not further - 1 < 0.5 * (steps[0] / steps[1] - 1):
+        return ""
+    return (
+        f"{100 * share:.0f} % of the steps of t are {1e3 * steps[0]:.3g} ms, the others "
+        f"{1e3 * steps[1]:.3g} ms, though joints go {further:.2f} times as far in them"
+    )
+
+
+def even_samples(excerpt: Excerpt, joints: int) -> str:
+    """In words where joints go, but for chance, by less than half of what the steps differ by further in the
+    longer of them: the samples are nearer to a uniform clock than to their stamps. Nothing elsewhere."""
+    steps, pairs = [], []
+    for _, t, values in excerpt.pieces:
+        if len(t) < 4 * SIDE or not (np.diff(t) > 0).all():
+            continue
+        t_q = np.column_stack([t, values[:, :joints]])
+        went = np.diff(t_q, axis=0)[SIDE : len(t) - 1 - SIDE]
+        pace = (t_q[2 * SIDE + 1 :] - t_q[: -2 * SIDE - 1]) / (2 * SIDE + 1)
+        longer = went[:, 0] / pace[:, 0] - 1
+        usual = np.abs(longer) < LONG - 1  # where rows are lost joints go on
+        steps.append(longer[usual])
+        pairs.append(((pace[:, 1:] * longer[:, None])[usual], (went - pace)[usual, 1:]))
+    if not pairs:
+        return ""
+    asked, gone = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
+    weight = 1.0 / np.maximum(gone.var(axis=0), 1e-300)
+    parts = np.array_split(np.arange(len(asked)), BLOCKS)
+    own = np.array([((asked[rows] ** 2) @ weight).sum() for rows in parts])
+    both = np.array([((asked[rows] * gone[rows]) @ weight).sum() for rows in parts])
+    if not own.sum() > 0:
+        return ""
+    share = both.sum() / own.sum()
+    spread = np.sqrt(((both - share * own) ** 2).sum()) / own.sum()
+    if not share + CLEAR * spread < 0.5:
+        return ""
+    return (
+        f"the steps of t scatter by {100 * np.std(np.concatenate(steps)):.2g} %, and joints go as if none did"
+    )
+
+
+def uneven_stamps(recording: str, steps: str) -> Check:
+    """Such stamps, with no uniform clock behind them."""
+    return Check(
+        "time_stamps",
+        ("t",),
+        f"{steps}: the stamps are rounded, or taken late, and rates and accelerations by them are wrong",
+        "record finer stamps, or leave t out and give rate_hz: beside the file",
+        recording=recording,
+    )
