@@ -47,6 +47,8 @@ def of_table(
     )
     coarse = tuple(repeats.coarse(columns, excerpt, slow))
     few = {columns.signals.index(name) for check in coarse for name in check.signals}  # one is the largest
+    bands = tuple(dead_bands(columns, mender, rows))
+    banded = {columns.signals.index(name) for check in bands for name in check.signals}  # told with its size
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
     found = chain(
         lost_samples(columns, mender, rows),
@@ -58,11 +60,11 @@ def of_table(
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
         limits_hit(columns, excerpt, slow | few | gone),
-        dead_bands(columns, mender, rows),
+        bands,
         said,
         stopped_at_once(columns, excerpt, slow | gone),
         repeats.copies(columns, excerpt),
-        repeats.standing(columns, excerpt, slow | gone),
+        repeats.standing(columns, excerpt, slow | gone | banded),
         repeats.noise_alone(columns, excerpt),
         repeats.unsigned(columns, excerpt),
         coarse,

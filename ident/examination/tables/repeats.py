@@ -76,7 +76,7 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
         j = int(columns.joint[k])
         low, high = (f(excerpt.column(k)) for f in (np.min, np.max))
         reach, lengths, paces, found = np.ptp(excerpt.column(j)), [], [], []
-        for rows, _, values in excerpt.stretches(k, j):
+        for rows, t, values in excerpt.stretches(k, j):
             begin, length = runs_of_equals(values[:, 0])
             gone = np.abs(values[begin + length - 1, 1] - values[begin, 1])
             lengths.append(length)
@@ -88,7 +88,9 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
                 sides = values[[max(own.start - 1, 0), min(own.stop, len(values) - 1)], 0]
                 step = np.quantile(np.abs(np.diff(values[:, 0])), 0.95)
                 inside = low < x < high or np.abs(sides - x).max() > 5 * step
-                if moved and inside:
+                short = length[at] < STILL_ROWS or np.ptp(t[own]) < STILL_S
+                known = x == 0 or rows[own][0] == 0  # of a dead band, or as what is recorded late begins
+                if moved and inside and not (short and known):
                     found.append((int(length[at]), int(rows[own][0]) + 1, int(rows[own][-1]) + 1, float(x)))
         if not found:
             continue
