@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
 import traceback
 from collections.abc import Callable, Mapping
@@ -26,7 +27,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import scipy.signal
 import yaml
-from planted_faults import BASES, DATA, JOINTS, Base, Table, _robot, _table, carried, limited, tilted
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from benchmarks.planted_faults import (
+    BASES,
+    DATA,
+    JOINTS,
+    Base,
+    Table,
+    _robot,
+    _table,
+    carried,
+    limited,
+    tilted,
+)
 
 # rate in Hz (0: as recorded), coarse steps, with rates, first run in two
 How = tuple[float, bool, bool, bool]
