@@ -127,7 +127,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
             raise
         first, failed = None, error
         notes.append("as it is the study has no fit: errors before are those without its faults")
-    as_it_is = known
+    as_it_is, against = known, ""
     if mended:
         try:
             known = examined(working)
@@ -135,10 +135,12 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         except (RecordingError, FitFailedError) as error:  # the line that a check proposes leads nowhere
             if first is None:
                 raise failed or error from None
-            notes.append(f"what the checks propose was not applied, as it leads to: {error}")
-            working, mended, base, known = study, None, first, as_it_is
-    if mended and first is not None and spoilt(base, first):  # with effects that it declares, or at all
-        notes.append("what the checks propose was not applied: the torques are predicted worse with it")
+            against = f", as it leads to: {error}"
+        else:
+            if first is not None and spoilt(base, first):  # with effects that it declares, or at all
+                against = ": the torques are predicted worse with it"
+    if against and first is not None:
+        notes.append(f"what the checks propose was not applied{against}")
         working, mended, base, known = study, None, first, as_it_is
     if working.drive_gains == "identify":
         try:

@@ -110,7 +110,8 @@ def open_recording(
     mended: Check | None = None
     uneven = uneven_steps(seen.excerpt, len(need.joints))
     even = "" if seen.survey.uniform else even_samples(seen.excerpt, len(need.joints))
-    if (seen.bursts or seen.grid.rounded or uneven or even) and stream.counted_rate_hz is None:
+    late = uneven or even
+    if (seen.bursts or seen.grid.rounded or late) and stream.counted_rate_hz is None:
         clock = uniform_clock(
             lambda: (b[:, 0] * factors[0] + offsets[0] for b in table.blocks(names[:1])), window
         )
@@ -118,10 +119,10 @@ def open_recording(
             mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
         if mended is None and seen.bursts:
             mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
-        if mended is None and (uneven or even) and (clock.believable or (even and clock.unbroken)):
-            mended = late_stamps(stream.label, clock, uneven or even, seen.survey.rows)
-    if mended is None and (uneven or even):
-        checks.append(uneven_stamps(stream.label, uneven or even))
+        if mended is None and late and (clock.believable or (even and clock.unbroken)):
+            mended = late_stamps(stream.label, clock, late, seen.survey.rows)
+    if mended is None and late:
+        checks.append(uneven_stamps(stream.label, late))
     if mended is not None:
         checks.append(mended)
         refuse(stream.file, checks)

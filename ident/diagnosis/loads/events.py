@@ -156,13 +156,15 @@ def _in_noise_outside(state: State, r: Refined, limit: float) -> tuple[Metric, R
     noise of a model without the load is for the most part the load. As it was, where it says less than a
     limit there. (Of 3 N beside another contact the noise of both put an edge 0.2 s too early, where a block
     spoke against it.)"""
+    wide: dict[int, np.ndarray] = {}
     for _ in range(TURNS):
         own = outside_metric(state, r, acting(r.columns))
         m = whole(own, state.rows.usable)
         r = Refined(r.term, r.columns, *fit_sizes(m, r.columns))
         if r.gain < limit or not _comes_and_goes(r.term.place):
             return own, r
-        term, columns = _moved(m, r.term, state.scene.columns(_window(r.term, None, None)), state)
+        wide = wide or state.scene.columns(_window(r.term, None, None))  # its window alone is moved
+        term, columns = _moved(m, r.term, wide, state)
         if _as_before(r.term.place, term.place, state.rows.hop):
             break
         r = Refined(term, columns, *fit_sizes(m, columns))
@@ -179,9 +181,7 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     """The load as the rows of its recording judge it; None where they do not say that it is one."""
     own, its = _in_noise_outside(state, r, limit)
     term, columns, sizes, gain = its.term, its.columns, its.sizes, its.gain
-    if gain < limit:
-        return None
-    if not can_be(state, own, term, columns, sizes, tau):
+    if gain < limit or not can_be(state, own, term, columns, sizes, tau):
         return None
     if not (away_from_turns(state, own, columns, tau) and stands_apart(state, own, term, columns, limit)):
         return None

@@ -28,13 +28,11 @@ def uneven_steps(excerpt: Excerpt, joints: int) -> str:
     these less than half of what they have to go beyond what they go in the others; nothing elsewhere."""
     long, usual = (np.zeros(4) for _ in range(2))  # steps, their sum [s], what joints go, have to at one pace
     for _, t, values in excerpt.pieces:
-        q, dt = values[:, :joints], np.diff(t)
-        if len(t) < 4 * SIDE or not (dt > 0).any():
+        on = np.diff(t)
+        if len(t) < 4 * SIDE or not (on > 0).any():
             continue
-        middle = float(np.median(dt[dt > 0]))
-        dt = dt[SIDE : len(dt) - SIDE]
-        went = np.diff(q, axis=0)[SIDE : len(t) - 1 - SIDE]
-        pace = (q[2 * SIDE + 1 :] - q[: -2 * SIDE - 1]) / (2 * SIDE + 1)
+        middle = float(np.median(on[on > 0]))
+        (dt, went), (_, pace) = _steps(t, values[:, :joints])
         each = np.stack([np.ones(len(dt)), dt, (went * pace).sum(axis=1), (pace * pace).sum(axis=1)])
         far = dt > LONG * middle
         long += each[:, far & (dt < PAUSE * middle)].sum(axis=1)
@@ -58,13 +56,11 @@ def even_samples(excerpt: Excerpt, joints: int) -> str:
     for _, t, values in excerpt.pieces:
         if len(t) < 4 * SIDE or not (np.diff(t) > 0).all():
             continue
-        t_q = np.column_stack([t, values[:, :joints]])
-        went = np.diff(t_q, axis=0)[SIDE : len(t) - 1 - SIDE]
-        pace = (t_q[2 * SIDE + 1 :] - t_q[: -2 * SIDE - 1]) / (2 * SIDE + 1)
-        longer = went[:, 0] / pace[:, 0] - 1
+        (dt, went), (mean, pace) = _steps(t, values[:, :joints])
+        longer = dt / mean - 1
         usual = np.abs(longer) < LONG - 1  # where rows are lost joints go on
         steps.append(longer[usual])
-        pairs.append(((pace[:, 1:] * longer[:, None])[usual], (went - pace)[usual, 1:]))
+        pairs.append(((pace * longer[:, None])[usual], (went - pace)[usual]))
     if not pairs:
         return ""
     asked, gone = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
@@ -81,6 +77,18 @@ def even_samples(excerpt: Excerpt, joints: int) -> str:
     return (
         f"the steps of t scatter by {100 * np.std(np.concatenate(steps)):.2g} %, and joints go as if none did"
     )
+
+
+def _steps(t: np.ndarray, q: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """From row to row what stamps (N,) and positions (N, n) go on by, and what they would in even steps from
+    SIDE rows before to as many behind; of all rows that have these."""
+
+    def each(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        gone = np.diff(x, axis=0)[SIDE : len(x) - 1 - SIDE]
+        return gone, (x[2 * SIDE + 1 :] - x[: -2 * SIDE - 1]) / (2 * SIDE + 1)
+
+    (dt, mean), (went, pace) = each(t), each(q)
+    return (dt, went), (mean, pace)
 
 
 def uneven_stamps(recording: str, steps: str) -> Check:
