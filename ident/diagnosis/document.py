@@ -139,6 +139,7 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "log_e": u.log_e,
         "nearest": None if u.nearest is None else _alternative(u.nearest),
         "carries_over": u.carries_over,
+        "judged_could_show_it": not u.unseen,
         "parameters_change_times_noise": u.times_noise,
         "nearest_by_chance": u.by_chance,
         "error_percent_with_nearest": None if u.errors is None else dict(zip(("without", "with"), u.errors)),

@@ -42,6 +42,7 @@ class Unnamed:
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
     times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
+    unseen: bool = False  # the judged rows do not go where it acts: they could not show it
 
 
 @dataclass(frozen=True)

@@ -205,11 +205,11 @@ def _short_of_positions(state: State, m: Metric, r: Refined, c: int, tau: float)
     return Short(own, flex, m)
 
 
-def explained_share(state: State, c: int, column: np.ndarray) -> float:
-    """Share of what the model leaves of the channel's torque (N m, judged rows, the model's parameters
-    free) that a column (M,) explains as it was learned."""
+def explained_share(state: State, c: int, column: np.ndarray, rows: np.ndarray | None = None) -> float:
+    """Share of what the model leaves of the channel's torque (N m, the judged rows or those given (M,), the
+    model's parameters free) that a column (M,) explains as it was learned."""
     design, _ = state.design
-    on = state.rows.judged & state.rows.use[c]
+    on = (state.rows.judged if rows is None else rows) & state.rows.use[c]
     X = design[c][1][on]
     both = np.column_stack([state.rows.Y[c, on], column[on]])
     rho, z = (both - X @ np.linalg.lstsq(X, both, rcond=1e-9)[0]).T

@@ -94,6 +94,7 @@ class Unexplained:
     by_chance: float | None = None  # p of the sizes of `nearest`, by the stretches, which keeps it away
     errors: tuple[float, float] | None = None  # % without `nearest` and with it, which keep it away
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
+    unseen: bool = False  # the judged rows do not go where it acts: they could not show it
     stretch: tuple[str, float, float] | None = None  # recording, from, to [s]: there alone
 
 
@@ -225,6 +226,7 @@ def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:
         u.alike,
         u.times_noise,
         on_fitted=u.on_fitted,
+        unseen=u.unseen,
     )
 
 

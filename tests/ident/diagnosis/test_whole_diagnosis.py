@@ -26,6 +26,7 @@ from ident.estimation import fit
 from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import found_effects
 from ident.examination.check import Check
+from ident.report.diagnosis_words import unexplained_sentence
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place
 
@@ -88,6 +89,25 @@ def test_a_strange_shape_is_unexplained(arm):
     for name, floor in diagnosis.noise_floor_percent.items():
         assert floor == pytest.approx(left[name], rel=0.2)
         assert floor >= diagnosis.white_noise_percent[name]
+
+
+def test_what_the_judged_run_does_not_reach_is_told_beside_a_name(arm):
+    """A stop that the second joint touches in the fitted run alone, beside friction of the first."""
+    reached = {}
+
+    def stop(columns):
+        q2 = columns["q2"]
+        reached[len(q2)] = q2.max()
+        columns["tau_m2"] = columns["tau_m2"] + 20.0 * np.maximum(q2 - 0.46, 0.0) ** 2
+
+    diagnosis = diagnose_study(arm("stribeck_friction:1", change=stop))
+    assert max(reached.values()) > 0.6 and min(reached.values()) < 0.46
+    assert [(f.effect, f.joints) for f in diagnosis.findings] == [("stribeck_friction", (1,))]
+    (told,) = diagnosis.unexplained
+    assert told.joints == (2,) and told.depends_on == ("q2",)
+    assert told.unseen and told.share_of_residual_percent > 80
+    (line,) = diagnosis_document(diagnosis)["unexplained"]
+    assert "do not go where it acts" in unexplained_sentence(line)
 
 
 @pytest.mark.parametrize(
