@@ -52,8 +52,8 @@ class Table:
 @dataclass(frozen=True)
 class OtherTables:
     """The robot file's table with gravity as told, these recordings, and what explains them far better: one
-    entry of the table wrong by a quarter or half turn, or one axis reversed, a joint of the other kind, two
-    rows exchanged; or alpha, or it and d, of every row a row too high."""
+    entry of the table wrong by a quarter or half turn, or a length of the other sign, a joint of the other
+    kind, two rows exchanged; or alpha, or it and d, of every row a row too high."""
 
     table: Any
     quick: Quick
@@ -98,7 +98,7 @@ class OtherTables:
 
     def _others(self) -> Iterator[tuple[str, Any]]:
         rows, joints = self.table.rows, [str(j) for j in self.quick.columns.need.joints]
-        for text, its in (*_one_turned(rows, joints), *_exchanged(rows), *_moved(rows)):
+        for text, its in (*_one_turned(rows, joints), *_reversed(rows), *_exchanged(rows), *_moved(rows)):
             yield text, replace(self.table, rows=its)
 
     def told(self, prior: float = 0.0) -> Iterator[Hypothesis]:
@@ -205,6 +205,17 @@ def _one_turned(rows: tuple[Any, ...], joints: Sequence[str]) -> Iterator[tuple[
             told, kind = ("turns", "slides") if row.sigma == 0 else ("slides", "turns")
             other = replace(row, sigma=1 - row.sigma)
             yield f"joint {label} {told} there, not {kind}", (*rows[:j], other, *rows[j + 1 :])
+
+
+def _reversed(rows: tuple[Any, ...]) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """Tables with one length of the other sign. (Of a TX40 whose second link lay the other way gravity was
+    told to be upside down, or that link's alpha.)"""
+    for j, row in enumerate(rows):
+        for key in ("d", "r") if row.sigma != 1 else ("d",):
+            length = getattr(row, key)
+            if length:
+                other = replace(row, **{key: -length})
+                yield f"link {j + 1}: {key} has the other sign", (*rows[:j], other, *rows[j + 1 :])
 
 
 def _exchanged(rows: tuple[Any, ...]) -> Iterator[tuple[str, tuple[Any, ...]]]:

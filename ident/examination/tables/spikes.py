@@ -94,8 +94,7 @@ def dropouts(x: np.ndarray) -> np.ndarray:
         return none
     mine = x == values[int(np.argmax(counts))]
     good = np.flatnonzero(~mine & np.isfinite(x))
-    steps = np.abs(np.diff(x[good]))
-    usual = max(float(np.quantile(steps, 0.75)), float(steps[steps > 0].min(initial=np.inf)))
+    usual = _usual(np.abs(np.diff(x[good])), 0.75)
     at = np.flatnonzero(mine)
     after = np.clip(np.searchsorted(good, at), 1, len(good) - 1)
     before = good[after - 1]
@@ -109,9 +108,9 @@ def dropouts(x: np.ndarray) -> np.ndarray:
 
 def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
     """(N, m) bool: zeros to which and from which a signal leaps as it hardly changes else, with those that
-    others of its kind (n positions, then torques) read meanwhile, as where a message was lost and its fields
-    stayed empty. Of a torque only where a joint moves. (Of an LWR4+ that lost 20 rows now and then 4.6 kg on
-    its fifth link were told, of one that lost its fourth position that it is the sixth.)"""
+    others of its kind (n positions, then torques) read meanwhile and no longer, as where a message was lost
+    and its fields stayed empty. Of a torque only where a joint moves. (Of an LWR4+ that lost 20 rows now and
+    then 4.6 kg on its fifth link were told, of one that lost its fourth position that it is the sixth.)"""
     zero = x == offset  # 0 as it is recorded
     out = np.zeros(x.shape, bool)
     moves, every = np.abs(np.diff(x[:, :n], axis=0)), zero[:, :n].all(axis=1)
@@ -119,13 +118,11 @@ def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
         kept = np.flatnonzero(~zero[:, k])
         if len(np.unique(x[kept, k])) < VALUES:  # a switch, or coarse
             continue
-        steps = np.abs(np.diff(x[kept, k]))[np.diff(kept) == 1]
-        if not (steps > 0).any():
+        usual = _usual(np.abs(np.diff(x[kept, k]))[np.diff(kept) == 1], 0.99 if k < n else 0.75)
+        if not np.isfinite(usual):
             continue
-        usual = max(float(np.quantile(steps, 0.99 if k < n else 0.75)), float(steps[steps > 0].min()))
         least = max(DROPOUT * usual, LEAST_LEAP)
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], zero[:, k].view(np.int8), [0]])))
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in _runs(zero[:, k]):
             ends = [at for at in (start - 1, stop) if 0 <= at < len(x)]
             leap = np.abs(x[ends, k] - offset[k])
             if k < n:  # a whole turn is none
@@ -135,9 +132,24 @@ def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
                 continue
             if k < n or (moves[start:stop] > 0.1 * np.quantile(moves, 0.99, axis=0)).any():
                 out[start:stop, k] = True
-    for kind in (slice(None, n), slice(n, None)):
-        out[:, kind] |= zero[:, kind] & out[:, kind].any(axis=1, keepdims=True)
+    for kind in (range(n), range(n, x.shape[1])):
+        lost = np.asarray(out[:, kind].any(axis=1))
+        for j in kind if lost.any() else ():
+            for start, stop in _runs(zero[:, j]):
+                out[start:stop, j] |= np.all(lost[start:stop])  # else it rests at zero
     return out
+
+
+def _usual(steps: np.ndarray, share: float) -> float:
+    """By how much a signal changes, where it does: of one that is held for some rows most steps are none. (Of
+    an AIRBOT whose torques were new every fourth row two were told to be no value where they passed zero.)"""
+    steps = steps[steps > 0]
+    return float(np.quantile(steps, share)) if len(steps) else np.inf
+
+
+def _runs(mine: np.ndarray) -> np.ndarray:
+    """(K, 2) where runs of these (N,) bool begin and have ended."""
+    return np.flatnonzero(np.diff(np.concatenate([[0], mine.view(np.int8), [0]]))).reshape(-1, 2)
 
 
 def dead_band(x: np.ndarray, zero: float) -> float:
@@ -178,10 +190,9 @@ def _marks(x: np.ndarray, factor: np.ndarray, offset: np.ndarray, away: np.ndarr
 def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:
     """Of the runs of a signal (N,) far outside the rest, those that are short and begin and end in a leap."""
     out = np.zeros(len(x), bool)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], far.view(np.int8), [0]])))
     finite = x[np.isfinite(x)]
     middle = float(np.median(finite)) if far.any() and len(finite) else 0.0
-    for start, stop in edges.reshape(-1, 2):
+    for start, stop in _runs(far):
         before, after = max(start - 1, 0), min(stop, len(x) - 1)
         with np.errstate(all="ignore"):
             leaps = np.abs([x[start] - x[before], x[stop - 1] - x[after]])

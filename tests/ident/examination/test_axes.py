@@ -158,3 +158,10 @@ def test_a_torque_to_which_another_is_added_is_measured_by_what_was_recorded(tmp
     assert [c.check for c in checks][:1] == ["joint_axis"] and "rows 1 and 2 are exchanged" in checks[
         0
     ].message
+
+
+def test_a_length_of_the_other_sign(tmp_path):
+    """Of a TX40's gravity was told to be upside down, or the alpha of a link."""
+    reverse = lambda links: links[2].update(d=f"-({links[2]['d']})")  # noqa: E731
+    (told,) = _told(tmp_path, "ur10e", reverse)
+    assert "link 3: d has the other sign" in told.check.message

@@ -6,7 +6,7 @@ from planted import ON_RECORDINGS, changed, measured, parted, planted, refused, 
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
-from ident.examination.tables.spikes import dropouts
+from ident.examination.tables.spikes import dropouts, emptied
 
 pytestmark = ON_RECORDINGS
 
@@ -116,6 +116,23 @@ def test_a_resolution_is_no_dropout():
     for step in (0.05, 0.3, 1.0):
         x = np.round((3 * np.sin(t) + 2 * np.sign(np.cos(t))) / step) * step
         assert not dropouts(x).any()
+
+
+def test_a_torque_that_is_new_now_and_then_passes_zero():
+    """Of an AIRBOT's, new every fourth row, those rows were a logger's marks for no value."""
+    t = np.arange(4000) / 200
+    q, tau = np.sin(t), np.round(4 * np.cos(3 * t) + 0.05 * np.sin(900 * t), 2)[np.arange(4000) // 4 * 4]
+    tau[1600:1604] = 0.0  # between -0.6 and 0.6
+    tau[1596:1600], tau[1604:1608] = -0.08, 0.08
+    assert not emptied(np.stack([q, tau], axis=1), 1, np.zeros(2)).any()
+
+
+def test_a_joint_at_rest_at_zero_beside_one_whose_messages_are_lost():
+    t = np.arange(4000) / 200
+    still, moves = np.where(t < 5, 0.0, np.sin(t - 5)), 1 + 0.5 * np.sin(t)
+    moves[[300, 700, 1500]] = 0.0
+    lost = emptied(np.stack([still, moves], axis=1), 2, np.zeros(2))
+    assert lost[:, 1].sum() == 3 and not lost[:, 0].any()
 
 
 def test_rows_out_of_order_are_said_to_be(tmp_path):
