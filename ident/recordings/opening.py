@@ -12,7 +12,7 @@ one (the same state read twice: dropped where single, so that motion is interpol
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from ident.examination.tables.clock import (
     Pace,
     late_stamps,
     rounded_stamps,
+    stamps_on_ticks,
     time_stamps,
     time_unit_beside,
     uniform_clock,
@@ -30,7 +31,13 @@ from ident.examination.tables.clock import (
 from ident.examination.tables.of_table import more_joints, of_table
 from ident.examination.tables.signals import Columns, frozen_throughout
 from ident.examination.tables.stopped import stopped_positions
-from ident.examination.tables.uneven_stamps import even_samples, uneven_stamps, uneven_steps
+from ident.examination.tables.ticks import ticks
+from ident.examination.tables.uneven_stamps import (
+    even_samples,
+    scattering_stamps,
+    uneven_stamps,
+    uneven_steps,
+)
 from ident.examination.tables.velocity import velocity_agrees
 from ident.recordings import study_checks
 from ident.recordings.need import Need as Need
@@ -111,18 +118,25 @@ def open_recording(
     uneven = uneven_steps(seen.excerpt, len(need.joints))
     even = "" if seen.survey.uniform else even_samples(seen.excerpt, len(need.joints))
     late = uneven or even
+
+    def stamps() -> Iterator[np.ndarray]:
+        return (b[:, 0] * factors[0] + offsets[0] for b in table.blocks(names[:1]))
+
     if (seen.bursts or seen.grid.rounded or late) and stream.counted_rate_hz is None:
-        clock = uniform_clock(
-            lambda: (b[:, 0] * factors[0] + offsets[0] for b in table.blocks(names[:1])), window
-        )
+        clock = uniform_clock(stamps, window)
         if seen.grid.holds:
             mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
         if mended is None and seen.bursts:
             mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
-        if mended is None and late and (clock.believable or (even and clock.unbroken)):
+        if mended is None and ((uneven and clock.believable) or (even and clock.unbroken)):
             mended = late_stamps(stream.label, clock, late, seen.survey.rows)
-    if mended is None and late:
-        checks.append(uneven_stamps(stream.label, late))
+    placed = ticks(stamps, window) if mended is None and even and stream.counted_rate_hz is None else None
+    if placed is not None:
+        checks.append(stamps_on_ticks(stream.label, placed, even))
+        stream = replace(stream, ticks=placed)
+        seen = surveyed(stream, study)
+    elif mended is None and late:
+        checks.append((uneven_stamps if uneven else scattering_stamps)(stream.label, late))
     if mended is not None:
         checks.append(mended)
         refuse(stream.file, checks)

@@ -14,6 +14,7 @@ import numpy as np
 from ident.examination.check import Check
 from ident.examination.tables.mending import NOTHING, Mending
 from ident.examination.tables.signals import MOVED
+from ident.examination.tables.ticks import Ticks
 from ident.recordings.held import Held
 from ident.recordings.need import Need
 from ident.recordings.resampling import resample
@@ -75,6 +76,7 @@ class RecordingStream:
     notes: tuple[str, ...] = ()
     checks: tuple[Check, ...] = ()
     counted_from_s: float = 0.0
+    ticks: Ticks | None = None  # of the clock on which its rows were taken, where its stamps are not those
     held: Held = field(default_factory=Held, init=False, repr=False, compare=False)  # by filters
 
     @property
@@ -86,6 +88,12 @@ class RecordingStream:
     def signal_joints(self) -> np.ndarray:
         """(m,) joint (from 0) of each signal: positions, then motor, then sensor torques."""
         return np.array([*range(len(self.need.joints)), *self.need.motor, *self.need.sensor], int)
+
+    def times(self, rows: np.ndarray, plain: np.ndarray) -> np.ndarray:
+        """(N,) [s] when rows of the table were taken; plain: their columns in SI units, as in `names`."""
+        if self.counted_rate_hz is not None:
+            return np.asarray(self.counted_from_s + rows / self.counted_rate_hz)
+        return plain[:, 0] if self.ticks is None else self.ticks.of(plain[:, 0])
 
     @property
     def rate_hz(self) -> float:
@@ -135,10 +143,8 @@ def raw_blocks(stream: RecordingStream) -> Iterator[tuple[np.ndarray, np.ndarray
             values = block if plain else block * stream.factors + stream.offsets
         rows = np.arange(row, row + len(values))
         row += len(block)
-        if stream.counted_rate_hz is not None:
-            t = stream.counted_from_s + rows / stream.counted_rate_hz
-        else:
-            t, values = values[:, 0], values[:, 1:]
+        t = stream.times(rows, values)
+        values = values if stream.counted_rate_hz is not None else values[:, 1:]
         inside = (t >= stream.window[0]) & (t < stream.window[1]) & np.isfinite(t)
         if stream.stiffness is not None:  # Appendix 2: q - tau_l / k
             n = len(stream.need.joints)

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ident.examination.check import Check, Outcome, column_line
+from ident.examination.tables.ticks import Ticks
 
 SLOWEST = 0.2  # s between samples: nobody records dynamics slower
 FASTEST, NEVER = 1e-5, 1e-6  # s: hardly anybody, and nobody, records faster
@@ -210,6 +211,16 @@ def late_stamps(recording: str, clock: Clock, steps: str, rows: int) -> Check:
     """Stamps by whose steps, in words, joints do not go: that were taken late, of samples that are even. (Of
     an LWR4+ whose stamps scatter by a third of a sample 8 % were left for 2.)"""
     return _of_stamps(recording, rows, f"{steps}: {_instead(clock)}")
+
+
+def stamps_on_ticks(recording: str, its: Ticks, steps: str) -> Check:
+    """The same where rows are missing: each was taken at the tick next to its stamp."""
+    return _of_stamps(
+        recording,
+        its.rows,
+        f"{steps}: the rows are on ticks of a uniform clock of {1 / its.step:.6g} Hz, {its.missing} of which "
+        f"have none, within {1e3 * its.worst_s:.3g} ms; the ticks were used instead",
+    )
 
 
 def _instead(clock: Clock) -> str:

@@ -57,11 +57,12 @@ def even_samples(excerpt: Excerpt, joints: int) -> str:
         if len(t) < 4 * SIDE or not (np.diff(t) > 0).all():
             continue
         (dt, went), (mean, pace) = _steps(t, values[:, :joints])
-        longer = dt / mean - 1
-        usual = np.abs(longer) < LONG - 1  # where rows are lost joints go on
+        longer, on = dt / mean - 1, np.diff(t)
+        lost = np.concatenate([[0], np.cumsum(on > LONG * np.median(on))])  # joints go on there meanwhile
+        usual = lost[2 * SIDE + 1 :] == lost[: -2 * SIDE - 1]
         steps.append(longer[usual])
         pairs.append(((pace * longer[:, None])[usual], (went - pace)[usual]))
-    if not pairs:
+    if not sum(map(len, steps)):
         return ""
     asked, gone = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
     weight = 1.0 / np.maximum(gone.var(axis=0), 1e-300)
@@ -89,6 +90,19 @@ def _steps(t: np.ndarray, q: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray],
 
     (dt, mean), (went, pace) = each(t), each(q)
     return (dt, went), (mean, pace)
+
+
+def scattering_stamps(recording: str, steps: str) -> Check:
+    """Stamps that scatter about even samples, with no uniform clock behind them: rows are missing, or the
+    samples are not quite even."""
+    return Check(
+        "time_stamps",
+        ("t",),
+        f"{steps}: they were taken late, no uniform clock was found behind them (rows are missing, or the "
+        "clock wanders), and rates are off by as much from one row to the next",
+        "record the stamps where the samples are taken",
+        recording=recording,
+    )
 
 
 def uneven_stamps(recording: str, steps: str) -> Check:

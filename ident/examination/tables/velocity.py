@@ -247,7 +247,6 @@ def with_velocities(
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Blocks: rows (N,) of the table, t (N,), q and dq (N, k) of the joints that have both, inside the
     window and without what was mended away."""
-    timed = stream.counted_rate_hz is None
     n, m = len(columns.labels), len(stream.signal_joints)
     mine, row, mending = [columns.labels.index(j) for j in has], 0, stream.survey.mending
     joints = np.concatenate([stream.signal_joints, np.zeros(len(has), int)])
@@ -255,7 +254,7 @@ def with_velocities(
         rows = np.arange(row, row + len(block))
         row += len(block)
         plain = block[:, : len(stream.names)] * stream.factors + stream.offsets
-        t = plain[:, 0] if timed else stream.counted_from_s + rows / (stream.counted_rate_hz or 1.0)
+        t = stream.times(rows, plain)
         inside = (t >= stream.window[0]) & (t < stream.window[1])
         if not inside.any():
             continue
