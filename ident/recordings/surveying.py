@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -119,16 +119,16 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
     if begin is None or last_t is None:
         raise RecordingError(
             stream.file,
-            "holds no row with a value in every column that is needed between from and to"
-            f"{_empty(stream, mender)}; map other columns with columns: {{...}}, or correct the window",
+            "holds no row with a value in every column that is needed"
+            f"{_empty(stream, mender) or _whole(stream)}; map other columns with columns: {{...}}, or correct the window",
         )
     if rows < MIN_SAMPLES:
         frozen = sum(int(its.max()) for kind, its in mender.counts.items() if kind in ("frozen", "ended"))
         beside = f" beside {frozen} that are frozen, in which nothing at all changes" if frozen else ""
         raise RecordingError(
             stream.file,
-            f"holds only {rows} samples{beside}, at least {MIN_SAMPLES} are needed; record longer or widen "
-            "from/to",
+            f"holds only {rows} samples{beside}{_whole(stream)}, at least {MIN_SAMPLES} are needed; record "
+            "longer or widen from/to",
         )
     mean = sums[1] / max(sums[0], 1)
     uniform = worst < 0.02 * first_interval and same_stamp == 0 and settings.resample_hz is None
@@ -209,6 +209,17 @@ def _empty(stream: RecordingStream, mender: Mender) -> str:
     names = stream.names[len(stream.names) - len(missing) :]  # the first one is the time, if there is one
     empty = [name for name, count in zip(names, missing) if count == missing.max()]
     return f" ({listed(empty)} {'is' if len(empty) == 1 else 'are'} empty)" if empty else ""
+
+
+def _whole(stream: RecordingStream) -> str:
+    """What a window is a part of, in words. (Of 5 kHz in ms, which 0.2 s apart could be, 3 s are 14 rows.)"""
+    if stream.window == (-np.inf, np.inf):
+        return ""
+    whole = [t for _, t, _ in raw_blocks(replace(stream, window=(-np.inf, np.inf)))]
+    if not whole:
+        return ""
+    low, high, step = whole[0][0], whole[-1][-1], float(np.median(np.diff(whole[0])))
+    return f" between from and to [s], while its t goes from {low:g} to {high:g} in steps of {step:g}"
 
 
 def _every(t: np.ndarray, spacing: float, last: float) -> np.ndarray:

@@ -91,7 +91,11 @@ def test_three_samples(tmp_path, good):
 
 
 def test_empty_window(tmp_path, good):
-    assert "from" in refusal(tmp_path, good, entry={"from": 1000})
+    """What t is beside it is said: of a window in s and a clock in ms nothing else was to be seen."""
+    whole = f"t goes from 0 to {good['t'][-1]:g} in steps of "
+    for entry, rows in ({"from": 1000}, "no row"), ({"to": 0.02}, "samples"):
+        text = refusal(tmp_path, good, entry=entry)
+        assert "from" in text and rows in text and whole in text
 
 
 def test_text_in_a_number_column(tmp_path, good):
