@@ -120,7 +120,8 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
         raise RecordingError(
             stream.file,
             "holds no row with a value in every column that is needed"
-            f"{_empty(stream, mender) or _whole(stream)}; map other columns with columns: {{...}}, or correct the window",
+            f"{_empty(stream, mender) or _whole(stream)}; map other columns with columns: {{...}}, or "
+            "correct the window",
         )
     if rows < MIN_SAMPLES:
         frozen = sum(int(its.max()) for kind, its in mender.counts.items() if kind in ("frozen", "ended"))
