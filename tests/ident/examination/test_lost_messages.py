@@ -90,6 +90,15 @@ def test_rows_that_are_gone_though_the_stamps_go_on(tmp_path, gone):
     assert all("3 rows are missing there" in c.message for c in told)
 
 
+def test_no_row_is_gone_where_a_joint_stands_still_but_for_single_steps():
+    """Of a rokae as it is five rows were told to be missing within 50."""
+    study = measured("rokae_xmate3pro")
+    (entry, *_) = study.recordings
+    runs = [entry.model_copy(update={"use": "identify", "from_s": None, "to_s": to}) for to in (7.0, 12.0)]
+    for run in runs:
+        assert not [c for c in tables(study.with_(recordings=(run,))) if c.check == "lost_rows"]
+
+
 @pytest.mark.parametrize(("at", "every"), [(16640, 1), (315, 50)])
 def test_a_log_that_is_frozen_from_a_row_on_has_lost_none_before_it(tmp_path, at, every):
     """Behind the first rows of a long log all positions were said to go on by two rows at once."""
