@@ -100,9 +100,10 @@ class Asked:
     def joints(self) -> list[str]:
         return [str(joint) for joint in self.quick.columns.need.joints]
 
-    def still(self, signals: Iterable[str]) -> tuple[str, ...]:
-        """Those of them that are positions, and stand still in all recordings."""
-        reach = np.max([np.ptp(s.q, axis=0) for s in self.quick.samples], axis=0)
+    def still(self, signals: Iterable[str], recording: str = "") -> tuple[str, ...]:
+        """Those of them that are positions, and stand still in all recordings, or in that one."""
+        its = [s for s in self.quick.samples if recording in ("", s.label)]
+        reach = np.max([np.ptp(s.q, axis=0) for s in its], axis=0)
         resting = {f"q{joint}" for joint, moved in zip(self.joints, reach) if moved < MOVED}
         return tuple(name for name in signals if name in resting)
 
@@ -146,14 +147,14 @@ class Asked:
             yield Hypothesis(other.gain_over(self.fit), taken, told(other), moved, words)
 
 
-def not_recorded(still: Sequence[str]) -> Check:
-    """Positions that stand still in all recordings where their joints did not."""
+def not_recorded(still: Sequence[str], where: str = " in all recordings") -> Check:
+    """Positions that stand still where their joints did not."""
     said, one = listed(still), len(still) == 1
     return Check(
         "dead_channel",
         tuple(still),
         f"{said} {'is' if one else 'are'} not where {'its joint was' if one else 'their joints were'}, and "
-        f"{'stands' if one else 'stand'} still in all recordings: not recorded, or in another column",
+        f"{'stands' if one else 'stand'} still{where}: not recorded, or in another column",
         f"map the right column with columns: {{{still[0]}: {{column: ...}}}}",
     )
 

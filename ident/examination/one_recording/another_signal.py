@@ -116,17 +116,18 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     first = max(instead, key=gain, default=best)  # of ten numbers, which may have less to say than one
     every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
     every.sort(key=lambda its: its is not first or gain(its) <= gain(best))
-    said = [its.words + _where(its, best) for its in every]
+    said = list({its.words + _where(its, best): its for its in every})
     fallen = f"{falls(before.fit, best.explained.fit)} over all recordings"
     where = "in this recording " if best.recording else ""
-    which = ", these recordings do not tell which" if every[1:] else ""
-    if len(every) > 1 + FEW or every[0] is not best:
+    which = ", these recordings do not tell which" if said[1:] else ""
+    taken = "with another one in its place" if best.check == "dead_channel" else "so taken"
+    if len(said) > 1 + FEW or every[0] is not best:
         yield nothing_tells(said, fallen, best.recording)
         return
     yield Check(
         best.check,
         best.signals,
-        f"{where}{', or '.join(said)}{which}: so taken, {fallen}",
+        f"{where}{', or '.join(said)}{which}: {taken}, {fallen}",
         " or ".join(dict.fromkeys(its.remedy for its in every if its.remedy)),
         recording=best.recording,
         explains=best.check != "position_zero"  # which is told to some degrees only
@@ -146,13 +147,15 @@ def more_in_one(asked: Asked, h: Hypothesis) -> bool:
 
 
 def _moving(asked: Asked, its: Changed) -> Changed:
-    """Of a position that stands still in all recordings any other place is one that was not recorded."""
-    still = asked.still(its.signals)
+    """Of a position that stands still in all recordings, or in this one, any other place is one that was not
+    recorded. (Of an LWR4+'s fourth, which did in the fitted run, it was told to be swapped with the last.)"""
+    recording = "" if asked.still(its.signals) else its.recording
+    still = asked.still(its.signals, recording)
     if not still:
         return its
-    check = not_recorded(still)
+    check = not_recorded(still, "" if recording else " in all recordings")
     so = check.check, check.message, check.remedy
-    return replace(its, recording="", signals=still, check=so[0], words=so[1], remedy=so[2])
+    return replace(its, recording=recording, signals=still, check=so[0], words=so[1], remedy=so[2])
 
 
 def _where(its: Changed, best: Changed) -> str:

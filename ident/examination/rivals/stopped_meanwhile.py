@@ -1,4 +1,4 @@
-"""A position that stands still for a while in which the torques say that its joint did not.
+"""A position that stands still for a while, or a recording, in which the torques say that its joint did not.
 
 A joint that is held asks for what its position says: the others' torques are then foretold as elsewhere. That
 an encoder or a message stopped a logged velocity tells (stopped.py) unless that stopped, too. (Of a UR10e and
@@ -21,7 +21,8 @@ from ident.examination.tables.repeats import STILL_S, TRAVELLED
 
 NONE, GOES = 1e-6, 0.1  # of a joint's fastest: a rate that is none, and one with which it goes on
 LEAST = 60  # samples
-STILL = "\0"  # between a recording's name and the ends of a stretch
+STILL = "\0"  # between a recording's name and when it is still
+ALL_ALONG = "all along"
 
 
 def stopped_meanwhile(asked: Asked) -> Iterator[Check]:
@@ -30,23 +31,26 @@ def stopped_meanwhile(asked: Asked) -> Iterator[Check]:
     reach = np.ptp(np.concatenate([s.q for s in asked.quick.samples]), axis=0)
     for joint in np.flatnonzero((reach > TRAVELLED) & (rates > 0)).tolist():
         parted = [_parted(s, joint, rates) for s in asked.quick.samples]
-        if not any(len(parts) > 1 for parts in parted) or not any(_fitted(parts) for parts in parted):
+        pieces = [part for parts in parted for part in parts]
+        if not any(STILL in part.label for part in pieces) or not any(_fitted(parts) for parts in parted):
             continue
-        quick = asked.quick.of([part for parts in parted for part in parts])
+        quick = asked.quick.of(pieces)
         for apart in recordings_apart(quick, asked.how):
             label, *still = apart.sample.label.split(STILL)
             if not still:
                 continue
-            name, ends = f"q{asked.joints[joint]}", still[0]
+            name, when = f"q{asked.joints[joint]}", still[0]
             odd = [c for c in apart.odd if asked.quick.columns.joint_of[c] != joint] or list(apart.odd)
             here, there = (100 * float(np.nanmax(e[odd])) for e in (apart.error, apart.usual))
             yield Check(
                 "dead_channel",
                 (name,),
-                f"{name} stands still from {ends} s while other joints move, and {listed(asked.names(odd))} "
+                f"{name} stands still {when} while other joints move, and {listed(asked.names(odd))} "
                 f"{'do' if len(odd) > 1 else 'does'} not go with that (error {here:.0f} %, elsewhere "
                 f"{there:.0f} %): an encoder or a message that stopped, a value held",
-                "leave the stretch out with from: and to:",
+                "leave the recording out"
+                if when == ALL_ALONG
+                else "leave the stretch out with from: and to:",
                 recording=label,
             )
 
@@ -56,7 +60,8 @@ def _fitted(parts: list[Sample]) -> bool:
 
 
 def _parted(s: Sample, joint: int, rates: np.ndarray) -> list[Sample]:
-    """A recording without the longest stretch in which the joint stands still, and that stretch."""
+    """A recording without the longest stretch in which the joint stands still, and that stretch, which may be
+    all of it. (Of a UR10e's third, not recorded in one of two fitted runs, 19 % were left for 4.)"""
     still = np.abs(s.dq[:, joint]) < NONE * rates[joint]
     edges = np.flatnonzero(np.diff(np.concatenate([[0], still.view(np.int8), [0]]))).reshape(-1, 2)
     if not len(edges):
@@ -64,8 +69,10 @@ def _parted(s: Sample, joint: int, rates: np.ndarray) -> list[Sample]:
     begin, stop = edges[np.argmax(edges[:, 1] - edges[:, 0])]
     goes = np.delete(np.abs(s.dq[begin:stop]).max(axis=0) > GOES * rates, joint)
     seconds = float(s.t[stop - 1] - s.t[begin])
-    if min(stop - begin, len(s.t) - stop + begin) < LEAST or seconds < STILL_S or not goes.any():
+    others = len(s.t) - (stop - begin)
+    if stop - begin < LEAST or 0 < others < LEAST or seconds < STILL_S or not goes.any():
         return [s]
     rest = np.flatnonzero((np.arange(len(s.t)) < begin) | (np.arange(len(s.t)) >= stop))
-    label = f"{s.label}{STILL}{s.t[begin]:.3g} to {s.t[stop - 1]:.3g}"
-    return [s.rows(rest), replace(s.rows(slice(begin, stop)), label=label, role="validate")]
+    when = f"from {s.t[begin]:.3g} to {s.t[stop - 1]:.3g} s" if others else ALL_ALONG
+    held = replace(s.rows(slice(begin, stop)), label=f"{s.label}{STILL}{when}", role="validate")
+    return [s.rows(rest), held] if others else [held]

@@ -236,7 +236,8 @@ class Mender:
             off = np.abs(d - median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:])) * usual
             if not off.max() > LEAST_STEP:
                 continue
-            scale = max(np.quantile(off, 0.99), 0.5 * np.quantile(np.abs(d), 0.95), LEAST_STEP / STEP)
+            usually = np.quantile(np.delete(off, np.argmax(off)), 0.99)  # of few rows one is a hundredth
+            scale = max(usually, 0.5 * np.quantile(np.abs(d), 0.95), LEAST_STEP / STEP)
             for at in np.flatnonzero(off > STEP * scale):
                 near = np.concatenate([off[max(0, at - 25) : max(0, at - 1)], off[at + 2 : at + 27]])
                 if abs(d[at]) <= RESOLUTION * self._finest(k):

@@ -1,8 +1,8 @@
 """Stamps whose steps are not those of the motion: rounded to about a sample's length, or taken late.
 
 Where rows were lost a joint goes on meanwhile, and so much further in a longer step of the stamps. Where it
-goes as far in long steps as in short ones the samples are even, and rates and accelerations by such stamps
-are wrong. (A UR10e's stamps, 10 and 12 ms apart and rounded to 10 ms, are 10 and 20 ms apart: a third of all
+goes as far in long steps as in short ones the samples are even, and rates from row to row by such stamps are
+wrong. (A UR10e's stamps, 10 and 12 ms apart and rounded to 10 ms, are 10 and 20 ms apart: a third of all
 torques was then unexplained, and nothing was said.)
 
 A program that stamps what it receives scatters by less; whose stamps those are the motion tells as well: of
@@ -106,11 +106,12 @@ def scattering_stamps(recording: str, steps: str) -> Check:
 
 
 def uneven_stamps(recording: str, steps: str) -> Check:
-    """Such stamps, with no uniform clock behind them."""
+    """Such stamps, with no uniform clock behind them: rows may be missing, too, which no rate puts back. (Of
+    an LWR4+ whose log pauses for 5 s the stamps were to be left out.)"""
     return Check(
         "time_stamps",
         ("t",),
-        f"{steps}: the stamps are rounded, or taken late, and rates and accelerations by them are wrong",
-        "record finer stamps, or leave t out and give rate_hz: beside the file",
+        f"{steps}: the stamps are rounded, or taken late; rates from row to row by them are off by as much",
+        "record finer stamps; where no row is missing t may be left out for rate_hz: beside the file",
         recording=recording,
     )

@@ -247,6 +247,24 @@ def test_a_position_that_was_not_recorded_is_no_other_one(tmp_path):
 
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
+def test_a_position_that_one_recording_lacks_is_no_other_one(tmp_path):
+    """Of an LWR4+ whose fourth one stands still in the fitted run the fourth and the last looked swapped."""
+    stands = lambda c: c | {"q4": 0 * c["q4"], "dq4": 0 * c["q4"]}  # noqa: E731
+    study = measured("kuka_lwr4plus")
+    b, a = study.recordings
+    file = planted(tmp_path, stands, study).recording_path(a)
+    fitted = a.model_copy(
+        update={"file": str(file), "use": "identify", "name": "a", "from_s": 1.0, "to_s": 24.0}
+    )
+    judged = b.model_copy(update={"use": "validate", "from_s": 14.0, "to_s": 19.0})
+    study = study.with_(recordings=(fitted, judged), filter=type(study.filter)())
+    (told,) = another_signal(asked_of(study), ())
+    assert (told.check, told.signals, told.recording) == ("dead_channel", ("q4",), "a")
+    assert "swapped" not in told.message and told.message.count("not recorded") == 1
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
 def test_a_torque_zeroed_at_the_start_of_each_run_is_not_without_gravity(tmp_path):
     """Of a TX40's that was told of the run that judges."""
 

@@ -11,19 +11,19 @@ from ident.examination.examine import examine_fit
 from ident.examination.fits.hypothesis import Asked
 from ident.examination.fits.quick import quick_of
 from ident.examination.fits.samples import take
-from ident.examination.fits.unexplained import _contradiction, odd_one
+from ident.examination.fits.unexplained import _contradiction, odd_one, unexplained
 from ident.recordings.study import load_study
 
 USES = {"a": "identify", "b": "identify", "c": "validate"}
 
 
-def _asked(folder, odd, runs="abc"):
+def _asked(folder, odd, runs="abc", times=1.0):
     """Runs of one robot, of which one is another's."""
     model = generated.load("kuka_lwr4p", "A")
     for seed, name in enumerate(runs):
         columns, _ = recording(seed=seed)
         if name == odd:
-            tau = np.asarray(model.torque(*motion(30.0, 200.0, seed)[1:], true_chi(model, 5)))
+            tau = times * np.asarray(model.torque(*motion(30.0, 200.0, seed)[1:], true_chi(model, 5)))
             columns |= {channel: tau[:, k] for k, channel in enumerate(model.channels)}
         write_parquet(folder / f"{name}.parquet", columns)
     study = load_study(write_study(folder, [{"file": f"{name}.parquet", "use": USES[name]} for name in runs]))
@@ -62,3 +62,11 @@ def test_one_torque_from_another_zero_in_the_run_that_judges(tmp_path, zero):
     assert [check.signals for check in said] == [("tau_l1",)] * bool(zero)
     assert all("tau_l1 of validate starts from another zero" in check.message for check in said)
     assert all(check.recording == "validate" for check in said)
+
+
+def test_torques_that_each_recording_explains_are_no_other_robot_s(tmp_path):
+    """Of an AIRBOT with 5 kg in one of two fitted runs another robot's signals or its file were told."""
+    asked = _asked(tmp_path, "b", times=-1.0)
+    assert np.median(asked.fit.error) > 0.5
+    (told,) = unexplained(asked)
+    assert told.recording == "b" and "without this recording all others agree" in told.message

@@ -91,6 +91,15 @@ def test_a_resting_joint_that_slips_once_is_told():
     assert _leaps(0.4 + 0.05 * (np.arange(N) >= 9000)) == [(9000, 0.05)]
 
 
+def test_a_leap_in_a_log_of_few_rows_is_told():
+    """Of a TX40's second at 50 Hz in which a position was held for 0.3 s nothing was said."""
+    t, mender = np.arange(55) / 50, Mender(1, np.ones(2), np.zeros(2))
+    q = 2 * np.sin(3 * (t - 0.55))
+    q[21:35] = q[20]
+    list(mender.run([(np.arange(55), t, np.column_stack([q, np.cos(t)]))]))
+    assert [row for row, _, _ in mender.leaps] == [35]
+
+
 @pytest.mark.parametrize(("step", "told"), [(5e-3, True), (1e-3, True), (1e-5, False), (0.0, False)])
 def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_motion(step, told):
     """Of a joint that sweeps 3 rad in steps of 5 mrad nothing was said, with errors of three times the

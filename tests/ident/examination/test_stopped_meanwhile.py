@@ -37,6 +37,25 @@ def test_an_encoder_that_stops_midway_and_a_joint_that_is_braked(tmp_path, brake
     assert told == (set() if braked else {("dead_channel", ("q2",), r.label) for r in study.recordings})
 
 
+def test_a_position_that_one_of_two_fitted_runs_lacks(tmp_path):
+    """Of a UR10e's third 19 % of a torque were left for 4, and that it rests was all that was said."""
+
+    def change(c):
+        later = c["t"] > 25.0
+        return c | {
+            name: np.where(later, c[name][0] if name == "q3" else 0.0, c[name]) for name in ("q3", "dq3")
+        }
+
+    study = planted(tmp_path, change, ur10e())
+    (fitted, judged) = study.recordings
+    parts = (("one", None, 25.0), ("other", 25.0, None))
+    runs = [fitted.model_copy(update={"name": n, "from_s": a, "to_s": b}) for n, a, b in parts]
+    made = prepare_study(study.with_(recordings=(*runs, judged.model_copy(update={"to_s": 25.0}))))
+    (told,) = examine_fit(made)
+    assert (told.check, told.signals, told.recording) == ("dead_channel", ("q3",), "other")
+    assert "all along" in told.message and told.remedy == "leave the recording out"
+
+
 @pytest.mark.parametrize("slow", [False, True])
 def test_a_position_that_stops_within_a_row(tmp_path, slow):
     """Short stretches of the other torques do not tell it: of a Franka's first one nothing was said."""

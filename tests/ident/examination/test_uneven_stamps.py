@@ -9,7 +9,7 @@ from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.ticks import ticks
-from ident.examination.tables.uneven_stamps import even_samples, uneven_steps
+from ident.examination.tables.uneven_stamps import even_samples, uneven_stamps, uneven_steps
 
 
 def _said(t, stamps, kept=slice(None)):
@@ -45,6 +45,12 @@ def test_rows_that_are_missing_leave_the_others_on_their_ticks():
     assert _on_ticks(np.cumsum(rng.uniform(0.8, 1.2, size=5000)) / 250.0) is None
     assert _on_ticks(np.sort(even + 0.4 / 250.0 * rng.normal(size=len(even)))[kept]) is None
     assert _on_ticks(even[:40]) is None and _on_ticks(np.zeros(500)) is None
+
+
+def test_stamps_of_a_log_with_a_pause_are_not_to_be_left_out():
+    """Of an LWR4+ whose log pauses they were, and its rates wrong by stamps that scatter by a hundredth."""
+    said = uneven_stamps("run", "the steps of t scatter by 0.89 %, and joints go as if none did")
+    assert "off by as much" in said.message and "where no row is missing" in said.remedy
 
 
 def _even(instants, stamps):
