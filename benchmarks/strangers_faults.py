@@ -301,10 +301,11 @@ def draw(a: argparse.Namespace, number: int) -> dict[str, Any]:
 def line(name: str, d: Mapping[str, Any]) -> str:
     """Planted | said first | others | error as the robot is -> now."""
     its, plain = d["said"], d["plain"]
-    said = [f"{'(always) ' * (text in plain['checks'])}{text}" for text in its.get("checks", ())]
+    said = [f"{'(always) ' * (text in plain.get('checks', ()))}{text}" for text in its.get("checks", ())]
     first, *others = [*([its["ended"]] if "ended" in its else []), *said] or ["-"]
     then, now = plain.get("error", {}), its.get("error", {})
-    errors = ", ".join(f"{use} {then[use]['total']:.1f} -> {e['total']:.1f} %" for use, e in now.items())
+    was = {use: f"{then[use]['total']:.1f} -> " if use in then else "" for use in now}
+    errors = ", ".join(f"{use} {was[use]}{e['total']:.1f} %" for use, e in now.items())
     how = " ".join(f"{name} {its}" for name, its in zip(("Hz", "coarse", "rates", "parted"), d["how"]) if its)
     planted = f"{name} {d['robot']} ({how}): {' and '.join(d['faults'])}"
     return " | ".join([planted, first, " // ".join(others), f"{errors}, moved {d['moved']:.0f} %"])

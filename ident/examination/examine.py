@@ -44,6 +44,7 @@ from ident.examination.positions.motions import by_themselves, moved_positions, 
 from ident.examination.positions.places import other_orders, other_torques, swapped, swapped_positions
 from ident.examination.positions.units import degrees, geared, scaled_positions
 from ident.examination.rivals.carried import CARRIED, ambiguous, carried_faults
+from ident.examination.rivals.for_a_time import for_a_time
 from ident.examination.rivals.other_zeros import other_zeros
 from ident.examination.rivals.recordings_apart import foretold_badly, recordings_apart, recordings_unlike
 from ident.examination.rivals.rivals import Rival, alike, rivals
@@ -170,11 +171,13 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         scaled = carried_faults(asked) if asks else []
         beside = [ambiguous(held, scaled)] if scaled else beside
         beside += _by_all(prepared, asked) if asks and not beside else []
-        beside += [] if beside or doubted else unpredicted(asked)
+    meanwhile = [] if beside or doubted or found else list(for_a_time(asked))
+    beside += [] if beside or doubted or meanwhile else unpredicted(asked)
+    beside += [c for c in meanwhile if len(c.signals) > 1]  # which no torque's zero makes so
     beside += [] if beside or doubted else wandering(asked)
     beside += [] if beside or doubted else tilted(prepared, asked)
     beside += [] if beside or doubted or found else other_zeros(asked)
-    beside = beside or list(foretold_badly(asked, apart)) or list(contradicting(asked))
+    beside = beside or meanwhile or list(foretold_badly(asked, apart)) or list(contradicting(asked))
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)
     beside += asked_for(study, asked) if whole_model else []

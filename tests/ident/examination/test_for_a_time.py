@@ -1,0 +1,41 @@
+"""A robot that is pushed for a while, beside what one stretch alone shows."""
+
+from dataclasses import replace
+
+import numpy as np
+from planted import ON_RECORDINGS, asked_of, planted, ur10e
+
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
+from ident.examination.rivals.for_a_time import Stretches, for_a_time
+
+pytestmark = ON_RECORDINGS
+
+
+def _pushed(c):
+    """Ten of fifty seconds, in which all torques are another 1.5 of their sizes."""
+    t = c["t"] - c["t"][0] - 26.0
+    for j in range(1, 7):
+        c = c | {f"i{j}": c[f"i{j}"] + 1.5 * np.std(c[f"i{j}"]) * np.exp(-((t / 4) ** 2)) * np.cos(4 * t + j)}
+    return c
+
+
+def test_a_robot_that_is_pushed_for_a_while(tmp_path):
+    """Of a UR10e's torques 17 % were left for 5, and nothing was said."""
+    fitted, judged = ur10e().recordings
+    path = planted(tmp_path, _pushed, ur10e().with_(recordings=(fitted,))).recording_path(fitted)
+    study = ur10e().with_(recordings=(fitted.model_copy(update={"file": str(path)}), judged))
+    (told,) = examine_fit(prepare_study(study))
+    assert told.check == "unrelated_torque" and told.recording == fitted.label
+    assert "i3" in told.signals and "for that time" in told.message
+    assert 15.0 < float(told.message.split()[1]) < 26.0
+
+
+def test_a_robot_as_it_is_and_a_joint_that_moves_for_a_while_only():
+    asked = asked_of(ur10e())
+    assert not list(for_a_time(asked))
+    its = Stretches.of(asked)
+    assert its.moves_elsewhere([3])
+    thin = [replace(s.thin, dq=s.dq * (np.arange(6) != 2)) for s in its.samples]
+    still = [s if k == 3 else replace(s, thin=thin[k]) for k, s in enumerate(its.samples)]
+    assert not replace(its, samples=tuple(still)).moves_elsewhere([3])
