@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from benchmarks import planted_faults
+from benchmarks import planted_faults, strangers_faults
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
 from ident.examination.examine import examine_fit, examine_tables
@@ -42,6 +42,18 @@ def planted(folder, change, study=None):
         columns = {name: np.asarray(values, float) for name, values in columns.items()}
         pq.write_table(pa.table({k: pa.array(v) for k, v in change(columns).items()}), folder / path.name)
     return study.with_(folder=str(folder))
+
+
+def strangers_log(folder, robot, how, change):
+    """The study of a measured robot as the benchmark of strangers' logs has it, with its log changed."""
+    (base,) = (b for b in planted_faults.BASES if b.robot == robot)
+    log = strangers_faults.log_of(base, how, np.random.default_rng(0))
+    change(log)
+    for name, table in log.tables.items():
+        pq.write_table(pa.table(table), folder / f"{name}.parquet")
+    for name, what in (("robot.yaml", log.robot), ("study.yaml", log.study)):
+        (folder / name).write_text(yaml.safe_dump(what), encoding="utf-8")
+    return load_study(folder / "study.yaml")
 
 
 def with_fault(robot, words, folder):

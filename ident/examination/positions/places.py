@@ -147,9 +147,9 @@ def _assigned(asked: Asked, mine: Sequence[int]) -> list[int]:
 
 
 def _fewest_moved(asked: Asked, order: list[int]) -> list[int]:
-    """Of orders that stretch by stretch are not rejected beside it one that moves few torques: small ones may
-    have each other's place. (Of an LWR4+ with its first and fifth torque exchanged the sixth and seventh were
-    told, too.)"""
+    """Of orders that stretch by stretch are not rejected beside it, or by less than any exchange has to gain,
+    one that moves few torques: small ones may have each other's place. (Of an LWR4+ with its first and fifth
+    torque exchanged the sixth and seventh were told, too, with its first and sixth the seventh.)"""
     best, channels = _taken(asked, order), range(len(order))
     while True:
         pairs = [exchanged(len(order), a, b) for a, b in combinations(channels, 2)]
@@ -157,7 +157,8 @@ def _fewest_moved(asked: Asked, order: list[int]) -> list[int]:
             other for other in ([order[k] for k in pair] for pair in pairs) if _moved(other) < _moved(order)
         ]
         each = [(_taken(asked, other), other) for other in others]
-        kept = [(its.fit.gain_over(best.fit), other) for its, other in each if not steadily(its, best, RARE)]
+        gains = [(its.fit.gain_over(best.fit), its, other) for its, other in each]
+        kept = [(g, other) for g, its, other in gains if g > -SWAPPED or not steadily(its, best, RARE)]
         if not kept:
             return order
         order = max(kept)[1]

@@ -73,8 +73,8 @@ def _told(quick: Quick, how: Assignment, rate: float) -> list[Rival]:
         for r in each
         if r.settled
         and _several(plain, r)
-        and steadily(plain, r.explained, rate)
-        and agreed(plain, r.explained, rate / len(each))
+        and steadily(plain, r.explained, rate / len(each))  # amounts differ by much from stretch to stretch
+        and agreed(plain, r.explained, rate)
         and _most_of_it(plain, r.explained)
     ]
 

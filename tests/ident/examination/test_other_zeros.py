@@ -1,19 +1,14 @@
 """A position from another zero that little of the torques shows, planted in measured recordings."""
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
-import yaml
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log
 
-from benchmarks import strangers_faults
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.fits.stretches import all_rows
 from ident.examination.rivals.other_zeros import other_zeros
 from ident.examination.rivals.rivals import of_positions
-from ident.recordings.study import load_study
 
 pytestmark = ON_RECORDINGS
 
@@ -35,15 +30,28 @@ def test_robots_as_they_are_start_from_none(robot):
 
 def test_a_zero_that_explains_a_part_of_something_else(tmp_path):
     """Of a Barrett whose file has a link too long, and whose second torque is noise, a first zero."""
-    (base,) = (b for b in strangers_faults.BASES if b.robot == "barrett_wam_2dof")
-    log = strangers_faults.log_of(base, (0, False, True, True), np.random.default_rng(0))
-    log.robot["links"][1]["d"] += 0.3
-    for name, table in log.tables.items():
-        noise = 3 * np.std(table["tau_m2"]) * np.sin(1e9 * 0.3998384329525977 * table["t"] ** 2)
-        pq.write_table(pa.table(table | {"tau_m2": table["tau_m2"] + noise}), tmp_path / f"{name}.parquet")
-    for name, what in (("robot.yaml", log.robot), ("study.yaml", log.study)):
-        (tmp_path / name).write_text(yaml.safe_dump(what), encoding="utf-8")
-    assert not list(other_zeros(asked_of(load_study(tmp_path / "study.yaml"))))
+
+    def change(log):
+        log.robot["links"][1]["d"] += 0.3
+        for table in log.tables.values():
+            noise = 3 * np.std(table["tau_m2"]) * np.sin(1e9 * 0.3998384329525977 * table["t"] ** 2)
+            table["tau_m2"] = table["tau_m2"] + noise
+
+    study = strangers_log(tmp_path, "barrett_wam_2dof", (0, False, True, True), change)
+    assert not list(other_zeros(asked_of(study)))
+
+
+@pytest.mark.long
+def test_a_zero_by_which_stretches_gain_unlike_amounts(tmp_path):
+    """Of an AIRBOT's third position, 30 degrees off, nothing was said: all of twenty stretches gain, one of
+    them a thousand times as much as another."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["q3"] = table["q3"] + np.pi / 6
+
+    (told,) = other_zeros(asked_of(strangers_log(tmp_path, "airbot_play", (100, False, False, True), change)))
+    assert told.check == "position_zero" and "q3 starts from another zero, 0.53 rad off" in told.message
 
 
 def test_a_zero_of_a_radian(tmp_path):

@@ -2,7 +2,7 @@
 
 import pyarrow as pa
 import pytest
-from planted import ON_RECORDINGS, asked_of, measured, planted
+from planted import ON_RECORDINGS, asked_of, measured, planted, strangers_log
 from small_arm import ARM
 
 import ident
@@ -96,3 +96,16 @@ def test_small_torques_are_told_in_no_other_order_with_those_that_are(tmp_path, 
     study = planted(tmp_path, lambda c: {k: x[::2] for k, x in change(c).items()}, study)
     told = [set(h.check.signals) for h in other_torques(asked_of(study))]
     assert told == ([{f"tau_l{j}" for j in order}] if len(pairs) > 1 else [])
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_small_torque_is_told_in_no_other_place_than_one_exchanged_would_be(tmp_path):
+    """Of an LWR4+ with its first and sixth torque exchanged the first, sixth and seventh were told."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["tau_l1"], table["tau_l6"] = table["tau_l6"], table["tau_l1"]
+
+    study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, False, True), change)
+    assert not list(other_torques(asked_of(study)))
