@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ident.equations.prepared import Prepared, resting_joints
-from ident.examination.check import Check, refuse, turned_sign, worst_first
+from ident.examination.check import Check, listed, refuse, turned_sign, worst_first
 from ident.examination.fits.bodies import beyond_own
 from ident.examination.fits.hypothesis import (
     CLEARLY,
@@ -144,7 +144,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         if best is None:
             break
         found.append(best.check)
-        near = [*_alike(asked, best, told), *_tables(prepared, asked, best)]
+        near = [*_alike(asked, best, told), *_tables(prepared, asked, best), *_unrecorded(asked, best)]
         gained += best.gain
         if best.check.outcome == "refused":
             stream = next(s for s in prepared.streams if s.role == "identify")
@@ -277,6 +277,15 @@ def _tables(prepared: Prepared, asked: Asked, best: Hypothesis) -> list[Hypothes
     if best.own or not np.isfinite(best.gain) or asked.of_robot(best) or not best.check.signals:
         return []
     return _silent(asked, best, tables_instead(prepared, asked, best))
+
+
+def _unrecorded(asked: Asked, best: Hypothesis) -> list[Hypothesis]:
+    """Positions that are one number in all recordings, as none is that was recorded. (Of a Barrett without
+    its first one its second torque was told to have the other sign.)"""
+    every = np.concatenate([s.q for s in asked.quick.samples])
+    still = [f"q{asked.joints[j]}" for j in np.flatnonzero(np.ptp(every, axis=0) == 0)]
+    words = f"{listed(still)} {'is' if len(still) == 1 else 'are'} not recorded, though the joint moves"
+    return _silent(asked, best, [words] if still and best.check.check != "dead_channel" else [])
 
 
 def _silent(asked: Asked, best: Hypothesis, words: Sequence[str]) -> list[Hypothesis]:
