@@ -26,6 +26,7 @@ from ident.examination.tables.signals import (
     wraps,
 )
 from ident.examination.tables.stopped_at_once import stopped_at_once
+from ident.examination.tables.torque_leaps import torque_leaps
 
 TORQUES = ("tau_m", "tau_l", "i")
 
@@ -63,6 +64,7 @@ def of_table(
         bands,
         said,
         stopped_at_once(columns, excerpt, slow | gone),
+        torque_leaps(columns, excerpt),
         repeats.copies(columns, excerpt),
         repeats.standing(columns, excerpt, slow | gone | banded),
         repeats.noise_alone(columns, excerpt),

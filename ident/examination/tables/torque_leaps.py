@@ -1,0 +1,84 @@
+"""A torque that leaps from one row to the next and stays there while its joint goes on.
+
+What inertia, weight and friction ask for of joints that go on in their directions goes on, too. What leaps by
+far more than around it, for good, is another zero or a load. (Of a Barrett whose second torque leaps by two
+of its deviations in the middle of each run half of it was left, and nothing was said.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ident.examination.check import Check, listed
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.mending import STEP
+from ident.examination.tables.signals import Columns
+from ident.examination.tables.spikes import median_of_four
+
+AROUND, BESIDE = 25, 8  # rows on either side: of what a torque does else, and in which no joint turns
+KEPT = 0.5  # of a leap, by which the torque is still away that many rows behind it
+MOST = 3  # leaps of a torque: more are its steps
+SHARE = 0.1  # of what a joint goes in as many rows at most, with which it goes on; of a torque's range
+
+
+def torque_leaps(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """One check of all that leap."""
+    found: dict[int, list[tuple[int, float, float]]] = {}
+    for rows, t, values in excerpt.pieces:
+        if len(t) < 4 * AROUND or not (np.diff(t) > 0).all():
+            continue
+        even = np.diff(t) < 2 * np.median(np.diff(t))
+        for k in range(columns.n, values.shape[1]):
+            for at in _leaps(values[:, k]):
+                near = slice(max(at - BESIDE, 0), at + BESIDE + 1)
+                if even[near].all() and _goes_on(values[:, : columns.n], at, int(columns.joint[k])):
+                    size = float(values[at + 1, k] - values[at, k])
+                    found.setdefault(k, []).append((int(rows[at + 1]) + 1, float(t[at + 1]), size))
+    its = {k: leaps for k, leaps in found.items() if len(leaps) <= MOST}
+    if not its:
+        return
+    names = tuple(columns.signals[k] for k in its)
+    each = [
+        f"{columns.signals[k]} leaps by {listed(f'{size:.3g} at {t:.3g} s' for _, t, size in leaps)}"
+        for k, leaps in its.items()
+    ]
+    every = [row for leaps in its.values() for row, _, _ in leaps]
+    yield Check(
+        "torque_step",
+        names,
+        f"{'; '.join(each)} from one row to the next and stays there, while its joint goes on: another zero, "
+        "sign or unit from there on, a load or a contact that comes or goes at once",
+        "use the part before or after it with from: and to:",
+        rows=(min(every), max(every)),
+        hint=True,
+    )
+
+
+def _leaps(x: np.ndarray) -> list[int]:
+    """Rows of a torque (N,) behind which it leaps, and stays."""
+    d = np.diff(x)
+    around = np.pad(d, 2, mode="edge")
+    off = np.abs(d - median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:]))
+    low, high = np.quantile(x, [0.05, 0.95])
+    out = []
+    for at in np.flatnonzero(off > max(STEP * np.quantile(off, 0.9), SHARE * (high - low))).tolist():
+        if not AROUND <= at < len(d) - AROUND:
+            continue
+        near = np.concatenate([off[at - AROUND : at - 1], off[at + 2 : at + AROUND + 1]])
+        before, after = x[at - BESIDE : at + 1], x[at + 1 : at + 2 + BESIDE]
+        held = (np.diff(before) == 0).any() or (np.diff(after) == 0).any()
+        stays = (np.median(after) - np.median(before)) / d[at] > KEPT
+        if off[at] > STEP * near.max() and stays and not held:
+            out.append(at)
+    return out
+
+
+def _goes_on(q: np.ndarray, at: int, joint: int) -> bool:
+    """Whether a joint goes on about a row in its direction, and no other one turns there."""
+    before, after = q[at + 1] - q[at - BESIDE], q[at + 1 + BESIDE] - q[at + 1]
+    most = np.abs(q[BESIDE:] - q[:-BESIDE]).max(axis=0)
+    moves = np.minimum(np.abs(before), np.abs(after)) > SHARE * most
+    turns = (np.sign(before) != np.sign(after)) & (np.maximum(np.abs(before), np.abs(after)) > SHARE * most)
+    return bool(moves[joint] and not turns.any())
