@@ -121,7 +121,8 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     where = "in this recording " if best.recording else ""
     which = ", these recordings do not tell which" if said[1:] else ""
     taken = "with another one in its place" if best.check == "dead_channel" else "so taken"
-    if len(said) > 1 + FEW or every[0] is not best:
+    causes = {its.words for its in every}  # here or in the other recording, which contradict each other
+    if len(causes) > 1 + FEW or every[0] is not best:
         yield nothing_tells(said, fallen, best.recording)
         return
     yield Check(
@@ -203,7 +204,8 @@ def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bo
     asks = np.full(len(left), True)
     if all(name.startswith(("tau", "i")) for name in its.signals):  # others may fit together as well anyway
         asks = beyond_own(plain, usual) | (np.abs(gains_of(plain, left)) > np.log(SAME))
-    most = gain_of(plain[asks], left[asks]) > HALF * gain_of(plain[asks], usual[asks])
+    aim = np.fmin(plain, AS_OTHERS * usual)  # of few rows fits of each take what is no other signal's
+    most = gain_of(plain[asks], left[asks]) > HALF * gain_of(plain[asks], aim[asks])
     return bool(most and _mean(left) < max(AS_OTHERS * _mean(usual), ENOUGH))
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log
 from small_arm import ARM
 
 import ident
@@ -332,3 +332,17 @@ def test_what_one_recording_explains_better_is_not_told_of_all(tmp_path):
     change = lambda c: c | {"q4": c["q4"] + np.radians(10) * (c["t"] > c["t"][0] + 15.5)}  # noqa: E731
     checks = examine_fit(prepare_study(planted(tmp_path, change, study)))
     assert all(c.check != "swapped_signals" for c in checks)
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_torque_turned_in_one_of_three_short_runs(tmp_path):
+    """Of a KR 300 nothing was said: fits of four seconds each take more of its other torques, too."""
+
+    def change(log):
+        log.tables["run1"]["tau_m1"] = -log.tables["run1"]["tau_m1"]
+
+    study = strangers_log(tmp_path, "kuka_kr300", (100, False, True, True), change)
+    (told,) = examine_fit(prepare_study(study))
+    assert (told.check, told.signals, told.recording) == ("torque_sign", ("tau_m1",), "run1")
