@@ -130,9 +130,9 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
 def _unseen(state: State, alone: Unnamed, flex: Flexible, m: Metric, tau: float) -> Unnamed:
     """What the fitted rows alone show, with whether the judged ones go where it acts, and its share of the
     fitted torque where they do not. (Of a stop that a rokae's second joint touched in the fitted run alone
-    nothing was told beside a force in the other: 9 % of that torque.)"""
+    nothing was told beside a force in the other: 9 % of that torque.) No other rows are at the same time."""
     c = alone.channel
-    if not unseen(m, {c: flex.column[:, None]}, np.ones(1), tau):
+    if "t" in flex.variables or not unseen(m, {c: flex.column[:, None]}, np.ones(1), tau):
         return alone
     return replace(alone, unseen=True, share=explained_share(state, c, flex.column, state.rows.fitted))
 
@@ -227,7 +227,8 @@ def _like_a_change(others: State, f: Found, beside: Changes) -> Unnamed:
     read = tuple(sorted(signals_read(f.term) or ()))
     share = explained_share(others, c, f.columns[c] @ f.sizes)
     near = Equivalent(f.term, beside.told)  # where it shows: the judged rows alone need not
-    return Unnamed(c, read, e.log_e, e.gain, share, near, times_noise=beside.kappa)
+    kappa, kind = beside.kappa, beside.of_its_kind
+    return Unnamed(c, read, e.log_e, e.gain, share, near, times_noise=kappa, of_its_kind=kind)
 
 
 def _fitted_alone(c: int, flex: Flexible, m: Metric, near: Equivalent | None) -> Unnamed:

@@ -40,7 +40,8 @@ class Unnamed:
     nearest: Equivalent | None = None
     carries_over: bool = True
     alike: tuple[str, ...] = ()  # signals of other joints that it may as well depend on
-    times_noise: float | None = None  # of the parameters' change that keeps `nearest` away
+    times_noise: float | None = None  # of the change that keeps `nearest` away, the parameters', or
+    of_its_kind: bool = False  # that of others of its kind
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
     unseen: bool = False  # the judged rows do not go where it acts: they could not show it
 

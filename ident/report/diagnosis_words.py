@@ -253,9 +253,9 @@ def sides_in_words(document: Mapping[str, Any]) -> str:
 def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
     """Signals, share, nearest effect and what speaks against it; that it does not carry over."""
     text = f"{place(item['joints']).capitalize()}, {item['channel']}: "
-    near, times = item.get("nearest"), item.get("parameters_change_times_noise")
-    if near is not None and times is not None:
-        return text + _among_changes(item, near, times, sides)
+    near = item.get("nearest")
+    if near is not None and (item.get("parameters_change_times_noise") or _of_its_kind(item)) is not None:
+        return text + _among_changes(item, near, sides)
     if near is not None and item.get("nearest_by_chance") is not None:
         return text + _too_poorly_told(item, near, item["nearest_by_chance"], sides)
     if near is not None and item.get("error_percent_with_nearest") is not None:
@@ -361,12 +361,18 @@ def _worse_with_it(
     )
 
 
-def _among_changes(item: Mapping[str, Any], near: Mapping[str, Any], times: float, sides: str) -> str:
+def _of_its_kind(item: Mapping[str, Any]) -> float | None:
+    return item.get("its_kind_changes_times_noise")
+
+
+def _among_changes(item: Mapping[str, Any], near: Mapping[str, Any], sides: str) -> str:
     """What is no more than what the model gets wrong from one run to the next."""
+    times = item.get("parameters_change_times_noise") or _of_its_kind(item)
+    what = "the model's own parameters" if _of_its_kind(item) is None else "others of its kind"
     return (
-        f"{_as_nearest(item, near, sides)}; but from the fitted to the judged {sides} the model's own "
-        f"parameters change {number(times, 2)} times as much as noise makes them (squares), and beside "
-        "such changes that is not enough to name it."
+        f"{_as_nearest(item, near, sides)}; but from the fitted to the judged {sides} {what} change "
+        f"{number(times, 2)} times as much as noise makes them (squares), and beside such changes that is "
+        "not enough to name it."
     )
 
 

@@ -15,7 +15,8 @@ that both sides determine, d the square of their distance in the noise of the ch
 of the regression of this channel alone: its likelihood ratio where parameters of the sides differ at random,
 all directions alike. A factor of the model's torque is asked of all channels in one regression: a channel's
 own parameters follow any, and cannot that they are the other channels', too. (Of a Barrett's two torques one
-was five times too large, which the parameters of either alone took up.)"""
+was five times too large, which the parameters of either alone took up.) What others of an effect's own kind
+show of such changes says more of it than the parameters do (of_its_kind.py): then kappa is theirs."""
 
 from __future__ import annotations
 
@@ -27,18 +28,21 @@ from ident.diagnosis.evidence.evidence import Columns, Evidence, Metric, Side, o
 from ident.diagnosis.evidence.given import given_fitted
 from ident.diagnosis.evidence.state import Found, State
 from ident.diagnosis.search.halves import on_halves
+from ident.diagnosis.search.of_its_kind import times_noise_of_its_kind
 
 OF_ITS_OWN = float(np.log(2.0))  # of factors, logarithm: of robots as they are 0.85 to 1.26 was found
 
 
 @dataclass(frozen=True, slots=True)
 class Changes:
-    """What is left of log E beside such changes [nats]; kappa of the channel that says most; log E itself."""
+    """What is left of log E beside such changes [nats]; kappa of the channel that says most; log E itself;
+    whether others of its kind told kappa."""
 
     log_e: float
     kappa: float
     channel: int
     told: float
+    of_its_kind: bool = False
 
 
 def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
@@ -48,14 +52,16 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
     m = others.metric
     told = weigh(m, f.columns)
     if told.log_e > tau:
-        return _of(m, f, told)
+        return _of(others, m, f, told)
     parts = list(on_halves(others, f.columns))
     shown = all(e.log_e > tau for _, e in parts)
     if not shown or any(side.parted for side, _ in parts):
         given = given_fitted(m, m.both, f.columns, f.sizes).of(told)
         if given.log_e > tau:
-            return _of(m, f, given)
-    return min((_of(side, f, e) for side, e in parts), key=lambda its: its.log_e) if shown else None
+            return _of(others, m, f, given)
+    if not shown:
+        return None
+    return min((_of(others, side, f, e) for side, e in parts), key=lambda its: its.log_e)
 
 
 def spoken(m: Metric, f: Found, tau: float) -> Evidence:
@@ -75,11 +81,16 @@ def spoken_given(m: Metric, f: Found, own: Evidence, tau: float) -> Evidence | N
     """What the judged rows say of it given the fitted ones, where that is enough, beside what the model's
     parameters change by, too; own: alone."""
     given = given_fitted(m, m.both, f.columns, own.sizes).of(own)
-    return given if given.log_e > tau and _of(m, f, given).log_e > tau else None
+    return given if given.log_e > tau and _by_parameters(m, f, given).log_e > tau else None
 
 
-def _of(m: Metric, f: Found, told: Evidence) -> Changes:
+def _of(others: State, m: Metric, f: Found, told: Evidence) -> Changes:
     """Beside the changes from the fitted to the judged rows of a metric."""
+    its, kappa = _by_parameters(m, f, told), times_noise_of_its_kind(others, m, f)
+    return its if kappa is None else Changes(told.log_e / kappa, kappa, its.channel, told.log_e, True)
+
+
+def _by_parameters(m: Metric, f: Found, told: Evidence) -> Changes:
     if f.term is not None and f.term.factor != 1.0:
         whole, kappa = _of_whole(m, f.columns, told)
         return Changes(whole, kappa, max(f.columns, key=lambda c: told.per_channel[c]), told.log_e)

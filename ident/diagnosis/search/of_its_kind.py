@@ -1,0 +1,62 @@
+"""How much torques of an effect's own kind, at other shapes, change from one set of rows to the other.
+
+What a model gets wrong from run to run is smooth for the most part, and its own parameters show how large it
+is (parameters_apart.py); a wave of thirty periods a turn has little part in that. How much of it such waves
+have, others show that are not there: the same effect at other wavenumbers, so far off that they say nothing
+of this one's torque. Fitted to either side, their sizes differ by what noise makes them, or by so many times
+more. (Of a Barrett's joint its parameters change by 7 times the noise, waves of 10 to 93 periods a radian by
+1.1: a ripple of 42 nats was a function of its position without a name.)"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ident.diagnosis.evidence.evidence import Metric, Side, project
+from ident.diagnosis.evidence.state import Found, State
+from ident.diagnosis.rows.terms import Term
+
+OTHERS = tuple(1.15**k for k in (-8, 8, -7, -6, -5, -4, -3, -2, -1, 1, 2, 3, 4, 5, 6, 7))  # of a shape
+OWN = 0.1  # share of its torque that another shape may say
+FEWEST = 10  # numbers that tell a ratio of squares to half of it
+
+
+def times_noise_of_its_kind(others: State, m: Metric, f: Found) -> float | None:
+    """Squares by which sizes of other shapes differ between the sides of a metric, in units of what noise
+    makes them, one at least; None where too few are apart from it. others: the state without it."""
+    if f.term is None:
+        return None
+    squares, numbers = 0.0, 0
+    for name in f.term.theta:
+        for at, times in enumerate(OTHERS):
+            if at == 2 and not numbers:  # neither a third nor three times of it is another one
+                break
+            told = _apart(others, m, f, f.term.at(**{name: f.term.theta[name] * times}))
+            squares, numbers = squares + told[0], numbers + told[1]
+    return max(1.0, squares / numbers) if numbers >= FEWEST else None
+
+
+def _apart(others: State, m: Metric, f: Found, term: Term) -> tuple[float, int]:
+    """The square of the distance of another shape's sizes between the sides, in their noise, and how many
+    these are; nothing of one that says part of its torque."""
+    columns = others.scene.columns(term)
+    if set(columns) != set(f.columns):
+        return 0.0, 0
+    white = m.whiten({c: np.column_stack([z, f.columns[c] @ f.sizes]) for c, z in columns.items()})
+    left, _ = _left(m, m.fitted, white)
+    across, whole = left[:-1, -1], left[-1, -1]
+    if across @ np.linalg.pinv(left[:-1, :-1], rcond=1e-9) @ across > OWN * whole:
+        return 0.0, 0
+    own = {c: z[:, :-1] for c, z in white.items()}
+    apart, spread = np.zeros(len(across)), np.zeros((len(across), len(across)))
+    for side, sign in ((m.fitted, 1.0), (m.judged, -1.0)):
+        left, right = _left(m, side, own)
+        noise = float(np.mean([side.rss[c] / max(side.free[c], 1) for c in own]))
+        inverse = np.linalg.pinv(left, rcond=1e-9)
+        apart, spread = apart + sign * inverse @ right, spread + noise * inverse
+    return float(apart @ np.linalg.pinv(spread, rcond=1e-9) @ apart), len(apart)
+
+
+def _left(m: Metric, side: Side, white: dict[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Products of whitened columns that the model leaves on a side (p, p), and with its residual (p,)."""
+    cross, own, right = project(m, side, white)
+    return own - cross.T @ cross, right
