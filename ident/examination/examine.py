@@ -54,6 +54,7 @@ from ident.examination.rivals.wandering import wandering
 from ident.examination.robot.base import Tilt
 from ident.examination.robot.geometry import beside_tilt, of_geometry, tables_instead, unseen_base
 from ident.examination.robot.left_out import asked_for
+from ident.examination.robot.lengths import lengths
 from ident.examination.robot.tilted import tilted
 from ident.examination.tables.limits import beyond_limits, reads_currents
 from ident.examination.tables.same_samples import same_samples
@@ -172,6 +173,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         scaled = carried_faults(asked) if asks else []
         beside = [ambiguous(held, scaled)] if scaled else beside
         beside += _by_all(prepared, asked) if asks and not beside else []
+    beside += [] if beside or doubted or found else lengths(prepared, asked)
     meanwhile = [] if beside or doubted or found else list(for_a_time(asked))
     beside += [] if beside or doubted or meanwhile else unpredicted(asked)
     beside += [c for c in meanwhile if len(c.signals) > 1]  # which no torque's zero makes so

@@ -129,7 +129,8 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
                 yield replace(rival, words=words, recording=sample.label)
             share, rival = found(lambda i, s, r=r: (i == r) * s.Y[:, own], True)  # type: ignore[misc]
             if rival:
-                also = " or a load is carried there" if share < 1 else ""
+                two = len(whole.samples) == 2  # of which either may be the other one
+                also = f" or a load is carried {'in one of the two' if two else 'there'}" if share < 1 else ""
                 words = f"{name} of {sample.label} is {_times(share)}{also}"
                 yield replace(rival, words=words, recording=sample.label)
             zero, rival = found(_after(r, -np.inf, None))

@@ -239,7 +239,7 @@ def _kr300(folder, **change):
 def test_a_factor_of_one_recording_is_told_beside_one_of_a_part_of_it(tmp_path):
     """Of a KR 300 "from about 1.62 s on" alone was told."""
     (check,) = _said(_kr300(tmp_path, traj_a=lambda c: c | {"tau_m3": 0.7 * c["tau_m3"]}))
-    assert "tau_m3 of traj_a is 0.72 times as large or a load" in check.message
+    assert "tau_m3 of traj_a is 0.72 times as large or a load is carried in one of the two" in check.message
 
 
 @pytest.mark.long
