@@ -90,7 +90,13 @@ class Metric:
     def both(self) -> Side:
         """The model on the fitted and the judged rows together."""
         slow = bool(self.fitted.noise)
-        return side_of(self.rows, self.X, self.y, self.B, self.fitted.mask | self.judged.mask, slow)
+        mask = self.fitted.mask | self.judged.mask
+        return side_of(self.rows, self.X, self.y, self.B, mask, slow, self.taken)
+
+    @property
+    def taken(self) -> tuple[np.ndarray | None, ...]:
+        """What the whiteners take up whatever its size, channel by channel."""
+        return tuple(w.taken for w in self.whiteners)
 
     @cached_property
     def told_given(self) -> np.ndarray:
@@ -231,12 +237,21 @@ def metric(
     the whiteners."""
     X = tuple((places, w @ values) for (places, values), w in zip(design, whiteners))
     y = np.stack([w @ rows.Y[c] for c, w in enumerate(whiteners)])
-    sides = [side_of(rows, X, y, B, mask, slow) for mask in (rows.fitted, rows.judged)]
+    taken = [w.taken for w in whiteners]
+    sides = [side_of(rows, X, y, B, mask, slow, taken) for mask in (rows.fitted, rows.judged)]
     return Metric(rows, tuple(whiteners), X, y, B, sides[0], sides[1])
 
 
-def side_of(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray, slow: bool = True) -> Side:
-    """The whitened model X, y on the rows of a mask (M,)."""
+def side_of(
+    rows: Rows,
+    X: tuple,
+    y: np.ndarray,
+    B: int,
+    mask: np.ndarray,
+    slow: bool,
+    taken: Sequence[np.ndarray | None],
+) -> Side:
+    """The whitened model X, y on the rows of a mask (M,), beside what the whiteners have `taken`."""
     gram, right = np.zeros((B, B)), np.zeros(B)
     for c, (places, values) in enumerate(X):
         here = values[mask & rows.use[c]]
@@ -250,8 +265,9 @@ def side_of(rows: Rows, X: tuple, y: np.ndarray, B: int, mask: np.ndarray, slow:
         on = mask & rows.use[c]
         residual[c, on] = y[c, on] - values[on] @ beta[places]
         rss[c] = residual[c] @ residual[c]
-        free[c] = max(on.sum() - np.sum((values[on] @ basis[places]) ** 2), 1.0)
-        noise.append(SlowNoise(rows, on, values, basis[places], float(free[c])))
+        up = np.zeros((len(on), 0)) if (its := taken[c]) is None else its
+        free[c] = max(on.sum() - np.sum((values[on] @ basis[places]) ** 2) - np.sum(up[on] ** 2), 1.0)
+        noise.append(SlowNoise(rows, on, values, basis[places], up, float(free[c])))
     return Side(mask, basis, residual, rss, free, tuple(noise) if slow else ())
 
 
@@ -278,7 +294,7 @@ def acting(columns: Mapping[int, np.ndarray]) -> np.ndarray:
 
 def whole(m: Metric, usable: np.ndarray) -> Metric:
     """Everything usable fitted."""
-    side = side_of(m.rows, m.X, m.y, m.B, usable, bool(m.fitted.noise))
+    side = side_of(m.rows, m.X, m.y, m.B, usable, bool(m.fitted.noise), m.taken)
     return replace(m, fitted=side, judged=side)
 
 

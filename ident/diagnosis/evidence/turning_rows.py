@@ -41,19 +41,18 @@ def beside_any_turn(state: State, m: Metric, late: float = 0.0) -> Metric:
     may turn over there in any way; and at any time, where a torque is told to be so late [s]. (A clean arm
     whose encoder's steps are longer than its friction's travel was told to have a torque 20 ms late: every
     turn was, each by as much as its steps hid.)"""
-    design, at = state.design
-    wide = []
-    for c, (places, values) in enumerate(design):
+    rows, (design, B) = state.rows, state.design
+    whiteners = []
+    for c, w in enumerate(m.whiteners):
         j = state.model.channels[c].joint
         turn = state.turns.get(j, TurnOver())
         turns = [replace(turn, rate=k * turn.rate, travel=k * turn.travel) for k in WIDTHS]
         T = np.hstack([unknown_turns(state.segments, j, its) for its in turns])
         if late:
             T = np.hstack([T, late_turns(state.segments, j, late)])
-        T *= state.rows.scale[c][:, None]
-        wide.append((np.append(places, np.arange(at, at + T.shape[1])), np.hstack([values, T])))
-        at += T.shape[1]
-    return metric(state.rows, wide, at, m.whiteners)
+        T *= rows.scale[c][:, None]
+        whiteners.append(w.beside(T, (rows.fitted, rows.judged)))
+    return metric(rows, design, B, whiteners)
 
 
 def apart_from_turns(state: State, m: Metric, columns: Columns, tau: float) -> bool:

@@ -50,7 +50,7 @@ def crossed(m: Metric, usable: np.ndarray, fold_s: float) -> tuple[Metric, Metri
     """The same noise with alternating blocks fitted and judged, and the other way round."""
     rows = m.rows
     even = (np.floor(rows.t / fold_s).astype(int) + rows.recording) % 2 == 0
-    sides = [side_of(rows, m.X, m.y, m.B, usable & half, slow=False) for half in (even, ~even)]
+    sides = [side_of(rows, m.X, m.y, m.B, usable & half, False, m.taken) for half in (even, ~even)]
     return replace(m, fitted=sides[0], judged=sides[1]), replace(m, fitted=sides[1], judged=sides[0])
 
 

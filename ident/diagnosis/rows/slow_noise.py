@@ -31,12 +31,14 @@ TINY = 1e-300
 @dataclass(frozen=True)
 class SlowNoise:
     """Of one channel's rows `on` (M,): values (M, k) of its whitened model, times `basis` (k, r) orthonormal
-    with those of the other channels; free: rows less the parameters that they determine."""
+    with those of the other channels; torques `taken` (M, p) that may have any size, orthonormal; free: rows
+    less what both determine."""
 
     rows: Rows
     on: np.ndarray
     values: np.ndarray
     basis: np.ndarray
+    taken: np.ndarray
     free: float
 
     def likelihoods(self, residual: np.ndarray) -> np.ndarray:
@@ -66,7 +68,8 @@ class SlowNoise:
         square there falls (J, K, A) at each size, and what a size costs (J, A): nothing of what the model
         takes up itself."""
         its = _relaxations(_Times(self.rows, self.on))
-        cross = its.functions.T @ self.values[self.on] @ self.basis
+        model = np.hstack([self.values[self.on] @ self.basis, self.taken[self.on]])
+        cross = its.functions.T @ model
         left = np.linalg.eigvalsh(its.scaled(its.whole - cross @ cross.T))
         price = np.log1p(np.maximum(left, 0.0)[:, :, None] * SIZES).sum(axis=1)
         return its.functions, its.turns, its.widths, price

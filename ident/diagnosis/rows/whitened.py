@@ -11,6 +11,7 @@ the noise model, or they would become noise."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,16 +24,19 @@ from ident.diagnosis.rows.rows import Rows
 MEMORY_S = 1.0  # s: the longest correlation that counts as noise
 BLOCK_S = 1.5  # s: stretches whose power is compared
 RINGING = 4096  # rows after which an autoregression has forgotten a shock
+SPANNED = 1e-10  # of the largest square: a direction that columns have no part in
 
 
 @dataclass(frozen=True, slots=True)
 class Whitener:
-    """L (M, M) sparse: rows of one channel -> whitened rows of unit variance; 0 where a row is not used."""
+    """L (M, M) sparse: rows of one channel -> whitened rows of unit variance; 0 where a row is not used. Of
+    torques that may have any size, `taken`, nothing is left."""
 
     L: scipy.sparse.csr_array
     sigma: float  # standard deviation of the innovation, N m
     coefficients: np.ndarray  # (p,)
     covariance: np.ndarray  # (k,) of the autoregression, at lags of 0, 1, ... rows
+    taken: np.ndarray | None = None  # (M, r) orthonormal, whitened
 
     @classmethod
     def white(cls, use: np.ndarray, sigma: float = 1.0) -> Whitener:
@@ -42,11 +46,20 @@ class Whitener:
         return cls(L, sigma, np.zeros(0), np.array([sigma**2]))
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
-        return np.asarray(self.L @ x)
+        white = np.asarray(self.L @ x)
+        return white if self.taken is None else white - self.taken @ (self.taken.T @ white)
 
     def only(self, chosen: np.ndarray) -> Whitener:
         """Of some rows (k,), whole pieces."""
-        return replace(self, L=self.L[chosen][:, chosen])
+        taken = None if self.taken is None else self.taken[chosen]
+        return replace(self, L=self.L[chosen][:, chosen], taken=taken)
+
+    def beside(self, torques: np.ndarray, sides: Sequence[np.ndarray]) -> Whitener:
+        """The same beside torques (M, K) of any size, each of its own on each side (M,) of the rows. (As
+        columns of the model those of an AIRBOT in coarse steps, which turn a thousand times where joints
+        stand, were four gigabytes and minutes.)"""
+        parts = [_spanned(np.where(side[:, None], self @ torques, 0.0)) for side in sides]
+        return replace(self, taken=np.hstack(parts))
 
     def seeing(self, use: np.ndarray, piece: np.ndarray) -> Whitener:
         """The same noise where other rows (M,) are used: none is foretold from those that are not."""
@@ -62,6 +75,20 @@ class Whitener:
         spectrum = np.abs(np.fft.rfft(h, 2 * RINGING)) ** 2
         r = np.fft.irfft(spectrum)[:RINGING]
         return float(1 / (1 + 2 * np.sum((r[1:] / r[0]) ** 2)))
+
+
+def _spanned(Z: np.ndarray) -> np.ndarray:
+    """(M, r) orthonormal columns that span those of Z (M, K); by the products of its rows where these are
+    fewer."""
+    norm = np.sqrt(np.sum(Z**2, axis=0))
+    Z, on = Z[:, norm > 0] / norm[norm > 0], np.flatnonzero(np.any(Z, axis=1))
+    here, out = Z[on], np.zeros((len(Z), min(len(on), Z.shape[1])))
+    by_rows = len(on) < Z.shape[1]
+    values, vectors = np.linalg.eigh(here @ here.T if by_rows else here.T @ here)
+    good = values > SPANNED * values.max(initial=0.0)
+    vectors = vectors[:, good]
+    out[np.ix_(on, np.arange(good.sum()))] = vectors if by_rows else here @ (vectors / np.sqrt(values[good]))
+    return out[:, : good.sum()]
 
 
 def whiteners(rows: Rows, residual: np.ndarray, usable: np.ndarray) -> tuple[Whitener, ...]:

@@ -12,7 +12,7 @@ HOP, SECONDS = 0.05, 30.0
 T = np.arange(0, SECONDS, HOP)
 MODEL = np.linalg.qr(np.stack([np.ones(len(T)), *(np.sin(0.3 * k * T + k) for k in range(1, 4))], axis=1))[0]
 ROWS = SimpleNamespace(t=T, recording=np.zeros(len(T), int), hop=HOP)
-NOISE = SlowNoise(ROWS, np.ones(len(T), bool), MODEL, np.eye(4), float(len(T) - 4))
+NOISE = SlowNoise(ROWS, np.ones(len(T), bool), MODEL, np.eye(4), np.zeros((len(T), 0)), float(len(T) - 4))
 
 
 def noise(kind, rng):
