@@ -4,7 +4,7 @@
     another zero there or from then on, or is recorded as a power of itself
     a joint's friction changes with its load
     a torque lacks gravity; those of the first joints are in another unit than the others
-    a position is a number times too large, starts from another zero, or holds that of the joint before it
+    a position is a number times too large, starts from another zero, drifts, or holds another joint's
 
 Each is fitted to the same rows, the model's parameters with it, so that it can be held against the named one
 stretch by stretch. What is done to a torque is linear in the number; a position is found by Gauss-Newton
@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -33,7 +32,7 @@ LEAST, MOST = -0.9, 1.2  # how far from one a factor may go by them; a zero up t
 STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
 POWERS = {0.5: "the square", 2.0: "the root"}  # by which it is what it should be
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
-Motion = dict[str, Any]  # what `Quick.moved` takes
+Motion = Callable[[float], Quick]  # the recordings with another one, by a number
 Signal = Callable[[int, Sample], np.ndarray]  # (N,) of a recording, by its number
 
 
@@ -90,6 +89,7 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
         yield from _powers(whole, how, c, signal_of(whole.columns, c, currents))
     yield from _units(whole, how, currents)
     yield from of_positions(whole, fit, how)
+    yield from _drifting(whole, fit, how)
     for words, recording, moved in held_too(whole):
         yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
     for c in felt(whole):
@@ -249,11 +249,11 @@ def of_positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         if not any(np.ptp(s.q[:, j]) for s in whole.samples):
             continue
 
-        def times(x: float, its: np.ndarray = its) -> Motion:
-            return {"factor": np.where(its, 1.0 + x, 1.0)}
+        def times(x: float, its: np.ndarray = its) -> Quick:
+            return whole.moved(factor=np.where(its, 1.0 + x, 1.0))
 
-        def zero(x: float, its: np.ndarray = its) -> Motion:
-            return {"offset": np.where(its, x, 0.0)}
+        def zero(x: float, its: np.ndarray = its) -> Quick:
+            return whole.moved(offset=np.where(its, x, 0.0))
 
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
         x, explained, settled = _solved(whole, fit, how, times, (LEAST, MOST), STARTS)
@@ -265,20 +265,39 @@ def of_positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         yield Rival(words, explained, joint=j, check="position_zero", settled=settled)
 
 
+def _drifting(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
+    """Each position with counts that are lost, or another clock's, all along each recording. (Of an LWR4+'s
+    third one it was told to be swapped with the sixth.)"""
+    for j, label in enumerate(whole.columns.need.joints):
+        its = np.arange(len(whole.columns.need.joints)) == j
+        if not any(np.ptp(s.q[:, j]) for s in whole.samples):
+            continue
+
+        def drift(x: float, its: np.ndarray = its) -> Quick:
+            each = ((s, x * (s.t - s.t[0])[:, None] * its) for s in whole.samples)
+            return whole.of([s.moved(whole.columns, offset=off) for s, off in each])
+
+        unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
+        longest = max(float(np.ptp(s.t)) for s in whole.samples)
+        x, explained, settled = _solved(whole, fit, how, drift, (-np.pi / longest, np.pi / longest))
+        words = f"q{label} drifts by {-60 * x:.2g} {unit} a minute"
+        yield Rival(words, explained, joint=j, settled=settled)
+
+
 def _solved(
     whole: Quick,
     fit: Fit,
     how: Assignment,
-    motion: Callable[[float], Motion],
+    motion: Motion,
     ends: tuple[float, float],
     starts: Sequence[float] = (),
 ) -> tuple[float, Explained, bool]:
     """The number with which the torques are explained best along such motions, by the linear steps from the
     motion as it is, or from the best start, that explain more each; and whether they came to rest."""
-    tried = [(x, Explained.by(whole.moved(**motion(x)), how)) for x in starts]
+    tried = [(x, Explained.by(motion(x), how)) for x in starts]
     x, best = max([(0.0, Explained(whole, fit, how)), *tried], key=lambda its: its[1].fit.gain_over(fit))
     for _ in range(STEPS):
-        its, near = best.quick, whole.moved(**motion(x + SMALL)).samples
+        its, near = best.quick, motion(x + SMALL).samples
         chi, inverse = best.fit.chi, best.fit.inverse
         zz = zr = 0.0
         zW = np.zeros(len(chi))
@@ -293,7 +312,7 @@ def _solved(
         step = zr / max(zz - zW @ inverse @ zW, 1e-300)
         if not ends[0] < x + step < ends[1]:
             break
-        after = Explained.by(whole.moved(**motion(x + step)), how)
+        after = Explained.by(motion(x + step), how)
         gained = after.fit.gain_over(best.fit)
         if gained > 0:
             x, best = x + step, after

@@ -49,7 +49,7 @@ def torque_leaps(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         "torque_step",
         names,
         f"{'; '.join(each)} from one row to the next and stays there, while its joint goes on: another zero, "
-        "sign or unit from there on, a load or a contact that comes or goes at once",
+        "sign or unit from there on, a number that overflows, a load or a contact that comes or goes at once",
         "use the part before or after it with from: and to:",
         rows=(min(every), max(every)),
         hint=True,
@@ -69,7 +69,7 @@ def _leaps(x: np.ndarray) -> list[int]:
         near = np.concatenate([off[at - AROUND : at - 1], off[at + 2 : at + AROUND + 1]])
         before, after = x[at - BESIDE : at + 1], x[at + 1 : at + 2 + BESIDE]
         held = (np.diff(before) == 0).any() or (np.diff(after) == 0).any()
-        stays = (np.median(after) - np.median(before)) / d[at] > KEPT
+        stays = (np.median(after) - np.median(before)) * np.sign(d[at]) > KEPT * abs(d[at])
         if off[at] > STEP * near.max() and stays and not held:
             out.append(at)
     return out

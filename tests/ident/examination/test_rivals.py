@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted, ur10e
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log, ur10e
 from scipy.signal import butter, lfilter, lfilter_zi
 
 from ident.equations.prepared import prepare_study
@@ -343,3 +343,16 @@ def test_a_torque_in_per_cent_is_told_alone_with_the_factors_that_the_others_all
     (check,) = _said(planted(tmp_path, lambda c: c | {"i2": 0.37 * c["i2"]}))
     low, high = (float(x) for x in check.message.split("(")[1].split(")")[0].split(" to "))
     assert check.remedy.startswith("columns: {i2: {scale: 2.7") and low < 1 / 0.37 < high
+
+
+@pytest.mark.long
+def test_a_position_that_loses_counts(tmp_path):
+    """Of an LWR4+'s third it was told to be swapped with the sixth."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["q3"] = table["q3"] + 0.3 * (table["t"] - table["t"][0]) / np.ptp(table["t"])
+
+    study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, False, False), change)
+    (told, *_) = examine_fit(prepare_study(study))
+    assert "or q3 drifts by 0.7" in told.message
