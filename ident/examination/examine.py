@@ -34,7 +34,6 @@ from ident.examination.fits.stretches import RARE, Explained, all_rows, same, st
 from ident.examination.fits.unexplained import (
     apart_by_one_fit,
     contradicting,
-    explained_in_part,
     unexplained,
     unpredicted,
 )
@@ -182,7 +181,6 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     beside += [] if beside or doubted else tilted(prepared, asked)
     beside += [] if beside or doubted or found else other_zeros(asked)
     beside = beside or meanwhile or list(foretold_badly(asked, apart)) or list(contradicting(asked))
-    beside = beside or ([] if doubted or found else list(explained_in_part(asked)))
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)
     beside += asked_for(study, asked) if whole_model else []

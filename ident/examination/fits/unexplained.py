@@ -60,23 +60,14 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             "changes on the way, or a joint that carries next to no torque",
             f"check the columns, or leave them out with {asked.left_out(empty)}",
         )
-    yield from explained_in_part(asked, PARTLY, empty)
-
-
-def explained_in_part(asked: Asked, least: float = BAD, told: Sequence[int] = ()) -> Iterator[Check]:
-    """Torques of which at least so much is left, by themselves, too, and far more than of the others; but for
-    those that are told already. (Of a UR10e's third, exchanged with the second in half of a fitted run, 58 %
-    were left, by itself 34, of the others 8, and nothing was said.)"""
-    fit, alone = asked.fit, asked.alone
-    seen = np.flatnonzero(np.isfinite(fit.error)).tolist()
-    usual = float(np.median(fit.error[seen])) if seen else 0.0
+    usual = float(np.median(error))
     some = [
-        c
+        int(c)
         for c in seen
-        if c not in told
-        and fit.error[c] > max(least, PARTLY_TIMES * usual)
-        and alone[c] > least
-        and (fit.validate is None or not fit.validate[c] < least)
+        if c not in empty
+        and fit.error[c] > max(PARTLY, PARTLY_TIMES * usual)
+        and alone[c] > PARTLY
+        and (fit.validate is None or not fit.validate[c] < PARTLY)
     ]
     if some and len(seen) > 2:
         names = asked.names(some)
