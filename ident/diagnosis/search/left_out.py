@@ -7,11 +7,11 @@ the others lose it again, as everything does that the judged rows do not ask for
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
 
-import numpy as np
-
-from ident.diagnosis.evidence.evidence import Evidence, weigh
+from ident.diagnosis.evidence.evidence import Evidence, side_by_side, weigh
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import Found, State, with_found
 from ident.diagnosis.rows.terms import Term
@@ -34,28 +34,22 @@ def left_out(
         if columns:
             r = Refined(term, columns, *fit_sizes(state.metric, columns))
             groups.setdefault(effect.name, []).append(r)
-    told = [(group, _together(state, group)) for group in groups.values() if len(group) > 1]
-    told = [(group, e) for group, e in told if e.log_e > tau and e.gain > tau]
+    told = [_asked(state, group) for group in groups.values() if len(group) > 1]
+    told = [(settled, e) for settled, e in told if e.log_e > tau and e.gain > tau]
     if not told:
         return None
-    group, _ = max(told, key=lambda its: its[1].log_e)
+    settled, _ = max(told, key=lambda its: its[1].log_e)
+    fresh = [(k, f) for k, f in enumerate(settled.found) if f.term is not None and f.term.key not in known]
+    return settled, tuple((f.term, weigh(settled.but(k).metric, f.columns)) for k, f in fresh if f.term)
+
+
+def _asked(state: State, group: Sequence[Refined]) -> tuple[State, Evidence]:
+    """The state with all of a group settled in, and what they say side by side in the noise that this leaves,
+    their friction turning over as it does with them: beside a sign that turns at once, in a noise that was
+    all of what is missing, an LWR4+'s Coulomb friction said 1 of 258 nats."""
     found = [Found(r.term, r.columns, r.sizes) for r in group]
     settled = refined_together(with_found(replace(state, turns={}), *found))
     keys = {r.term.key for r in group}
-    out = []
-    for number, f in enumerate(settled.found):
-        if f.term is not None and f.term.key in keys:
-            out.append((f.term, weigh(settled.but(number).metric, f.columns)))
-    return settled, tuple(out)
-
-
-def _together(state: State, group: list[Refined]) -> Evidence:
-    """What the joints' columns say side by side."""
-    width = sum(len(r.sizes) for r in group)
-    columns: dict[int, np.ndarray] = {}
-    at = 0
-    for r in group:
-        for c, z in r.columns.items():
-            columns.setdefault(c, np.zeros((len(state.rows.t), width)))[:, at : at + z.shape[1]] = z
-        at += len(r.sizes)
-    return weigh(state.metric, columns)
+    theirs = [f for f in settled.found if f.term is not None and f.term.key in keys]
+    others = replace(settled, found=tuple(f for f in settled.found if f not in theirs))
+    return settled, weigh(others.metric, reduce(side_by_side, (f.columns for f in theirs)))

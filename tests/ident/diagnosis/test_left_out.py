@@ -7,6 +7,7 @@ import pytest
 from planted import DATA, ON_RECORDINGS
 from small_arm import ARM
 
+from benchmarks.planted_faults import BASES, FAULTS, planted
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
@@ -116,3 +117,15 @@ def test_what_was_left_out_is_settled_in_where_a_turn_over_has_taken_its_place(a
     held = settled_in(state, replace(weighed, all=little), best, 1, tau, 0.01)
     assert held is not None and held.refined.term.effect.name == "viscous_friction"
     assert held.evidence.log_e > tau
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_friction_that_turns_over_slowly_is_asked_as_it_does(tmp_path):
+    """Of an LWR4+ without Coulomb friction a sign that turns at once said 1 nat of the fitted rows."""
+    base = next(b for b in BASES if b.robot == "kuka_lwr4plus")
+    fault = next(f for f in FAULTS if f.name.startswith("Coulomb"))
+    begun = opened(prepare_study(load_study(planted(base, fault, tmp_path))))
+    library = Library(list(catalogue().values()), begun.layout)
+    state, told = left_out(begun.state, library, threshold(0.01))
+    assert {term.effect.name for term, _ in told} == {"coulomb_friction"} and len(state.terms) == 7
