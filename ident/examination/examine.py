@@ -173,7 +173,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
         scaled = carried_faults(asked) if asks else []
         beside = [ambiguous(held, scaled)] if scaled else beside
         beside += _by_all(prepared, asked) if asks and not beside else []
-    beside += [] if beside or doubted or found else lengths(prepared, asked)
+    beside += [] if beside or doubted or found else [h.check for h in lengths(prepared, asked)]
     meanwhile = [] if beside or doubted or found else list(for_a_time(asked))
     beside += [] if beside or doubted or meanwhile else unpredicted(asked)
     beside += [c for c in meanwhile if len(c.signals) > 1]  # which no torque's zero makes so
@@ -328,10 +328,14 @@ def _believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
         found += coupled_positions(asked)
     if bad(asked.fit):
         found += [*_positions(asked), *geared(asked), *scaled_positions(asked), *other_orders(asked)]
-    found += [*weightless(asked), *delays(asked), *clock_of_all(asked)]
+    clocks = list(clock_of_all(asked))
+    longer = list(lengths(prepared, asked)) if clocks else []  # by which bodies weigh otherwise, too
+    clocks = [h for h in clocks if all(h.gain > its.gain for its in longer)]
+    found += [*weightless(asked), *delays(asked), *clocks]
     found.sort(key=lambda h: h.gain)  # of what was asked in several ways the one that explains most
     once = {(h.check.check, h.check.signals): h for h in found}
     found = [h for h in once.values() if believed(asked, h)]
+    found += [] if clocks else longer
     hidden = _hidden(asked, found) if error.max() > DOUBTFUL else []
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)

@@ -53,7 +53,7 @@ class Length:
         return f"the robot file's link {self.j + 1}: {self.key} is about {abs(self.x):.2g} m too {word}"
 
 
-def lengths(prepared: Prepared, asked: Asked) -> Iterator[Check]:
+def lengths(prepared: Prepared, asked: Asked) -> Iterator[Hypothesis]:
     """The one that explains most, beside those that do as much: of links with parallel axes one stands for
     another."""
     made = None if prepared.study.effects else table_and_parts(prepared, asked)
@@ -88,7 +88,7 @@ def lengths(prepared: Prepared, asked: Asked) -> Iterator[Check]:
     near = [o for o in each if o is not best and half_of(plain, told, o.explained)]
     words = [o.words for o in near if not steadily(o.explained, told, RARE)]
     words += [r.words for r in alike(pool, plain, told)]
-    yield its.beside([replace(its, check=replace(check, remedy=""), words=w) for w in words]).check
+    yield its.beside([replace(its, check=replace(check, remedy=""), words=w) for w in words])
 
 
 def _entries(table: Any) -> list[tuple[int, str]]:
