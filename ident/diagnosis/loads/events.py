@@ -183,6 +183,8 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     term, columns, sizes, gain = its.term, its.columns, its.sizes, its.gain
     if gain < limit or not can_be(state, own, term, columns, sizes, tau):
         return None
+    if term.effect.transient and not _comes(state, own, its, tau):
+        return None
     if not (away_from_turns(state, own, columns, tau) and stands_apart(state, own, term, columns, limit)):
         return None
     halves = halves_of(state, own, columns)
@@ -198,6 +200,14 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
         return Event(refined, evidence, r.gain)
     nats = between_runs(state, term, columns, limit, tau) if runs else None
     return None if nats is None else Event(refined, replace(evidence, log_e=nats), r.gain)
+
+
+def _comes(state: State, own: Metric, r: Refined, tau: float) -> bool:
+    """Whether what comes and goes says more than it would all along its recording: what was there before is
+    no contact. (Half a kilogram at an AIRBOT's flange throughout a run in coarse encoder steps, whose
+    inertial forces these drown, was told as a force of its weight on all but the first second.)"""
+    always = state.scene.columns(_window(r.term, None, None))
+    return r.gain > fit_sizes(whole(own, state.rows.usable), always)[1] + tau
 
 
 def _likely(
@@ -224,7 +234,7 @@ def _likely(
             columns = {} if term.copy and only_whole else state.scene.columns(term)
             if not columns:
                 continue
-            windows, gains = _windows(m, columns, state, place, effect.transient, only_whole)
+            windows, gains = _windows(m, columns, state, place, _part_alone(state, effect), only_whole)
             tried += len(windows)
             if not len(windows):
                 continue
@@ -305,6 +315,11 @@ def _only_whole(effect: Effect, place: Place, layout: Layout) -> bool:
     return effect.all_along or (place.link is not None and place.link != layout.robot.payload_link("L"))
 
 
+def _part_alone(state: State, effect: Effect) -> bool:
+    """Whether it may act in a part of a recording alone: on the only one a load all along is the model's."""
+    return effect.transient or sum(r != "test" for r in state.rows.roles) < 2
+
+
 def _window(term: Term, start: float | None, stop: float | None) -> Term:
     return replace(term, place=replace(term.place, start=start, stop=stop))
 
@@ -318,7 +333,7 @@ def _since(state: State, place: Place) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _windows(
-    m: Metric, columns: dict[int, np.ndarray], state: State, place: Place, transient: bool, only_whole: bool
+    m: Metric, columns: dict[int, np.ndarray], state: State, place: Place, part: bool, only_whole: bool
 ) -> tuple[list[tuple[float | None, float | None]], np.ndarray]:
     mine, t = _since(state, place)
     if len(t) < 20:
@@ -336,8 +351,7 @@ def _windows(
             pairs += [(a, a + n) for a in range(margin, B - n - margin + 1, max(1, n // 4))]
             length *= RATIO
         pairs += [(a, B) for a in range(least, B - least + 1)]
-    alone = sum(r != "test" for r in state.rows.roles) < 2
-    if alone or transient:  # on the only recording a load all along is the model's own
+    if part:
         pairs = pairs[1:]
     if not pairs:
         return [], np.zeros(0)
@@ -390,8 +404,11 @@ def _gains(sums: tuple[np.ndarray, np.ndarray, np.ndarray], pairs: np.ndarray) -
 def _moved(
     m: Metric, term: Term, columns: dict[int, np.ndarray], state: State
 ) -> tuple[Term, dict[int, np.ndarray]]:
-    """The window's edges where the gain is largest, by rows, one edge after the other."""
+    """The window's edges where the gain is largest, by rows, one edge after the other; none where that is an
+    end of the recording. (Edges before the first row gain as much as it: a body on a whole run of an AIRBOT
+    was told as a force from -8.5 s on.)"""
     mine, t = _since(state, term.place)
+    part = _part_alone(state, term.effect)
     ends = [term.place.start, term.place.stop]
     here, own = m.only(mine), {c: z[mine] for c, z in columns.items()}  # zero in the other recordings
 
@@ -401,6 +418,8 @@ def _moved(
 
     def gain(start: float | None, stop: float | None) -> float:
         kept = inside(start, stop)
+        if part and kept.all():
+            return 0.0
         return fit_sizes(here, {c: z * kept[:, None] for c, z in own.items()})[1]
 
     for _ in range(2):
@@ -417,6 +436,10 @@ def _moved(
                 wide = (trial[1] if trial[1] is not None else np.inf) - (trial[0] or 0.0)
                 gains.append(gain(*trial) if wide > 0.5 * SHORTEST_S else 0.0)
             ends[which] = float(near[int(np.argmax(gains))])
+    if ends[0] is not None and ends[0] <= t.min():
+        ends[0] = None
+    if ends[1] is not None and ends[1] > t.max():
+        ends[1] = None
     rows = np.zeros(len(state.rows.t), bool)
     rows[mine] = inside(ends[0], ends[1])
     return _window(term, ends[0], ends[1]), {c: z * rows[:, None] for c, z in columns.items()}

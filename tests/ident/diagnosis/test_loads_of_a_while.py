@@ -52,6 +52,15 @@ def test_a_contact(arm):
     assert event.evidence.log_e > threshold(ALPHA)
 
 
+@pytest.mark.parametrize("begin", [0.0, 0.6])
+def test_what_is_there_all_along_a_run_is_no_contact(arm, begin):
+    """A force of which the body that is searched on whole runs is no part: windows that gain by every step
+    back ended seconds before the run began."""
+    request = f"external_force:fx=0.2,fy=-0.15,fz=0.15,from={begin},to=14,recording=run1"
+    event = event_of(opened(prepare_study(arm(request))))
+    assert event is None or not event.refined.term.effect.transient
+
+
 @pytest.mark.long
 def test_a_contact_before_the_flange(arm):
     """Held at the flange it said less than all of the model's parameters: nothing was told of 19 N."""
