@@ -46,7 +46,12 @@ from ident.examination.positions.units import degrees, geared, scaled_positions
 from ident.examination.rivals.carried import CARRIED, ambiguous, carried_faults
 from ident.examination.rivals.for_a_time import for_a_time
 from ident.examination.rivals.other_zeros import other_zeros
-from ident.examination.rivals.recordings_apart import foretold_badly, recordings_apart, recordings_unlike
+from ident.examination.rivals.recordings_apart import (
+    foretold_badly,
+    halves_apart,
+    recordings_apart,
+    recordings_unlike,
+)
 from ident.examination.rivals.rivals import Rival, alike, rivals
 from ident.examination.rivals.scales import scales, too_large, turned_scales
 from ident.examination.rivals.stopped_meanwhile import stopped_meanwhile
@@ -181,6 +186,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     beside += [] if beside or doubted else tilted(prepared, asked)
     beside += [] if beside or doubted or found else other_zeros(asked)
     beside = beside or meanwhile or list(foretold_badly(asked, apart)) or list(contradicting(asked))
+    beside += [] if beside or doubted or found else halves_apart(asked)
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)
     beside += asked_for(study, asked) if whole_model else []

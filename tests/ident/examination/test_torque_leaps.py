@@ -34,11 +34,13 @@ def test_a_torque_that_leaps():
     assert told.message.startswith("tau_m2 leaps by ") and "at 6.8 s from one row to the next" in told.message
 
 
-@pytest.mark.parametrize("way", ["back", "held", "turns", "rests", "steps"])
+@pytest.mark.parametrize("way", ["back", "undone", "held", "turns", "rests", "steps"])
 def test_what_leaps_by_itself(way):
     tau, q = _torques(), Q.copy()
     if way == "back":
         tau[1700:1706, 1] += 3.0
+    elif way == "undone":  # as friction where the position is another joint's
+        tau[1700:2000, 1] += 3.0
     elif way == "held":
         tau[1500:1700, 1] = tau[1500, 1]
     elif way == "turns":  # the other joint, whose drive this torque may be of, too
