@@ -107,12 +107,13 @@ def contradicting(asked: Asked) -> Iterator[Check]:
     """Torques that all recordings explain each by itself and not together, by none of the faults that are
     asked. (By itself nothing is foretold: of a Franka's second torque with a dead band, explained to 1 %
     alone and to 13 % with the others, nothing was said; nor of one with its first position turned on a base
-    that is off, whose fitted run alone takes it, and foretells the other at 200 %.)"""
+    that is off, whose fitted run alone takes it, and foretells the other at 200 %; nor of an LWR4+'s second
+    that overflows, of which 92 % were left, by itself 38.)"""
     clipped = [c for c in asked.seen if asked.name(c) in asked.clipped]  # what is left of them is bent, too
     quick = asked.quick.of([s.without(clipped) for s in asked.quick.samples]) if clipped else asked.quick
     whole = all_rows(quick)
     own, error = whole.alone(asked.how), whole.fit(asked.how).error
-    wrong = odd_beside(error, own)
+    wrong = odd_beside(error, own) | ((error > NOTHING) & (own <= PARTLY))  # of others nothing is explained
     odd = [c for c in asked.seen if wrong[c]]
     if not odd:
         return
