@@ -173,6 +173,8 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
     notes += (*sized_by_judged(outcome.last, last), *turning_over(working, last))
+    if any(check.robot_file and check.outcome == "warned" for check in checks):
+        found = tuple(replace(f, grade=PARTLY) for f in found)
     findings = told_once(told_by_checks(study, mended, checks), in_doubt(found, checks))
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += not_told(outcome, refused)

@@ -39,7 +39,9 @@ class Check:
     """recording: label, empty where all are meant; rows: first and last row of the table, from 1, or None.
     hint: it only shows that something is wrong; a check of the same signals that says what replaces it.
     spread: standard deviation of the remedy's factor, a share of it; None where it is not told.
-    explains: with it the recording is as the others have it, and nothing else was found that does so."""
+    explains: with it the recording is as the others have it, and nothing else was found that does so.
+    robot_file: it is of the robot file, which nothing here corrects: all else is in the equations of another
+    robot."""
 
     check: str
     signals: tuple[str, ...]
@@ -51,6 +53,7 @@ class Check:
     hint: bool = False
     spread: float | None = None
     explains: bool = False
+    robot_file: bool = False
 
     @property
     def sentence(self) -> str:
@@ -69,6 +72,7 @@ class Check:
             "outcome": self.outcome,
             "message": self.message,
             "remedy": self.remedy,
+            "robot_file": self.robot_file,
         }
 
 

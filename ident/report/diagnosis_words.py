@@ -50,6 +50,8 @@ def verdict(document: Mapping[str, Any]) -> str:
     sure = [f for f in found if f.get("grade") != "partly"]
     partly = [f for f in found if f.get("grade") == "partly"]
     sentences, worse = [], worse_elsewhere(document["error_percent"]["after"])
+    if wrong := [c["message"] for c in document.get("checks", ()) if c.get("robot_file")]:
+        sentences.append(f"Correct the robot file first, in whose equations all else is told: {wrong[0]}.")
     if told:
         sentences.append(f"The data are not what the study says: {_named(told)}.")
     if sure:

@@ -138,6 +138,7 @@ class OtherTables:
                 f"the robot file seems wrong: {told}{also}; so taken, the errors of the torques{but} "
                 f"fall from {span(plain)} to {span(now)}",
                 "correct it in the robot file",
+                robot_file=True,
             ),
             words=f"the robot file's {told}" if best.moved else "",
             each=gain(by_own(self._as_told, gravity), by_own(identify, gravity)),

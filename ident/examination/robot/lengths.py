@@ -83,6 +83,7 @@ def lengths(prepared: Prepared, asked: Asked) -> Iterator[Hypothesis]:
         (),
         f"{best.words}: so taken, {falls(plain.fit, told.fit)} over all recordings",
         "measure it, and correct it in the robot file",
+        robot_file=True,
     )
     its = Hypothesis(told.fit.gain_over(plain.fit), how, check, words=best.words)
     near = [o for o in each if o is not best and half_of(plain, told, o.explained)]

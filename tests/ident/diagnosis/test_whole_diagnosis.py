@@ -2,10 +2,13 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
+from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.evidence.sufficiency import signals_read
@@ -19,14 +22,15 @@ from ident.diagnosis.search.candidates import (
     ranked,
     short_list,
 )
-from ident.diagnosis.telling.findings import ESTABLISHED, Finding, in_doubt, told_once
+from ident.diagnosis.telling.findings import ESTABLISHED, PARTLY, Finding, in_doubt, told_once
 from ident.diagnosis.weighed_again import pruned
 from ident.errors import FitFailedError, NotEnoughDataError
 from ident.estimation import fit
 from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import found_effects
 from ident.examination.check import Check
-from ident.report.diagnosis_words import unexplained_sentence
+from ident.recordings.study import load_study
+from ident.report.diagnosis_words import unexplained_sentence, verdict
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place
 
@@ -245,3 +249,20 @@ def test_a_fit_that_fails_is_told_with_what_was_found_before_it(arm, monkeypatch
             with pytest.raises(error) as caught:
                 what(arm())
             assert str(caught.value) == f"{cause.sentence} (as it is: none with None)"
+
+
+@pytest.mark.skipif(not DATA.exists(), reason="the recordings of measured robots are not here")
+def test_what_is_found_in_the_equations_of_another_robot_is_no_effect_that_the_model_lacks(tmp_path):
+    """Of a Barrett whose file has two rows exchanged a base was told that is tilted by 40 degrees."""
+    base = next(b for b in BASES if b.robot == "barrett_wam_2dof")
+    study = load_study(planted(base, FAULTS[0], tmp_path))
+    robot = yaml.safe_load(Path(study.robot).read_text())
+    first, second = robot["links"]
+    for key in ("alpha", "d"):
+        first[key], second[key] = second[key], first[key]
+    (tmp_path / "other.yaml").write_text(yaml.safe_dump(robot))
+    diagnosis = diagnose_study(study.with_(robot=str(tmp_path / "other.yaml")))
+    assert any(check.robot_file for check in diagnosis.checks)
+    assert all(f.grade == PARTLY for f in diagnosis.findings)
+    told = verdict(diagnosis_document(diagnosis))
+    assert told.startswith("Correct the robot file first") and "The model lacks" not in told
