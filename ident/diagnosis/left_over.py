@@ -130,9 +130,10 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
 def _unseen(state: State, alone: Unnamed, flex: Flexible, m: Metric, tau: float) -> Unnamed:
     """What the fitted rows alone show, with whether the judged ones go where it acts, and its share of the
     fitted torque where they do not. (Of a stop that a rokae's second joint touched in the fitted run alone
-    nothing was told beside a force in the other: 9 % of that torque.) No other rows are at the same time."""
-    c = alone.channel
-    if "t" in flex.variables or not unseen(m, {c: flex.column[:, None]}, np.ones(1), tau):
+    nothing was told beside a force in the other: 9 % of that torque.) No other rows are at the same time; what
+    these speak against, they see."""
+    c, against = alone.channel, flex.evidence.log_e < -tau
+    if against or "t" in flex.variables or not unseen(m, {c: flex.column[:, None]}, np.ones(1), tau):
         return alone
     return replace(alone, unseen=True, share=explained_share(state, c, flex.column, state.rows.fitted))
 
