@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.evidence.block_by_block import block_gains
-from ident.diagnosis.evidence.evidence import Evidence, Metric, agree, unseen, weigh
+from ident.diagnosis.evidence.evidence import Evidence, Metric, agree, weigh
 from ident.diagnosis.evidence.nameless import Flexible
 from ident.diagnosis.evidence.nameless_beside import Functions, beside_nameless, leaned_on
 from ident.diagnosis.evidence.state import Found, State, settled, solved, without
@@ -59,7 +59,7 @@ def leftovers(
                 and _is_there(flex, state, tau)
                 and _is_foretold(flex, state, m, c, tau, alpha)
             ):
-                out.append(_unseen(state, alone, flex, m, tau))
+                out.append(_unseen(state, alone, flex, tau))
             continue
         share = explained_share(state, c, flex.column)
         told = Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share, near)
@@ -127,15 +127,15 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
     return flex.prior_evidence > chosen_by_chance(state, tau)
 
 
-def _unseen(state: State, alone: Unnamed, flex: Flexible, m: Metric, tau: float) -> Unnamed:
-    """What the fitted rows alone show, with whether the judged ones go where it acts, and its share of the
-    fitted torque where they do not. (Of a stop that a rokae's second joint touched in the fitted run alone
-    nothing was told beside a force in the other: 9 % of that torque.) No other rows are at the same time; what
-    these speak against, they see."""
-    c, against = alone.channel, flex.evidence.log_e < -tau
-    if against or "t" in flex.variables or not unseen(m, {c: flex.column[:, None]}, np.ones(1), tau):
+def _unseen(state: State, alone: Unnamed, flex: Flexible, tau: float) -> Unnamed:
+    """What the fitted rows alone show, with whether the judged ones, in the noise that they have, could not,
+    and its share of the fitted torque where they could not. (Of a stop that a rokae's second joint touched in
+    the fitted run alone nothing was told beside a force in the other: 9 % of that torque.) No other rows are
+    at the same time."""
+    if "t" in flex.variables or not flex.evidence.expected.sum() < tau:
         return alone
-    return replace(alone, unseen=True, share=explained_share(state, c, flex.column, state.rows.fitted))
+    share = explained_share(state, alone.channel, flex.column, state.rows.fitted)
+    return replace(alone, unseen=True, share=share)
 
 
 def chosen_by_chance(state: State, tau: float) -> float:
