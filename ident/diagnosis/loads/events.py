@@ -63,7 +63,8 @@ def best_event(
         return None
     held = [event for r in search.asked if (event := _held(state, r, search.limit, tau, alpha)) is not None]
     if held:
-        return _simplest(state, search.m, held, search.asked, tau)
+        told = _simplest(state, search.m, held, search.asked, tau)
+        return _says_more(state, search, told, tau, alpha) or told
     return _beside_another(state, search, effects, layout, tau, alpha)
 
 
@@ -274,6 +275,29 @@ def _simplest(state: State, m: Metric, held: Sequence[Event], asked: Sequence[Re
         if r.gain > best.gain - apart * tau and can_be(state, m, r.term, r.columns, r.sizes, tau):
             others.append(Event(r, best.evidence, r.gain))
     return replace(best, rivals=tuple(others))
+
+
+def _says_more(state: State, search: _Search, told: Event, tau: float, alpha: float) -> Event | None:
+    """Another load of the same rows that says more than the one that is told, if in too few blocks to be told
+    by itself: that one is there the other shows, which stands beside it. (Of 2 kg at the flange of a TX40
+    whose runs last three seconds 1.6 kg were told of the link before: 44 nats, and 61 of the last one.)"""
+    its, more = told.refined.term, list[Event]()
+    for r in search.asked:
+        same = (r.term.place.recording, r.term.place.start, r.term.place.stop)
+        if same != (its.place.recording, its.place.start, its.place.stop) or what(r.term) == what(its):
+            continue
+        own, best = _in_noise_outside(state, r, search.limit)
+        if best.gain < search.limit or not can_be(state, own, best.term, best.columns, best.sizes, tau):
+            continue
+        halves = halves_of(state, own, best.columns)
+        evidence = cross_evidence(halves, best.columns, acting(best.columns))
+        if (
+            evidence.log_e > told.evidence.log_e + tau
+            and by_what_it_needs(halves, best.term, best.columns, evidence, tau, alpha)
+            and is_load(state, halves, best.columns, evidence, search.limit, alpha)
+        ):
+            more.append(Event(best, evidence, r.gain, (told, *told.rivals)))
+    return max(more, key=lambda event: event.evidence.log_e, default=None)
 
 
 def others_of(event: Event) -> tuple[Equivalent, ...]:

@@ -12,11 +12,11 @@ import ident
 from benchmarks.planted_faults import BASES, DATA, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.diagnosis import diagnose_study
-from ident.diagnosis.evidence.evidence import acting, whole
+from ident.diagnosis.evidence.evidence import Evidence, acting, whole
 from ident.diagnosis.evidence.leading import outside_metric
 from ident.diagnosis.evidence.refine import Refined, fit_sizes, refine
 from ident.diagnosis.evidence.state import Found, settled, with_found
-from ident.diagnosis.loads.events import Event, _gains, best_event
+from ident.diagnosis.loads.events import Event, _gains, _says_more, _search, best_event
 from ident.diagnosis.loads.is_a_load import crossed, stands_apart
 from ident.diagnosis.loads.own_of_a_run import zero_columns
 from ident.diagnosis.opening import opened
@@ -127,6 +127,21 @@ def test_a_body_near_the_beginning_or_the_end_of_a_run(clean_arm, start):
     assert event is not None and event.refined.term.effect.name == "payload_change"
     assert event.refined.term.place.start == pytest.approx(start, abs=0.2)
     assert event.refined.term.place.stop is None and event.rivals == ()
+
+
+def test_a_body_on_the_link_that_says_more_stands_before_the_one_that_showed_it(clean_arm):
+    """Of 2 kg at a TX40's flange in three seconds too few blocks spoke for the last link, and 1.6 kg on the
+    one before it were told, with nothing beside."""
+    state, body = loaded(clean_arm, "payload_change", [0.3, 0.01, 0.0, 0.03], link=3)
+    state, tau = settled(state, 3), threshold(ALPHA)
+    search = _search(state, [catalogue()["payload_change"]], clean_arm.layout, tau)
+    on = {r.term.place.link: r for r in search.asked if r.term.place.recording == "run1"}
+    quiet = Evidence(30.0, 30.0, *np.ones((2, 12)), on[2].sizes, np.zeros(3), np.zeros(3), 1.0, np.ones(3))
+    told = _says_more(state, search, Event(on[2], quiet, 30.0), tau, ALPHA)
+    assert told is not None and told.refined.term.place.link == body.term.place.link == 3
+    assert [event.refined.term.place.link for event in told.rivals] == [2]
+    loud = replace(quiet, log_e=told.evidence.log_e)
+    assert _says_more(state, search, Event(on[2], loud, 30.0), tau, ALPHA) is None
 
 
 def test_two_loads_at_one_time_are_one(clean_arm):
