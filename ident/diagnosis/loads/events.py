@@ -180,27 +180,40 @@ def _as_before(one: Place, other: Place, hop: float) -> bool:
 
 def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> Event | None:
     """The load as the rows of its recording judge it; None where they do not say that it is one."""
-    own, its = _in_noise_outside(state, r, limit)
-    term, columns, sizes, gain = its.term, its.columns, its.sizes, its.gain
-    if gain < limit or not can_be(state, own, term, columns, sizes, tau):
+    possible = _possible(state, r, limit, tau)
+    if possible is None:
         return None
+    own, its = possible
+    term, columns, sizes = its.term, its.columns, its.sizes
     if term.effect.transient and not _comes(state, own, its, tau):
         return None
     if not (away_from_turns(state, own, columns, tau) and stands_apart(state, own, term, columns, limit)):
         return None
-    halves = halves_of(state, own, columns)
-    evidence = cross_evidence(halves, columns, acting(columns))
+    halves, evidence = _crosswise(state, own, its)
     told = evidence.log_e > limit and said(whole(own, state.rows.usable), columns, sizes) > limit
     if told and as_one_number(state, halves, term, columns, evidence, tau):
         return None
     told = told and by_what_it_needs(halves, term, columns, evidence, tau, alpha)
-    runs, refined = comparable(state, term, columns), Refined(term, columns, sizes, gain)
+    runs = comparable(state, term, columns)
     if told and evidence.supported(alpha) and is_load(state, halves, columns, evidence, limit, alpha):
         if runs and one_number_between(state, term, columns, tau, crosswise(halves, columns)):
             return None
-        return Event(refined, evidence, r.gain)
+        return Event(its, evidence, r.gain)
     nats = between_runs(state, term, columns, limit, tau) if runs else None
-    return None if nats is None else Event(refined, replace(evidence, log_e=nats), r.gain)
+    return None if nats is None else Event(its, replace(evidence, log_e=nats), r.gain)
+
+
+def _possible(state: State, r: Refined, limit: float, tau: float) -> tuple[Metric, Refined] | None:
+    """The noise outside a load and the load in it, where it says enough there and may be one."""
+    own, its = _in_noise_outside(state, r, limit)
+    enough = its.gain >= limit and can_be(state, own, its.term, its.columns, its.sizes, tau)
+    return (own, its) if enough else None
+
+
+def _crosswise(state: State, own: Metric, r: Refined) -> tuple[tuple[Metric, Metric], Evidence]:
+    """Alternating blocks in a load's noise, and what they say of it."""
+    halves = halves_of(state, own, r.columns)
+    return halves, cross_evidence(halves, r.columns, acting(r.columns))
 
 
 def _comes(state: State, own: Metric, r: Refined, tau: float) -> bool:
@@ -286,11 +299,11 @@ def _says_more(state: State, search: _Search, told: Event, tau: float, alpha: fl
         same = (r.term.place.recording, r.term.place.start, r.term.place.stop)
         if same != (its.place.recording, its.place.start, its.place.stop) or what(r.term) == what(its):
             continue
-        own, best = _in_noise_outside(state, r, search.limit)
-        if best.gain < search.limit or not can_be(state, own, best.term, best.columns, best.sizes, tau):
+        possible = _possible(state, r, search.limit, tau)
+        if possible is None:
             continue
-        halves = halves_of(state, own, best.columns)
-        evidence = cross_evidence(halves, best.columns, acting(best.columns))
+        own, best = possible
+        halves, evidence = _crosswise(state, own, best)
         if (
             evidence.log_e > told.evidence.log_e + tau
             and by_what_it_needs(halves, best.term, best.columns, evidence, tau, alpha)
