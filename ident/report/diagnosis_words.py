@@ -297,7 +297,7 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
     )
     text += f"{_depends(item)}, {shape}"
     if item.get("judged_could_show_it") is False:
-        text += f" It is in the fitted {sides}; the judged {sides} do not go where it acts."
+        text += f" It is in the fitted {sides}; the judged {sides} do not go where it acts, or hardly."
     elif item.get("carries_over") is False:
         text += f" It is in the fitted {sides} and does not carry over to the judged {sides}."
     if near is not None and item.get("carries_over") is False:
