@@ -37,6 +37,7 @@ from ident.diagnosis.telling.findings import (
     Hint,
     Unexplained,
     as_told,
+    beside_faults,
     explainable,
     findings_of,
     hint_of,
@@ -52,7 +53,7 @@ from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
 from ident.examination.check import Check
 from ident.examination.examine import examine_tables, worst_first
-from ident.examination.undone import mended_study
+from ident.examination.undone import mended_study, unsettled
 from ident.progress import Progress, silent
 from ident.recordings.study import Study
 from modelgen.effects import catalogue
@@ -79,6 +80,7 @@ class Diagnosis:
     outcome: Outcome | None = field(default=None, compare=False, repr=False)
     visible: tuple[Visible, ...] = ()  # the smallest effects that would have been seen
     hints: tuple[Hint, ...] = ()  # where nothing is told: what too few blocks confirm
+    unsettled: tuple[Check, ...] = ()  # faults that nothing undid: all else is told with them in it
 
     @property
     def robot(self) -> str:
@@ -173,9 +175,10 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
     notes += (*sized_by_judged(outcome.last, last), *turning_over(working, last))
-    if any(check.robot_file and check.outcome == "warned" for check in checks):
-        found = tuple(replace(f, grade=PARTLY) for f in found)
-    findings = told_once(told_by_checks(study, mended, checks), in_doubt(found, checks))
+    standing = unsettled(known.checks)
+    findings = told_once(
+        told_by_checks(study, mended, checks), in_doubt(beside_faults(found, standing), checks)
+    )
     unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     unexplained += not_told(outcome, refused)
     told = {j for f in findings for j in f.joints} | {j for u in unexplained for j in u.joints}
@@ -202,6 +205,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
         outcome,
         visible,
         () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
+        standing,
     )
 
 

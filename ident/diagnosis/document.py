@@ -22,6 +22,10 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
     before, after = diagnosis.first, diagnosis.last
     document: dict[str, Any] = {
         "checks": [check.document() for check in diagnosis.checks],
+        "unsettled": [
+            {"robot_file": c.robot_file, "recording": c.recording, "message": c.message}
+            for c in diagnosis.unsettled
+        ],
         "verdict": diagnosis.verdict,
         "robot": diagnosis.robot,
         "model": diagnosis.model,

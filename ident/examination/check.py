@@ -41,7 +41,7 @@ class Check:
     spread: standard deviation of the remedy's factor, a share of it; None where it is not told.
     explains: with it the recording is as the others have it, and nothing else was found that does so.
     robot_file: it is of the robot file, which nothing here corrects: all else is in the equations of another
-    robot."""
+    robot. open: one of several causes that these recordings do not tell apart."""
 
     check: str
     signals: tuple[str, ...]
@@ -54,6 +54,7 @@ class Check:
     spread: float | None = None
     explains: bool = False
     robot_file: bool = False
+    open: bool = False
 
     @property
     def sentence(self) -> str:
@@ -72,7 +73,6 @@ class Check:
             "outcome": self.outcome,
             "message": self.message,
             "remedy": self.remedy,
-            "robot_file": self.robot_file,
         }
 
 
@@ -150,6 +150,7 @@ def nothing_tells(words: Sequence[str], fallen: str, recording: str = "") -> Che
         f"{words[0]}{instead(words[1:])} are each an explanation, {fallen}",
         f"check that all signals are of one run and that the recordings are of one robot{file}",
         recording=recording,
+        open=True,
     )
 
 

@@ -23,6 +23,12 @@ def undoing(check: Check) -> dict[str, Any] | None:
     return line if isinstance(line, dict) and set(line) <= {"columns", "gravity", "recordings"} else None
 
 
+def unsettled(checks: Iterable[Check]) -> tuple[Check, ...]:
+    """Faults of the recordings or of the robot file that nothing undoes: all else is told with them in it."""
+    grave = (c for c in checks if c.outcome == "warned" and (c.robot_file or c.open or c.explains))
+    return tuple(c for c in grave if undoing(c) is None)
+
+
 def mended_study(study: Study, checks: Iterable[Check]) -> Study | None:
     """The study with the remedies of its gross faults written in; None where there is nothing to undo.
 

@@ -50,8 +50,14 @@ def verdict(document: Mapping[str, Any]) -> str:
     sure = [f for f in found if f.get("grade") != "partly"]
     partly = [f for f in found if f.get("grade") == "partly"]
     sentences, worse = [], worse_elsewhere(document["error_percent"]["after"])
-    if wrong := [c["message"] for c in document.get("checks", ()) if c.get("robot_file")]:
-        sentences.append(f"Correct the robot file first, in whose equations all else is told: {wrong[0]}.")
+    for fault in document.get("unsettled", ())[:1]:
+        first = (
+            "Correct the robot file first, in whose equations all else is told"
+            if fault["robot_file"]
+            else "Settle first what was recorded, as all else is told with it in the data"
+        )
+        where = f"{fault['recording']}: " if fault["recording"] else ""
+        sentences.append(f"{first}: {where}{fault['message'].rstrip('.')}.")
     if told:
         sentences.append(f"The data are not what the study says: {_named(told)}.")
     if sure:

@@ -57,6 +57,7 @@ class Hypothesis:
             self.check,
             message=f"{message[:end]}{also}{WHICH}{message[end:].removeprefix(WHICH)}",
             remedy=self.check.remedy + (f"  # or {' or '.join(lines)}, where it is that" if lines else ""),
+            open=True,
         )
         return replace(self, check=check)
 

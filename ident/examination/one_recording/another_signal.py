@@ -133,6 +133,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         recording=best.recording,
         explains=best.check != "position_zero"  # which is told to some degrees only
         and all(its.recording and its.signals for its in every),
+        open=len(said) > 1,
     )
 
 

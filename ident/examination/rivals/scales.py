@@ -201,6 +201,7 @@ def _off(
         f"write {' or '.join(f'{line} ({its})' for line, its in zip(lines, known))}, where it is that"
         if which  # no line to undo it by
         else f"{lines[0]}  # {known[0]}",
+        open=bool(which),
         spread=None if which else (first.high - first.low) / (2 * NORMAL * first.factor),
     )
 

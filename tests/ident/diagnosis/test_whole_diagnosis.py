@@ -22,13 +22,14 @@ from ident.diagnosis.search.candidates import (
     ranked,
     short_list,
 )
-from ident.diagnosis.telling.findings import ESTABLISHED, PARTLY, Finding, in_doubt, told_once
+from ident.diagnosis.telling.findings import ESTABLISHED, PARTLY, Finding, beside_faults, in_doubt, told_once
 from ident.diagnosis.weighed_again import pruned
 from ident.errors import FitFailedError, NotEnoughDataError
 from ident.estimation import fit
 from ident.estimation.fit import fit_study
 from ident.estimation.found_effects import found_effects
 from ident.examination.check import Check
+from ident.examination.undone import unsettled
 from ident.recordings.study import load_study
 from ident.report.diagnosis_words import unexplained_sentence, verdict
 from modelgen.effects import catalogue
@@ -251,6 +252,19 @@ def test_a_fit_that_fails_is_told_with_what_was_found_before_it(arm, monkeypatch
             assert str(caught.value) == f"{cause.sentence} (as it is: none with None)"
 
 
+def test_beside_a_fault_that_nothing_undoes_an_effect_is_a_part_at_most():
+    """Of a TX40 one of whose clocks is wrong, or all of whose torques are, a load in another run was told."""
+    message = "t is 1.23 times too small, or all torques are 1.17 times too small"
+    load = Finding("payload_change", (), "tau_m", {}, {}, 0, 19.0, 30.0, 80.0, (), "", ESTABLISHED, "")
+    gain = replace(load, effect="drive_gain_error", joints=(2,))
+    clock = Check("clock_rate", ("t",), message, "give it a columns: of its own", recording="run1", open=True)
+    undone = Check("torque_scale", ("tau_m2",), "", "columns: {tau_m2: {scale: 2}}  # or another", open=True)
+    told = replace(undone, remedy="write one of them")
+    assert unsettled([clock, undone, replace(clock, open=False)]) == (clock,)
+    assert [f.grade for f in beside_faults([load, gain], unsettled([clock, told]))] == [PARTLY, ESTABLISHED]
+    assert [f.grade for f in beside_faults([load, gain], ())] == [ESTABLISHED, ESTABLISHED]
+
+
 @pytest.mark.skipif(not DATA.exists(), reason="the recordings of measured robots are not here")
 def test_what_is_found_in_the_equations_of_another_robot_is_no_effect_that_the_model_lacks(tmp_path):
     """Of a Barrett whose file has two rows exchanged a base was told that is tilted by 40 degrees."""
@@ -262,7 +276,7 @@ def test_what_is_found_in_the_equations_of_another_robot_is_no_effect_that_the_m
         first[key], second[key] = second[key], first[key]
     (tmp_path / "other.yaml").write_text(yaml.safe_dump(robot))
     diagnosis = diagnose_study(study.with_(robot=str(tmp_path / "other.yaml")))
-    assert any(check.robot_file for check in diagnosis.checks)
+    assert any(check.robot_file for check in diagnosis.unsettled)
     assert all(f.grade == PARTLY for f in diagnosis.findings)
     told = verdict(diagnosis_document(diagnosis))
     assert told.startswith("Correct the robot file first") and "The model lacks" not in told
