@@ -27,6 +27,7 @@ from ident.examination.fits.turning import with_any_turn_over
 SPOILED = 0.03  # error of a channel from which it is asked
 OWN, HELD, TOGETHER = 0.5, 0.25, 0.35  # gain of one channel's own error, on validate, of each of all
 LEAST_S = 0.05
+FITTED_S = 0.1  # which a diagnosis fits: the bound of its effect
 OVER = 4.6  # times a lag: after it a hundredth is left of a turn that takes as long on the mean
 RATES = tuple(sign * x for x in (0.001, 0.002, 0.005, 0.01, 0.02) for sign in (1, -1))  # of clocks
 
@@ -95,8 +96,10 @@ def _best(asked: Asked, which: Sequence[int]) -> tuple[Hypothesis, Quick, float,
     words = f"{said} {'is' if len(which) == 1 else 'are'} recorded about {abs(lag):g} s{more} "
     words += f"{'after' if lag > 0 else 'before'} the positions"
     smoothed, moved = " or smoothed as much" if lag > 0 else "", quick.of(samples)
-    remedy = "record torques and positions with one clock; ident diagnose fits the delay"
-    return _told(asked, which, words, smoothed, other, moved, remedy), moved, lag, other
+    remedy = "record torques and positions with one clock; "
+    fitted = abs(lag) <= FITTED_S
+    remedy += "ident diagnose fits the delay" if fitted else f"or move the torques' stamps by {-lag:g} s"
+    return _told(asked, which, words, smoothed, other, moved, remedy, fitted), moved, lag, other
 
 
 def _or_running(
@@ -131,11 +134,18 @@ def _running(s: Sample, rate: float) -> Sample:
 
 
 def _told(
-    asked: Asked, which: Sequence[int], words: str, also: str, other: Fit, moved: Quick, remedy: str
+    asked: Asked,
+    which: Sequence[int],
+    words: str,
+    also: str,
+    other: Fit,
+    moved: Quick,
+    remedy: str,
+    fitted: bool = False,
 ) -> Hypothesis:
     before, after = (100 * float(np.exp(np.mean(np.log(x.error[which])))) for x in (asked.fit, other))
     message = f"{words}{also}: so moved, the error falls from {before:.0f} to {after:.0f} %"
-    check = Check("channel_delay", asked.names(which), message, remedy)
+    check = Check("channel_delay", asked.names(which), message, remedy, open=not fitted)
     return Hypothesis(other.gain_over(asked.fit), asked.how, check, moved, words)
 
 

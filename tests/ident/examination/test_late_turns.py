@@ -10,8 +10,10 @@ import generated
 from benchmarks.false_findings import make
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.torques.delays import delays
+from ident.examination.torques.delays import FITTED_S, delays
+from ident.examination.undone import unsettled
 from ident.recordings.study import load_study
+from modelgen.effects import catalogue
 from modelgen.effects.states import integrate_dahl
 
 RATE, TRAVEL, STEP = 250.0, 8e-5, 2e-5  # Hz; rad over which dry friction gives way; rad
@@ -38,7 +40,7 @@ def said(folder, top, late):
         write_parquet(folder / f"run{k}.parquet", columns | {f"tau_m{j + 1}": tau[:, j] for j in range(3)})
     entries = [{"file": "run0.parquet"}, {"file": "run1.parquet", "use": "validate"}]
     study = load_study(write_study(folder, entries, robot="robot.yaml"))
-    return {c.check for c in examine_fit(prepare_study(study))}
+    return {c.check: c for c in examine_fit(prepare_study(study))}
 
 
 @pytest.mark.parametrize("top", [0.005, 0.01, 0.02])
@@ -55,7 +57,17 @@ def test_slow_turns_of_joints_in_coarse_steps(tmp_path, seed):
 
 
 def test_a_delay_is_one(tmp_path):
-    assert "channel_delay" in said(tmp_path, 1.0, 25)
+    check = said(tmp_path, 1.0, 25)["channel_delay"]
+    assert "ident diagnose fits the delay" in check.remedy and not check.open
+
+
+def test_a_delay_that_a_diagnosis_does_not_fit_stands_in_all_that_is_told(tmp_path):
+    """Of a Barrett whose torques are 0.3 s late it was told that the diagnosis fits it, and that nothing
+    known explains what is left."""
+    (bound,) = catalogue()["time_delay"].linear
+    assert (bound.low, bound.high) == (-FITTED_S, FITTED_S)
+    check = said(tmp_path, 1.0, 38)["channel_delay"]
+    assert "stamps by -0.15 s" in check.remedy and unsettled([check]) == (check,)
 
 
 @ON_RECORDINGS[0]
