@@ -144,22 +144,26 @@ class OtherTables:
             each=gain(by_own(self._as_told, gravity), by_own(identify, gravity)),
         )
 
-    def instead_of(self, table: Any, how: Assignment, aside: Sequence[int] = ()) -> list[str]:
+    def instead_of(
+        self, table: Any, how: Assignment, aside: Sequence[int] = (), other: Quick | None = None
+    ) -> list[str]:
         """In words those that stretch by stretch are not rejected beside a base with another gravity, or
-        torques taken otherwise, by all torques but some; but rows on the base, which turn all that it
-        carries. (Of six seconds of a KR 300 with a joint that slides by its file a base was told that is
-        turned by 118 degrees, or a torque that is 54 times too small.)"""
-        few = all_rows(self.quick.of([thinned(s.without(aside)) for s in self.quick.samples]))
+        torques or motions taken otherwise, by all torques but some; but rows on the base, which turn all that
+        it carries. (Of six seconds of a KR 300 with a joint that slides by its file a base was told that is
+        turned by 118 degrees, or a torque that is 54 times too small; of an LWR4+ with two rows exchanged a
+        position two joints behind them to have the other sign.)"""
 
-        def by(table: Any, how: Assignment) -> Explained:
+        def by(table: Any, how: Assignment, quick: Quick = self.quick) -> Explained:
+            few = all_rows(quick.of([thinned(s.without(aside)) for s in quick.samples]))
             return Explained.by(with_bodies(table, few), how)
 
-        before, told = by(self.table, self.how), by(table, how)
+        before, told = by(self.table, self.how), by(table, how, other or self.quick)
         near: list[tuple[str, Explained]] = []
         others = [(text, its) for text, its in self._others() if not self._on_base(its)]
         for text, way in ((text, by(its, self.how)) for text, its in others):
-            known = any(same(way, other, 1e-3) for _, other in near)
-            if not known and half_of(before, told, way) and not steadily(way, told, RARE):
+            known = [told] if other is not None else []  # an axis that points the other way is told with it
+            known += [its for _, its in near]
+            if not any(same(way, its, 1e-3) for its in known) and half_of(before, told, way) and not steadily(way, told, RARE):
                 near.append((text, way))
         return [f"the robot file's {text}" for text, _ in near]
 

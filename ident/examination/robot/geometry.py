@@ -65,12 +65,13 @@ def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypo
 
 
 def tables_instead(prepared: Prepared, asked: Asked, h: Hypothesis) -> list[str]:
-    """What the robot file may have wrong in the place of torques taken otherwise, in words."""
+    """What the robot file may have wrong in the place of torques or motions taken otherwise, in words."""
     made = table_and_parts(prepared, asked)
-    if made is None or h.quick is not None:
+    if made is None:
         return []
-    tables = _tables(made, asked)
-    return tables.instead_of(tables.table, h.how)
+    tables, kept = _tables(made, asked), {s.label for s in made[1]}
+    other = h.quick and h.quick.of([s for s in h.quick.samples if s.label in kept])
+    return tables.instead_of(tables.table, h.how, other=other)
 
 
 def _tables(made: tuple[Any, ...], asked: Asked) -> OtherTables:

@@ -125,6 +125,15 @@ def test_a_row_beside_torques_that_contradict_the_others_anyway(tmp_path):
 
 
 @pytest.mark.long
+def test_what_rows_in_each_other_s_place_may_be_as_well(tmp_path):
+    """A rokae's second position and torque alone were told to have the other sign; of an LWR4+'s the fourth
+    ones."""
+    study = _with_table(tmp_path, measured("rokae_xmate3pro"), _rows_exchanged)
+    (told,) = examine_fit(prepare_study(study))
+    assert not told.signals and "or the robot file's rows 2 and 3 are exchanged" in told.message
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(("bits", "check"), [(12, "base_orientation"), (30, "torque_scale")])
 def test_what_a_joint_of_the_other_kind_may_be_as_well(tmp_path, bits, check):
     """Six slow seconds of a KR 300: a base was told that is turned by 118 degrees, or a torque that is 54
