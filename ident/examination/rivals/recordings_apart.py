@@ -24,6 +24,7 @@ from ident.examination.fits.samples import Sample
 from ident.examination.fits.stretches import RARE, Explained, all_rows, steadily
 from ident.examination.fits.unexplained import ODD, TIMES, by_each_recording, odd_one
 from ident.examination.rivals.rivals import rivals
+from ident.examination.tables.repeats import TRAVELLED
 
 TOGETHER = 1.8  # that of all channels, in the mean
 ROWS = 300  # of a recording that is looked into
@@ -34,7 +35,8 @@ CLEAR = 0.3  # gain of the others' prediction by which one recording that is fit
 @dataclass(frozen=True, slots=True)
 class Apart:
     """A recording, chi that the others give, errors (C,) here, elsewhere, and as they are expected here,
-    channels that are odd; size and travel (C,) of its torques and of their joints against the others'."""
+    channels that are odd; size and travel (C,) of its torques and of their joints against the others', and
+    whether these go anywhere here."""
 
     sample: Sample
     chi: np.ndarray
@@ -44,6 +46,7 @@ class Apart:
     odd: tuple[int, ...]
     size: np.ndarray
     travel: np.ndarray
+    goes: np.ndarray
 
 
 def recordings_unlike(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
@@ -140,9 +143,12 @@ def foretold_badly(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
 
 
 def _beyond_chance(apart: Apart, c: int, rate: float) -> bool:
-    """Whether what is expected, of a torque that is foretold at all, leaves its error to chance so seldom."""
+    """Whether what is expected, of a torque that is foretold at all, leaves its error to chance so seldom. Of
+    a joint that rests friction is anything between its two signs. (Of a clean AIRBOT whose last joint rested
+    its torque was foretold to 171 %.)"""
     error, expected = apart.error[c], apart.expected[c]
-    return bool(expected <= EXPLAINED and t_beyond(float(error / expected), PARTS - 1) < rate)
+    known = expected <= EXPLAINED and apart.goes[c]
+    return bool(known and t_beyond(float(error / expected), PARTS - 1) < rate)
 
 
 def _causes(asked: Asked, c: int) -> list[str]:
@@ -232,7 +238,8 @@ def recordings_apart(quick: Quick, how: Assignment) -> Iterator[Apart]:
         if len(odd):
             size = sizes[k] / np.fmax(_middle(sizes[rest]), 1e-300)
             travel = reach[k] / np.fmax(np.median(reach[rest], axis=0), 1e-9)
-            yield Apart(thinned(sample), chi, errors[k], usual, expected, tuple(odd.tolist()), size, travel)
+            said, goes = tuple(odd.tolist()), reach[k] > TRAVELLED
+            yield Apart(thinned(sample), chi, errors[k], usual, expected, said, size, travel, goes)
 
 
 def _odd(error: np.ndarray, expected: np.ndarray) -> np.ndarray:

@@ -162,8 +162,9 @@ class OtherTables:
         others = [(text, its) for text, its in self._others() if not self._on_base(its)]
         for text, way in ((text, by(its, self.how)) for text, its in others):
             known = [told] if other is not None else []  # an axis that points the other way is told with it
-            known += [its for _, its in near]
-            if not any(same(way, its, 1e-3) for its in known) and half_of(before, told, way) and not steadily(way, told, RARE):
+            if any(same(way, its, 1e-3) for its in (*known, *(its for _, its in near))):
+                continue
+            if half_of(before, told, way) and not steadily(way, told, RARE):
                 near.append((text, way))
         return [f"the robot file's {text}" for text, _ in near]
 

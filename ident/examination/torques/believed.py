@@ -25,8 +25,9 @@ FALLEN, RISEN = 0.7, 1.02  # of the error before, at most: where one position is
 def believed(asked: Asked, h: Hypothesis) -> bool:
     """Whether the model explains, and predicts, the signals that the hypothesis blames once it is taken; all
     of them where it blames positions, which stand in every torque, and clearly better than before, those
-    that it touches, where it is one position alone: where something large is missing in the model (a cable
-    over two joints, gravity elsewhere), one wrong sign or order may leave less without being the cause. A
+    that it touches, where it is one position alone, by what others say: where something large is missing in
+    the model (a cable over two joints, gravity elsewhere), one wrong sign or order may leave less without
+    being the cause. (An AIRBOT's first position turned, which its friction says, was not told so.) A
     torque that no other contradicts is known by its friction, whatever else is missing; others have to be
     explained as by themselves. (Of a Franka's third torque without its sign the other sign was told.)"""
     before, taken = asked.fit, asked.after(h)
@@ -55,7 +56,7 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
     explained = explains(before.error[its], fit.error[its])
     worst = [0.0 if x.validate is None else float(np.nanmax(x.validate, initial=0.0)) for x in (fit, before)]
     predicted = not min(worst) > 1
-    if moved and len(h.check.signals) == 1:  # of one position
+    if moved and len(h.check.signals) == 1 and not h.own:  # of one position
         touched = np.abs(gains_of(before.error, fit.error)) > np.log(SAME)  # a wrist's position moves its own
         return explained and predicted and fit.gain_over(before) > -np.log(FALLEN) * touched.sum()
     return explained and predicted and _rms(fit) < RISEN * _rms(before)

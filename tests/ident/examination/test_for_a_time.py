@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from planted import ON_RECORDINGS, asked_of, planted, strangers_log, ur10e
+from planted import ON_RECORDINGS, asked_of, measured, planted, strangers_log, ur10e
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
@@ -54,3 +54,8 @@ def test_two_torques_exchanged_in_half_of_a_recording(tmp_path):
     assert told.signals == ("tau_m2", "tau_m3") and told.recording == "run1"
     assert told.message.startswith("in the second half of run1 ")
     assert not list(halves_apart(asked_of(ur10e())))
+
+
+def test_a_joint_that_rests_in_a_recording_has_friction_of_any_size():
+    """A clean AIRBOT's last torque was to be another signal in the second half of one."""
+    assert not list(halves_apart(asked_of(measured("airbot_play"))))

@@ -3,8 +3,9 @@
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted, ur10e
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log, ur10e
 
+from benchmarks.planted_faults import carried
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.rivals.wandering import wandering
@@ -50,3 +51,14 @@ def test_a_torque_that_drifts_in_one_of_two_recordings(tmp_path):
     last = pq.read_table(study.recording_path(study.recordings[0]))["q1"][-1].as_py()
     study = planted(tmp_path, lambda c: drifts(c) if c["q1"][-1] == last else c, study)
     assert [c.signals for c in wandering(asked_of(study))] == [("tau_l1",)]
+
+
+def test_a_load_on_one_recording_is_no_zero_that_wanders(tmp_path):
+    """Of an AIRBOT with 5 kg on the run that judges the third and the fifth torque did not keep theirs."""
+    reach = np.array([0.02, 0.03, 0.1])
+
+    def loaded(log):
+        carried(log.tables["run3"], log.base, 6, reach, 5.0)
+
+    study = strangers_log(tmp_path, "airbot_play", (100, False, True, False), loaded)
+    assert not list(wandering(asked_of(study)))
