@@ -15,7 +15,7 @@ share of stretch g in what is known of a parameter, and Student's t of so many i
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -32,18 +32,26 @@ def widened(systems: Sequence[RecordingSystem], estimate: Estimate, covariance: 
     """(b,) factors, one at least, by which the standard deviations of `covariance` (b, b) grow so that a
     normal interval of them holds: the larger of what the noise model and what the stretches say, each with
     Student's t of as many stretches as it is known from."""
-    half = half_of(estimate)
+    own = np.where(estimate.active, np.diag(covariance), 0.0)
+    return by_stretches(half_of(estimate), _stretches(systems, estimate), own)
+
+
+def by_stretches(
+    half: np.ndarray, stretches: Iterable[tuple[np.ndarray, np.ndarray]], own: np.ndarray
+) -> np.ndarray:
+    """(b,) of them for an estimate whose covariance half half' (b, b) is where noise is white, of stretches'
+    scores W'Omega^-1 rho (b,) and Gram matrices (b, b); own (b,): the variances that grow, 0 of what is not
+    estimated."""
     moved, shares, blocks = np.zeros(len(half)), np.zeros(len(half)), 0
     known = np.maximum(np.sum(half**2, axis=1), 1e-300)
-    for score, gram in _stretches(systems, estimate):
+    for score, gram in stretches:
         B = half.T @ gram @ half
         values, V = np.linalg.eigh(B)
         free = np.sqrt(1 - np.clip(values, 0.0, ALONE))
         moved += (half @ (V @ ((V.T @ (half.T @ score)) / free))) ** 2
         shares += (np.einsum("ik,kl,il->i", half, B, half) / known) ** 2
         blocks += 1
-    own = np.diag(covariance)
-    seen = estimate.active & (own > 0) & np.isfinite(own) & (shares > 0)
+    seen = (own > 0) & np.isfinite(own) & (shares > 0)
     if blocks < 2:
         return np.ones(len(half))
     ratio = np.sqrt(np.where(seen, moved, 1.0) / np.where(seen, own, 1.0))
