@@ -119,7 +119,8 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     gains = _gains(prepared, currents)
     maps = dict(prepared.study.columns)
     anywhere = frozenset().union(*clipped.values())
-    asked = Asked(quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere)
+    its = quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere
+    asked = Asked(*its, _hidden_steps(prepared))
     dead = {(s.label, c.signals) for s in prepared.streams for c in s.checks if c.check == "dead_channel"}
     lost = {(label, signals) for label, signals in dead if signals[0][0] == "q"}
     stopped = tuple(c for c in stopped_meanwhile(asked) if (c.recording, c.signals) not in lost)
@@ -406,6 +407,12 @@ def _gains(prepared: Prepared, currents: bool) -> np.ndarray:
         return np.ones(len(columns.channels))
     motor = [c.side in ("motor", "drive") for c in columns.need.channels]
     return np.where(motor, np.array(told, float)[np.array(columns.joint_of, int)], 1.0)
+
+
+def _hidden_steps(prepared: Prepared) -> np.ndarray:
+    """(n,) rad | m, of all recordings the largest."""
+    none = np.zeros(len(prepared.columns.need.joints))
+    return np.max([none, *(np.array(bank.hidden) for bank in prepared.banks if bank.hidden)], axis=0)
 
 
 def _velocities(prepared: Prepared) -> frozenset[str]:

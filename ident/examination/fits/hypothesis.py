@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -66,8 +66,9 @@ class Hypothesis:
 class Asked:
     """What is asked for faults: recordings, what is undone of their torques already, the fit of both; the
     study's columns, whether it reads currents, N m per unit of what is recorded of a channel (C,), the joints
-    whose velocities are logged (they agree with their positions, or the table would be refused), and torques
-    that are clipped anywhere."""
+    whose velocities are logged (they agree with their positions, or the table would be refused), torques
+    that are clipped anywhere, and the steps (n,) within which turns of joints that are slow for them are
+    hidden."""
 
     quick: Quick
     how: Assignment
@@ -77,6 +78,7 @@ class Asked:
     gains: np.ndarray
     velocities: frozenset[str] = frozenset()
     clipped: frozenset[str] = frozenset()
+    hidden: np.ndarray = field(default_factory=lambda: np.zeros(0))
 
     def of_robot(self, its: Hypothesis) -> bool:
         """Whether it is of the robot (its base, an axis) and leaves torques and motion as they are: no fit of

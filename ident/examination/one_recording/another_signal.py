@@ -44,7 +44,7 @@ from ident.examination.positions.places import along, exchanged
 from ident.examination.positions.units import DEGREES, POSITION_FACTORS, times_too
 from ident.examination.rivals.recordings_apart import thinned
 from ident.examination.rivals.rivals import alike, standing
-from ident.examination.torques.delays import LEAST_S
+from ident.examination.torques.delays import hidden_s
 from ident.examination.torques.signs import all_signs
 from ident.examination.torques.weightless import every, felt, without_gravity
 from modelgen.geometry.kinematics import Geometry
@@ -292,7 +292,7 @@ def _late(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:
     for which in every(asked.seen):
         lag = int(np.argmin(np.log(np.maximum(left[:, which], 1e-300)).sum(axis=1)))
         seconds = LAGS[lag]
-        if not LEAST_S <= abs(seconds) < max(LAGS):  # the largest is no lag that was found: more is better
+        if abs(seconds) == max(LAGS) or abs(seconds) < hidden_s(asked, which):  # more is better, or hidden
             continue
         places = [how.order[c] for c in which]
         Y = s.Y.copy()
