@@ -179,8 +179,8 @@ def _away_from_turns(quick: Quick, lag: float) -> Quick:
     for s in quick.samples:
         weight = s.weight.copy()
         for c, joint in enumerate(quick.columns.joint_of):
-            ways = np.sign(s.dq[:, joint])
-            turns = s.t[(np.diff(ways, prepend=ways[:1]) != 0) | (s.weight[:, c] < 1)]
+            still = s.weight[:, c] == 0
+            turns = s.t[1:][(np.diff(np.sign(s.dq[:, joint])) != 0) | (still[1:] & still[:-1])]
             last = np.append(-np.inf, turns)[np.searchsorted(turns, s.t + lag, side="right")]
             weight[:, c] *= last < s.t - OVER * lag
         samples.append(replace(s, weight=weight))
