@@ -207,9 +207,10 @@ def _by_all(prepared: Prepared, asked: Asked) -> list[Check]:
     if best is None or best.check.outcome == "refused":
         return []
     made = best.quick or whole
-    if not both.of_robot(best) and apart_by_one_fit(made, best.how).any():
+    of_robot = both.of_robot(best)
+    if not of_robot and apart_by_one_fit(made, best.how).any():
         return []
-    of_all = best.quick is not None or not best.check.signals  # torques, or nothing tells which
+    of_all = not of_robot and (best.quick is not None or not best.check.signals)  # or nothing tells which
     if of_all and _unforeseen(_in_roles(made, asked.quick).fit(best.how)):
         return []
     near = [*_alike(both, best, told), *_tables(prepared, both, best)]

@@ -4,10 +4,11 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted, ur10e
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log, ur10e
 from small_arm import ARM
 
 import ident
+from benchmarks import strangers_faults
 from benchmarks.planted_faults import BASES, carried
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
@@ -105,6 +106,18 @@ def test_what_only_the_judged_run_shows_is_told_of_all(tmp_path, changes, check,
     (told,) = examine_fit(prepare_study(study))
     assert (told.check, told.signals, told.recording) == (check, signals, "")
     assert not told.explains and "over all recordings" in told.message
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_rows_of_the_table_that_all_recordings_together_show_are_told(tmp_path):
+    """Of an LWR4+ at 50 Hz with two of them exchanged 'no check tells which' was said: by the file as it is
+    a fit of all foretells the run that judges no better."""
+    change = strangers_faults.rows_exchanged  # of joint 1, which a log begins with
+    (told,) = examine_fit(
+        prepare_study(strangers_log(tmp_path, "kuka_lwr4plus", (50, True, False, False), change))
+    )
+    assert told.check == "joint_axis" and "rows 1 and 2 are exchanged" in told.message
 
 
 @pytest.mark.long
