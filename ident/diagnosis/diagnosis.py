@@ -48,6 +48,7 @@ from ident.diagnosis.telling.findings import (
     unexplained_of,
 )
 from ident.diagnosis.telling.floor import noise_floor, white_noise
+from ident.diagnosis.telling.unforeseen import white_at_most
 from ident.diagnosis.telling.visible import Visible, smallest_visible
 from ident.errors import FitFailedError, RecordingError, StudyError
 from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
@@ -185,7 +186,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     unexplained += tuple(u for u in no_better if not told.intersection(u.joints))
     unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained, outcome.tau)
     unexplained = tuple(u for u in unexplained if not _doubted(u, checks))
-    white = white_noise(last)
+    white = white_at_most(last, outcome.last) | white_noise(last)
     in_part = tuple(f for f in findings if f.grade == PARTLY)
     floor = noise_floor(last, outcome, (*in_part, *unexplained), white)
     progress("done", 1.0)

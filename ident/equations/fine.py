@@ -75,6 +75,11 @@ class FineSegment:
         return len(self.t) // self.every
 
     @property
+    def taps(self) -> np.ndarray:
+        """(L,) of the filter between fine samples and rows."""
+        return _taps(self.filter)
+
+    @property
     def motion(self) -> Motion:
         """The stretch as effects see it."""
         moving = self.q, self.dq, self.ddq, self.sign_dq

@@ -9,6 +9,7 @@ import numpy as np
 import scipy.special
 
 from ident.diagnosis.evidence.state import State, shown
+from ident.diagnosis.extended.by_rows_that_judge import own_deviations
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
@@ -90,6 +91,7 @@ def extended(
     limit = alpha / BUDGET
     entries = [*study.effects, *(entry_of(_study_term(t, outcome.last), joints) for t in terms)]
     keys = [*(() for _ in study.effects), *(t.key for t in terms)]
+    known_by_judged = {t.key: own_deviations(outcome.last, t) for t in terms}
     while len(entries) > declared:
         extended = study.with_(effects=tuple(entries))
         try:
@@ -114,8 +116,9 @@ def extended(
             told = found_effects(last)
             lost = _weakest(told, declared, limit)  # a friction that turns over can do without
         if not lost:
-            lost = _vague(told, declared, alpha)
-            refused |= {keys[k]: Refusal(_p_told(told[k])) for k in lost}
+            by_chance = {k: _p_told(f, known_by_judged[keys[k]]) for k, f in enumerate(told) if k >= declared}
+            lost = _vague(told, by_chance, alpha)
+            refused |= {keys[k]: Refusal(by_chance[k]) for k in lost}
         if not lost:
             worse = _worse(last, known, declared)
             refused |= {keys[k]: Refusal(errors=errors) for k, errors in worse.items() if errors is not None}
@@ -150,30 +153,30 @@ def _needed(found: FoundEffect, limit: float) -> bool:
     return bool(found.essential and max(found.p_value, found.p_itself) < limit)
 
 
-def _vague(told: Sequence[FoundEffect], declared: int, alpha: float) -> list[int]:
-    """The number of the finding that is told least well, of those whose interval, as it is told, does not
-    keep from zero at the rate of the study: of an AIRBOT a delay of 6.6 ms was established, +- 3.3 ms by what
-    its stretches say. (What the study itself left out is there whatever its interval.)"""
-    vague = [
-        k for k, f in enumerate(told) if k >= declared and _p_told(f) > alpha and not f.term.effect.replaces
-    ]
-    return [max(vague, key=lambda k: _p_told(told[k]))] if vague else []
+def _vague(told: Sequence[FoundEffect], by_chance: Mapping[int, float], alpha: float) -> list[int]:
+    """The number of the finding that is told least well (`_p_told`), of those whose interval, as it is told,
+    does not keep from zero at the rate of the study: of an AIRBOT a delay of 6.6 ms was established, +- 3.3
+    ms by what its stretches say. (What the study itself left out is there whatever its interval.)"""
+    vague = [k for k, p in by_chance.items() if p > alpha and not told[k].term.effect.replaces]
+    return [max(vague, key=by_chance.__getitem__)] if vague else []
 
 
-def _p_told(found: FoundEffect) -> float:
+def _p_told(found: FoundEffect, by_judged: Mapping[str, float]) -> float:
     """Of its sizes being zero: all at once by what the stretches say, its shapes as found; and as they are
-    told, one by one, where none of them keeps from zero, however its shapes are. (Of a clean arm that never
-    moved faster than 50 mrad/s a Stribeck friction was told, Fs = 37 +- 46 N m within 0.15 rad/s.) A factor
-    has no shape and changes nothing at one, not at zero: its logarithm has been asked. (Of a TX40's second
-    torque, five times too large, 7.1 +- 4.8 were found by 59 nats.) A size with which alone it would be a
-    simpler effect is that one's. (Of a gear that yields in proportion one that stiffens was told, by a cubic
-    part of -2.0e-4 +- 1.9e-4.)"""
+    told (by_judged: deviations of what no fitted row shows), one by one, where none of them keeps from zero,
+    however its shapes are. (Of a clean arm that never moved faster than 50 mrad/s a Stribeck friction was
+    told, Fs = 37 +- 46 N m within 0.15 rad/s.) A factor has no shape and changes nothing at one, not at zero:
+    its logarithm has been asked. (Of a TX40's second torque, five times too large, 7.1 +- 4.8 were found by
+    59 nats.) A size with which alone it would be a simpler effect is that one's. (Of a gear that yields in
+    proportion one that stiffens was told, by a cubic part of -2.0e-4 +- 1.9e-4.)"""
     if found.term.effect.factor(np.array(found.term.size)) != 1.0:
         return found.p_told
     simpler = {p.name for p in found.term.effect.linear if p.simpler}
     own = [n for n in found.term.effect.size_names if n not in simpler]
-    sizes = [found.parameters[n] for n in own if n in found.parameters]
-    far = [abs(p.value) / p.std for p in sizes if p.std]
+    own = [n for n in own if n in found.parameters]
+    sizes = [found.parameters[n] for n in own]
+    stds = [by_judged.get(n, p.std) for n, p in zip(own, sizes)]
+    far = [abs(p.value) / std for p, std in zip(sizes, stds) if std]
     alone = float(2 * scipy.special.ndtr(-max(far))) if far and len(far) == len(sizes) else 0.0
     return max(found.p_told, alone)
 

@@ -1,11 +1,16 @@
 """White noise is the noise that was put in, whatever the model lacks."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.signal
 
+from ident.diagnosis.rows.whitened import Whitener, burg
 from ident.diagnosis.telling.floor import white_noise_power
+from ident.diagnosis.telling.unforeseen import _variance
 from ident.equations.comparison import Curves
+from ident.equations.fine import _taps
 from ident.signals.filtering import LowPass
 
 RATE, CUTOFF = 250.0, 10.0
@@ -43,3 +48,18 @@ def test_it_is_the_noise_and_not_what_the_model_lacks(wrong, corner_hz):
 def test_nothing_is_said_where_no_frequency_is_without_motion():
     made, _ = curves(0.0, 16.0, 0)
     assert white_noise_power(made, 0, LowPass(0.5, RATE)) is None
+
+
+@pytest.mark.parametrize("slow", [0.0, 0.3, 3.0])
+def test_white_noise_is_no_more_than_what_its_past_does_not_foretell(slow):
+    """Through the filter of the rows, beside what a model lacks of a motion, so many times its size."""
+    rng, every, n = np.random.default_rng(1), 24, 60_000
+    filter, t = LowPass(0.4 * RATE / every, RATE, 4), np.arange(n) / RATE
+    lacks = np.sin(1.5 * np.sin(2 * np.pi * 0.1 * t) + 2 * np.sin(2 * np.pi * 0.23 * t))
+    taps = _taps(filter)
+    rows = np.convolve(rng.normal(size=n) + slow * lacks, taps, "same")[::every]
+    coefficients, _, variance = burg(rows, np.ones(len(rows), bool), np.zeros(len(rows)), 10)
+    its = Whitener(None, np.sqrt(variance), coefficients, np.zeros(0))
+    found = np.sqrt(_variance(its, SimpleNamespace(taps=taps, every=every)))
+    assert 0.9 < found < 1.8
+    assert np.std(rows) / np.sqrt(taps @ taps) > slow  # where 17 times as much is left

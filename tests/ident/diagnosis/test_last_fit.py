@@ -9,7 +9,7 @@ from planted import ON_RECORDINGS, measured
 
 import ident
 from ident.diagnosis.extended import last_fit
-from ident.diagnosis.extended.last_fit import _vague, first_extended
+from ident.diagnosis.extended.last_fit import _p_told, _vague, first_extended
 from ident.equations.observation import ChannelFactor, stack
 from ident.estimation.least_squares import weighted_least_squares
 from ident.report.diagnosis_words import unexplained_sentence
@@ -55,36 +55,47 @@ def found(p_told, replaces=False, size=1.0, std=0.1, factor=1.0):
     return SimpleNamespace(p_told=p_told, parameters=parameters, term=term)
 
 
+def vague(told, declared, alpha, **by_judged):
+    return _vague(told, {k: _p_told(f, by_judged) for k, f in enumerate(told) if k >= declared}, alpha)
+
+
 def test_an_interval_that_holds_zero_names_nothing():
     """The one told least well goes first; the study's own effects and what it left out stay."""
     told = [found(0.5), found(1e-5), found(0.03), found(0.2), found(0.4, replaces=True)]
-    assert _vague(told, 1, 0.01) == [3]
-    assert _vague(told[:2], 1, 0.01) == []
-    assert _vague(told[4:], 0, 0.01) == []
+    assert vague(told, 1, 0.01) == [3]
+    assert vague(told[:2], 1, 0.01) == []
+    assert vague(told[4:], 0, 0.01) == []
 
 
 def test_a_size_told_with_an_interval_that_holds_zero_names_nothing():
     """By the sizes at the shapes as found it is there; told is 37 +- 46 N m."""
-    assert _vague([found(1e-9), found(1e-9, size=36.8, std=46.1)], 0, 0.01) == [1]
-    assert _vague([found(1e-9, size=36.8, std=None)], 0, 0.01) == []
+    assert vague([found(1e-9), found(1e-9, size=36.8, std=46.1)], 0, 0.01) == [1]
+    assert vague([found(1e-9, size=36.8, std=None)], 0, 0.01) == []
 
 
-@pytest.mark.parametrize(("std", "vague"), [(1.9e-4, [0]), (0.5e-4, [])])
-def test_an_effect_is_told_from_the_simpler_one_that_it_contains(std, vague):
+def test_what_no_fitted_row_shows_is_told_from_zero_by_the_rows_that_do():
+    """In the run that judges 0.141 +- 0.082 N are none; the last fit holds them."""
+    held = found(0.0, size=0.141, std=None)
+    assert vague([held], 0, 0.01, Fs=0.082) == [0]
+    assert vague([held], 0, 0.01, Fs=0.019) == []
+
+
+@pytest.mark.parametrize(("std", "lost"), [(1.9e-4, [0]), (0.5e-4, [])])
+def test_an_effect_is_told_from_the_simpler_one_that_it_contains(std, lost):
     """A gear that stiffens is a soft one where only its compliance is told from zero."""
     term = SimpleNamespace(effect=catalogue()["stiffening_gear"], size=(0.0167, -2.0e-4))
     values = {"compliance": (0.0167, 0.0012), "cubic": (-2.0e-4, std), "Iam": (0.87, 0.05)}
     parameters = {name: SimpleNamespace(value=value, std=its) for name, (value, its) in values.items()}
     told = SimpleNamespace(p_told=1e-9, parameters=parameters, term=term)
-    assert _vague([told], 0, 0.01) == vague
+    assert vague([told], 0, 0.01) == lost
 
 
 def test_a_factor_is_told_from_one_by_its_logarithm():
     """7.1 +- 4.8 are 2.9 deviations of its logarithm from one (p_told), and 1.5 from zero, which is nothing's
     factor."""
     gain = found(3.6e-3, size=7.1, std=4.8, factor=7.1)
-    assert _vague([gain], 0, 0.01) == []
-    assert _vague([found(0.2, size=1.3, std=0.1, factor=1.3)], 0, 0.01) == [0]
+    assert vague([gain], 0, 0.01) == []
+    assert vague([found(0.2, size=1.3, std=0.1, factor=1.3)], 0, 0.01) == [0]
 
 
 def test_the_sentence_says_that_the_size_is_not_told_from_zero():
