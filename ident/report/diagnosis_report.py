@@ -161,7 +161,11 @@ def error_section(document: Mapping[str, Any]) -> Section:
         ]
     columns += [
         Column("noise floor", number=True, help="what neither an effect nor a nameless function explains"),
-        Column("white noise", number=True, help="of it, read above the band of the motion"),
+        Column(
+            "white noise",
+            number=True,
+            help="of it, read above the band of the motion, or what no past foretells",
+        ),
     ]
     rows = []
     for channel in next(iter(before.values())):
