@@ -10,6 +10,7 @@ import yaml
 
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import diagnose_study
+from ident.diagnosis.diagnosis import _doubted
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.evidence.sufficiency import signals_read
 from ident.diagnosis.outcome import BUDGET, threshold
@@ -22,7 +23,15 @@ from ident.diagnosis.search.candidates import (
     ranked,
     short_list,
 )
-from ident.diagnosis.telling.findings import ESTABLISHED, PARTLY, Finding, beside_faults, in_doubt, told_once
+from ident.diagnosis.telling.findings import (
+    ESTABLISHED,
+    PARTLY,
+    Finding,
+    Unexplained,
+    beside_faults,
+    in_doubt,
+    told_once,
+)
 from ident.diagnosis.weighed_again import pruned
 from ident.errors import FitFailedError, NotEnoughDataError
 from ident.estimation import fit
@@ -250,6 +259,15 @@ def test_a_fit_that_fails_is_told_with_what_was_found_before_it(arm, monkeypatch
             with pytest.raises(error) as caught:
                 what(arm())
             assert str(caught.value) == f"{cause.sentence} (as it is: none with None)"
+
+
+def test_what_a_standing_fault_makes_of_its_signals_is_not_told_once_more():
+    """Of a Franka's torques, 0.3 s late in the run that judges, it was said of six that they differ there."""
+    late = Check("channel_delay", ("tau_l1", "tau_l2"), "late", recording="run3", open=True)
+    judged = Unexplained((1,), "tau_l", (), 99.3, 0.0, None, False)
+    assert _doubted(judged, [late])
+    assert not _doubted(replace(judged, carries_over=True), [late])
+    assert not _doubted(replace(judged, joints=(3,)), [late])
 
 
 def test_beside_a_fault_that_nothing_undoes_an_effect_is_a_part_at_most():
