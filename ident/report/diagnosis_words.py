@@ -65,7 +65,7 @@ def verdict(document: Mapping[str, Any]) -> str:
     if partly:
         sentences.append(f"What is left is partly explained by {_named(partly)}.")
     if unexplained := document["unexplained"]:
-        places = joined([f"{place(item['joints'])} ({item['channel']})" for item in unexplained])
+        places = joined(list(dict.fromkeys(f"{place(u['joints'])} ({u['channel']})" for u in unexplained)))
         opening = "Structure is left that" if sentences else "There is structure in the residual that"
         sentences.append(f"{opening} no known effect explains, on {places}.")
     if not sentences:

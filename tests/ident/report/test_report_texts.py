@@ -118,6 +118,7 @@ def test_a_diagnosis_names_what_is_missing_and_what_nobody_knows():
     unknown = DIAGNOSIS | {"findings": [], "verdict": "unexplained"}
     said = diagnosis_verdict(unknown)
     assert "no known effect explains" in said and "lacks" not in said
+    assert diagnosis_verdict(unknown | {"unexplained": 2 * unknown["unexplained"]}) == said
     weak = DIAGNOSIS["findings"][0] | {"grade": "partly"}
     said = diagnosis_verdict(DIAGNOSIS | {"findings": [weak], "unexplained": []})
     assert said == "What is left is partly explained by stribeck friction on joint 4."
