@@ -41,7 +41,8 @@ class Check:
     spread: standard deviation of the remedy's factor, a share of it; None where it is not told.
     explains: with it the recording is as the others have it, and nothing else was found that does so.
     robot_file: it is of the robot file, which nothing here corrects: all else is in the equations of another
-    robot. open: one of several causes that these recordings do not tell apart."""
+    robot. open: nothing here undoes it, as one of several causes that these recordings do not tell apart, or
+    for want of a line."""
 
     check: str
     signals: tuple[str, ...]

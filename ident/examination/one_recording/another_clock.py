@@ -51,7 +51,7 @@ def clock_of_all(asked: Asked) -> Iterator[Hypothesis]:
         line = asked.line({"t": {"scale": float(f"{rate:.3g}")}})
         message = f"in all recordings {words}: so taken, {falls(asked.fit, other)}"
         remedy = f"check the robot file, or write {line}, or the rate that is known"
-        return Check("clock_rate", ("t",), message, remedy)
+        return Check("clock_rate", ("t",), message, remedy, open=True)
 
     for its in asked.along(taken, told, words, least=0.0):
         if its.gain > CLEARLY or len(_beside(asked, taken)) <= FEW:

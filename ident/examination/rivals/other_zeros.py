@@ -51,6 +51,7 @@ def other_zeros(asked: Asked) -> Iterator[Check]:
         (name,),
         f"{best.words}: so taken, {falls(plain.fit, best.explained.fit)} over all recordings",
         f"check where {name} is zero, and its unit, in the log and in the robot file",
+        open=True,
     )
     its = Hypothesis(best.explained.fit.gain_over(plain.fit), how, check, words=best.words)
     near = [*_hardly_behind(pool, plain, best), *alike(pool, plain, best.explained)]

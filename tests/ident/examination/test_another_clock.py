@@ -9,6 +9,7 @@ from planted import ON_RECORDINGS, measured, parted, planted, refused, ur10e
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
+from ident.examination.undone import unsettled
 from ident.recordings.study import ColumnMap
 
 pytestmark = ON_RECORDINGS
@@ -58,6 +59,7 @@ def test_the_clock_of_all_recordings(tmp_path, factor, told):
     if told:
         said = float(checks[0].message.split("t is ")[1].split()[0])
         assert said == pytest.approx(factor, rel=0.03) and "too small" in checks[0].message
+        assert unsettled(checks) == checks
 
 
 @pytest.mark.long

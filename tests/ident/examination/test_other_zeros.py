@@ -9,6 +9,7 @@ from ident.examination.examine import examine_fit
 from ident.examination.fits.stretches import all_rows
 from ident.examination.rivals.other_zeros import other_zeros
 from ident.examination.rivals.rivals import of_positions
+from ident.examination.undone import unsettled
 
 pytestmark = ON_RECORDINGS
 
@@ -58,6 +59,7 @@ def test_a_zero_of_a_radian(tmp_path):
     """0.82 rad were told: no step went beyond 0.9."""
     change = lambda c: {k: (x + (k == "q3"))[::5] for k, x in c.items()}  # noqa: E731
     (told,) = other_zeros(asked_of(parted(planted(tmp_path, change, measured("franka_panda")), 6.5, 9.8)))
+    assert unsettled([told]) == (told,)
     assert told.message.startswith("q3 starts from another zero, 0.98 rad off: ")
 
 
