@@ -59,6 +59,11 @@ def by_stretches(
     return np.where(seen, np.maximum(by_blocks, _longer(np.array(blocks - 1.0))), 1.0)
 
 
+def stretch_s(total: float) -> float:
+    """s of a stretch of so many seconds of recordings."""
+    return max(BLOCK_S, total / MOST)
+
+
 def _longer(free: np.ndarray) -> np.ndarray:
     """Student's half width over the normal one."""
     import scipy.special  # where effects are fitted: it takes a twelfth of a fit without
@@ -72,7 +77,7 @@ def _stretches(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """(b,) W'Omega^-1 rho and (b, b) W'Omega^-1 W of every stretch."""
     spans = [float(s.t[-1] - s.t[0]) for system in systems for s in system.segments if len(s.t) > 1]
-    seconds, b = max(BLOCK_S, sum(spans) / MOST), len(estimate.chi)
+    seconds, b = stretch_s(sum(spans)), len(estimate.chi)
     for system in systems:
         for segment in system.segments:
             for _, piece in segment.pieces():

@@ -125,6 +125,11 @@ class State:
         """With more in it, not settled yet."""
         return replace(self, found=(*self.found, *found))
 
+    def coefficients(self, number: int) -> slice:
+        """Where those of one thing found stand, behind the model's and those before it."""
+        begin = self.rows.b + sum(len(f.sizes) for f in self.found[:number])
+        return slice(begin, begin + len(self.found[number].sizes))
+
     def but(self, number: int) -> State:
         """Without one thing found, not settled yet."""
         return replace(self, found=tuple(f for k, f in enumerate(self.found) if k != number))
@@ -359,8 +364,8 @@ def _as_stepped(
                 step = steps(term, motion, model)[c]
                 heights[k] += step @ state.found[number].sizes
                 taken.append(segment.decimate(step * motion.sign_dq[:, [d.joint]], joint))
-            at = state.rows.b + sum(len(f.sizes) for f in state.found[:number])
-            its = (places >= at) & (places < at + len(state.found[number].sizes))
+            own_places = state.coefficients(number)
+            its = (places >= own_places.start) & (places < own_places.stop)
             values[:, its] -= np.concatenate(taken) * state.rows.scale[c][:, None]
         out[d.joint, c] = Stepped(heights)
         column = sign_column(state.segments, state.rows, d.joint, c, turn, out[d.joint, c])

@@ -11,7 +11,7 @@ from ident.diagnosis.evidence.evidence import Metric, whole
 from ident.diagnosis.evidence.state import State, shown
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import place_of
-from ident.estimation.blocks import BLOCK_S, MOST, by_stretches
+from ident.estimation.blocks import by_stretches, stretch_s
 
 
 def own_deviations(state: State, term: Term) -> dict[str, float]:
@@ -30,9 +30,7 @@ def own_deviations(state: State, term: Term) -> dict[str, float]:
 def _known(state: State, number: int) -> np.ndarray:
     """(p, p) covariance of its coefficients beside the model, by how far these move from stretch to stretch
     (blocks.py). (Half a kilogram at a rokae's flange, in the run that judges, was told as 0.565 +- 0.021.)"""
-    m, widths = whole(state.metric, state.rows.usable), [len(f.sizes) for f in state.found]
-    begin = state.rows.b + sum(widths[:number])
-    own = slice(begin, begin + widths[number])
+    m, own = whole(state.metric, state.rows.usable), state.coefficients(number)
     half = m.fitted.basis
     wider = by_stretches(half, _stretches(m), np.sum(half**2, axis=1))[own]
     return np.asarray((half[own] @ half[own].T) * np.outer(wider, wider))
@@ -41,7 +39,7 @@ def _known(state: State, number: int) -> np.ndarray:
 def _stretches(m: Metric) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """(B,) X'e and (B, B) X'X of every stretch of the fitted rows."""
     rows, side = m.rows, m.fitted
-    seconds = max(BLOCK_S, rows.hop * float(np.sum(side.mask)) / MOST)
+    seconds = stretch_s(rows.hop * float(np.sum(side.mask)))
     stretch = rows.piece * 1_000_000 + np.floor(rows.t / seconds).astype(int)
     for k in np.unique(stretch[side.mask]):
         score, gram = np.zeros(m.B), np.zeros((m.B, m.B))

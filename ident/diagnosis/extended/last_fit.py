@@ -172,8 +172,7 @@ def _p_told(found: FoundEffect, by_judged: Mapping[str, float]) -> float:
     if found.term.effect.factor(np.array(found.term.size)) != 1.0:
         return found.p_told
     simpler = {p.name for p in found.term.effect.linear if p.simpler}
-    own = [n for n in found.term.effect.size_names if n not in simpler]
-    own = [n for n in own if n in found.parameters]
+    own = [n for n in found.term.effect.size_names if n not in simpler and n in found.parameters]
     sizes = [found.parameters[n] for n in own]
     stds = [by_judged.get(n, p.std) for n, p in zip(own, sizes)]
     far = [abs(p.value) / std for p, std in zip(sizes, stds) if std]

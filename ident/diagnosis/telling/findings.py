@@ -293,16 +293,10 @@ def beside_faults(findings: Sequence[Finding], standing: Sequence[Check]) -> tup
     """Beside a fault that nothing undid no effect explains what it seems to, but the one that the fault is
     told as. (Of a TX40 one of whose clocks is wrong 2.2 kg were told on a link in another run, of a Barrett
     with two rows of its file exchanged a base that is tilted by 40 degrees.)"""
-    by_check = {name: e.name for e in catalogue().values() for name in e.told_by}
-
-    def same(f: Finding, check: Check) -> bool:
-        own = {(f.channel, joint) for joint in f.joints}
-        return by_check.get(check.check) == f.effect and bool(own & {_read(name) for name in check.signals})
-
     if not standing:
         return tuple(findings)
     return tuple(
-        f if any(same(f, check) for check in standing) else replace(f, grade=PARTLY) for f in findings
+        f if any(_told_of(f, check) for check in standing) else replace(f, grade=PARTLY) for f in findings
     )
 
 
@@ -381,16 +375,23 @@ def _map_of(study: Study, signal: str, recording: str) -> Any:
 def in_doubt(findings: Sequence[Finding], checks: Sequence[Check]) -> tuple[Finding, ...]:
     """With the other signals where a check that tells the same effect leaves open of which signal it is. (Of
     two joints one torque is five times too large, or the other five times too small.)"""
-    by_check = {name: e.name for e in catalogue().values() for name in e.told_by}
-    out = []
+    asked, out = [check for check in checks if undoing(check) is None], []
     for f in findings:
-        asked = [c for c in checks if by_check.get(c.check) == f.effect and undoing(c) is None]
-        open_ = [{_read(name) for name in check.signals} for check in asked]
-        own = {(f.channel, joint) for joint in f.joints}
-        others = {its for signals in open_ if own & signals for its in signals} - own
+        others = {its for check in asked for its in _told_of(f, check)} - _torques_of(f)
         told = (Alternative(f.effect, (joint,), None, None) for _, joint in sorted(others))
         out.append(replace(f, equivalent=(*f.equivalent, *told)))
     return tuple(out)
+
+
+def _told_of(f: Finding, check: Check) -> set[tuple[str, int]]:
+    """The torques of a check that tells a finding's effect, of one of its own, too; of other checks none."""
+    signals = {_read(name) for name in check.signals}
+    return signals if check.check in catalogue()[f.effect].told_by and signals & _torques_of(f) else set()
+
+
+def _torques_of(f: Finding) -> set[tuple[str, int]]:
+    """Side and joint of each."""
+    return {(f.channel, joint) for joint in f.joints}
 
 
 def _read(signal: str) -> tuple[str, int]:
