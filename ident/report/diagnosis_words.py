@@ -117,7 +117,10 @@ def left_in_words(document: Mapping[str, Any]) -> str:
     if above := _above_noise(document):
         return _beyond_noise(document, above)
     if len(seen) == len(channels):
-        return "What is left looks like noise: no torque keeps more than 1.5 times its white noise."
+        return (
+            "What is left looks like noise: no torque keeps more than 1.5 times the white noise that can be "
+            "in it."
+        )
     rest = joined([name for name in channels if name not in seen])
     return f"What is left of {joined(seen)} looks like noise; for {rest} no noise can be read."
 

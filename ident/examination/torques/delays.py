@@ -100,7 +100,8 @@ def _best(asked: Asked, which: Sequence[int]) -> tuple[Hypothesis, Quick, float,
     smoothed, moved = " or smoothed as much" if lag > 0 else "", quick.of(samples)
     remedy = "record torques and positions with one clock; "
     fitted = abs(lag) <= FITTED_S
-    remedy += "ident diagnose fits the delay" if fitted else f"or move the torques' stamps by {-lag:g} s"
+    shown = "ident diagnose fits the delay where the runs that judge show it, too"
+    remedy += shown if fitted else f"or move the torques' stamps by {-lag:g} s"
     return _told(asked, which, words, smoothed, other, moved, remedy, fitted), moved, lag, other
 
 

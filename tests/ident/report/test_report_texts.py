@@ -141,7 +141,8 @@ def test_nothing_found_is_called_noise_only_where_the_floor_says_so():
 
     assert plain(nothing({"tau_m1": 2.0}, {"tau_m1": 1.8})) == (
         "The model lacks nothing that these recordings show. "
-        "What is left looks like noise: no torque keeps more than 1.5 times its white noise."
+        "What is left looks like noise: no torque keeps more than 1.5 times the white noise that can be "
+        "in it."
     )
     assert plain(nothing({"tau_m1": 8.1, "tau_m2": 2.0}, {"tau_m1": 1.6, "tau_m2": 1.9})) == (
         "These recordings do not confirm that the model lacks anything, nor that it lacks nothing. "
