@@ -188,9 +188,12 @@ def _fit(known: Examined, progress: Progress) -> FitResult:
             causes = [check for check in checks if check.check == "frozen"]
         else:
             causes = [check for check in checks if "columns:" in check.remedy or "gravity:" in check.remedy]
-        if not causes:
+        if causes:
+            raise type(error)(f"{causes[0].sentence} (as it is: {error})") from None
+        warned = [check for check in checks if check.outcome == "warned"]
+        if not warned:
             raise
-        raise type(error)(f"{causes[0].sentence} (as it is: {error})") from None
+        raise type(error)(f"{error}; what was found in the data before: {warned[0].sentence}") from None
 
 
 def _fitted(known: Examined, progress: Progress) -> FitResult:

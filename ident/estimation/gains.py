@@ -44,8 +44,8 @@ def estimate_with_gains(factors: Sequence[ChannelFactor], columns: Columns) -> E
     for j, place in columns.gain_columns.items():
         if not estimate.chi[place] > 0:
             raise FitFailedError(
-                f"drive_gains: the gain of joint {columns.need.joints[j]} has no positive value; check the "
-                "signs of its motor signal and its torque sensor"
+                f"drive_gains: the gain of joint {columns.need.joints[j]} has no positive value: with these "
+                "positions its motor signal does not go with the torques; check both, their signs first"
             )
     return estimate
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 
@@ -69,27 +70,31 @@ def positions_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:
     n, reach, prismatic = len(asked.joints), reach_of(asked), whole.columns.model.prismatic
     for j, joint in enumerate(asked.joints):
         name, its = f"q{joint}", np.arange(n) == j
-        ways = [("position_sign", "has the other sign (or its axis in the robot file)", "sign", -1.0)]
+        turned = "has the other sign (or its axis in the robot file)"
+        ways = [("position_sign", turned, {"sign": -1}, -1.0)]
         if joint not in prismatic and reach[j] > TURNS:
             ways.append(_before_a_gear(replace(asked, quick=whole, fit=whole.fit(asked.how)), its, reach[j]))
-        for check, words, key, factor in ways:
+        for check, words, change, factor in ways:
             explained = Explained.by(whole.moved(factor=np.where(its, factor, 1.0)), asked.how)
-            line = asked.line({name: {key: factor}})
-            yield Changed("", (name,), check, f"{name} {words}", line, explained)
+            yield Changed("", (name,), check, f"{name} {words}", asked.line({name: change}), explained)
     for a, b in combinations(range(n), 2):
         moved = Explained.by(whole.moved(exchanged(n, a, b)), asked.how)
         yield _exchanged(asked, f"q{asked.joints[a]}", f"q{asked.joints[b]}", moved)
 
 
-def _before_a_gear(asked: Asked, its: np.ndarray, reach: float) -> tuple[str, str, str, float]:
-    """Check, words, key and factor of a position that goes beyond two turns. (Of a rokae's first one times
-    100 degrees were told.)"""
-    (factor,) = Factor.each(asked, its, ratios(reach))
+def _before_a_gear(asked: Asked, its: np.ndarray, reach: float) -> tuple[str, str, dict[str, Any], float]:
+    """Check, words, change and factor, of either sign, of a position that goes beyond two turns. (Of a
+    rokae's first one times 100 degrees were told; of an AIRBOT's in degrees with the other sign 59.8 times
+    or more.)"""
+    (factor,) = Factor.each(asked, its, [sign * f for f in ratios(reach) for sign in (1, -1)])
     if factor.allows(DEGREES):
-        return "angle_unit", "is in degrees, or before a gear of about that ratio", "scale", DEGREES
-    known = so_many_times(*factor.ends())
-    words = f"is {times_too(1 / factor.best)} ({known}, by the motor's side of the gear, or another unit)"
-    return "angle_unit", words, "scale", float(f"{factor.best:.4g}")
+        words = "is in degrees, or before a gear of about that ratio"
+        return "angle_unit", words, {"scale": DEGREES}, DEGREES
+    known, sign = so_many_times(*factor.ends()), " and has the other sign" if factor.best < 0 else ""
+    size = abs(factor.best)
+    words = f"is {times_too(1 / size)} ({known}){sign}, by the motor's side of the gear or another unit"
+    change = {"scale": float(f"{size:.4g}")} | ({"sign": -1} if sign else {})
+    return "angle_unit", words, change, factor.best
 
 
 def _exchanged(asked: Asked, one: str, other: str, explained: Explained) -> Changed:

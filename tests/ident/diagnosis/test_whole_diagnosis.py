@@ -261,6 +261,20 @@ def test_a_fit_that_fails_is_told_with_what_was_found_before_it(arm, monkeypatch
             assert str(caught.value) == f"{cause.sentence} (as it is: none with None)"
 
 
+def test_a_fit_that_fails_is_told_with_what_may_be_its_cause(arm, monkeypatch):
+    """Of a dual arm without its first position only the gain of the third joint and its signs were told."""
+    resting = Check("resting_joint", ("q1",), "joint 1 never moves", "record it moving")
+    monkeypatch.setattr(fit, "examine_fit", lambda prepared: (resting,))
+
+    def fails(known, progress):
+        raise FitFailedError("no gain")
+
+    monkeypatch.setattr(fit, "_fitted", fails)
+    with pytest.raises(FitFailedError) as caught:
+        fit.fit_study(arm())
+    assert str(caught.value) == f"no gain; what was found in the data before: {resting.sentence}"
+
+
 def test_what_a_standing_fault_makes_of_its_signals_is_not_told_once_more():
     """Of a Franka's torques, 0.3 s late in the run that judges, it was said of six that they differ there."""
     late = Check("channel_delay", ("tau_l1", "tau_l2"), "late", recording="run3", open=True)

@@ -145,7 +145,19 @@ def test_the_gear_of_a_first_joint_that_only_inertia_tells(tmp_path):
     study = parted(planted(tmp_path, change, measured("rokae_xmate3pro")), 7.0, 9.7)
     (said,) = examine_fit(prepare_study(study))
     assert said.check == "angle_unit" and said.signals == ("q1",) and "degrees" not in said.message
-    assert 0 < float(said.message.split("(")[1].split(" or more,")[0]) < 100
+    assert 0 < float(said.message.split("(")[1].split(" or more)")[0]) < 100
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_first_joint_in_degrees_with_the_other_sign(tmp_path):
+    """It was told to be 1820 times too large, 59.8 or more, and nothing of its sign."""
+    change = lambda c: {k: -180 / np.pi * x if k in ("q1", "dq1") else x for k, x in c.items()}  # noqa: E731
+    (said,) = examine_fit(prepare_study(planted(tmp_path, change, measured("airbot_play"))))
+    assert said.signals == ("q1",) and "and has the other sign" in said.message
+    assert 0 < float(said.message.split("(")[1].split(" or more)")[0]) < 180 / np.pi
+    assert said.remedy.count("sign: -1") == 2
 
 
 @ON_RECORDINGS[0]
