@@ -42,6 +42,7 @@ from ident.diagnosis.telling.findings import (
     findings_of,
     hint_of,
     in_doubt,
+    not_found,
     not_told,
     told_by_checks,
     told_once,
@@ -176,7 +177,7 @@ def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | No
     visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
     found = findings_of(outcome, last, moved(known, outcome.last, base, last))
     notes += (*sized_by_judged(outcome.last, last), *turning_over(working, last))
-    standing = unsettled(known.checks)
+    standing = tuple(dict.fromkeys((*unsettled(known.checks), *not_found(known.checks, found))))
     findings = told_once(
         told_by_checks(study, mended, checks), in_doubt(beside_faults(found, standing), checks)
     )

@@ -79,7 +79,8 @@ class LoadEffect(Effect):
                 yield layout.place(side="link", recording=recording)
 
     def joint_columns(self, place: Place, theta: Mapping[str, float], motion: Motion, model: Model) -> Array:
-        """(N, n, p) torques of every joint for one of each linear parameter in use."""
+        """(N, n, p) torques of every joint for one of each linear parameter in use, each sample by itself: of
+        a motion only the samples from the first to the last one at which the load acts are asked."""
         raise NotImplementedError
 
     def columns(
@@ -96,5 +97,11 @@ class LoadEffect(Effect):
         shape = (len(motion.t), len(self.parameters_of(place)))
         if not gate.any():
             return {c: np.zeros(shape) for c in place.rows(model.channels)}
-        joints = self.joint_columns(place, self.complete(theta), motion, model) * gate[:, None, None]
-        return {c: joints[:, model.channels[c].joint] for c in place.rows(model.channels)}
+        acting = np.flatnonzero(gate)
+        inside = slice(acting[0], acting[-1] + 1)
+        joints = self.joint_columns(place, self.complete(theta), motion.only(inside), model)
+        joints = joints * gate[inside, None, None]
+        made = {c: np.zeros(shape) for c in place.rows(model.channels)}
+        for c, z in made.items():
+            z[inside] = joints[:, model.channels[c].joint]
+        return made

@@ -4,7 +4,7 @@ fitted."""
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Hashable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
@@ -135,6 +135,11 @@ class Motion:
     sign_dq: Array
     measured: Array | None
     rate_hz: float
+
+    def only(self, rows: slice) -> Motion:
+        """These samples of it alone."""
+        parts = {name: getattr(self, name)[rows] for name in ("t", "q", "dq", "ddq", "sign_dq")}
+        return replace(self, **parts, measured=None if self.measured is None else self.measured[rows])
 
 
 def torque_slopes(torque: Callable[[Motion, Array, Array, Array], Array], motion: Motion, j: int) -> Array:

@@ -30,7 +30,7 @@ from ident.diagnosis.evidence.leading import outside_metric
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import State, solved
 from ident.diagnosis.evidence.sufficiency import NEARLY
-from ident.diagnosis.evidence.turning_rows import without_turning
+from ident.diagnosis.evidence.turning_rows import beside_any_turn, without_turning
 from ident.diagnosis.loads.own_of_a_run import (
     is_zeros,
     numbers,
@@ -118,10 +118,12 @@ def by_what_it_needs(
 
 
 def away_from_turns(state: State, own: Metric, columns: Columns, tau: float) -> bool:
-    """Whether a load says something where the joints that it loads keep their direction: what friction does
-    while one turns is known to a model's widths and no better. (A second of creeping at twice a width was a
-    body, by 43 nats, the start after a rest a force, by 3,080; neither was there.)"""
-    return fit_sizes(whole(without_turning(state, own), state.rows.usable), columns)[1] > tau
+    """Whether a load says something where the joints that it loads keep their direction, and beside any
+    torque of each turn: what friction does while one turns is known to a model's widths and no better. (A
+    second of creeping at twice a width was a body, by 43 nats, the start after a rest a force, by 3,080;
+    neither was there.)"""
+    asked = (make(state, own) for make in (without_turning, beside_any_turn))
+    return all(fit_sizes(whole(its, state.rows.usable), columns)[1] > tau for its in asked)
 
 
 def as_one_number(

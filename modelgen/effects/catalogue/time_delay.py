@@ -22,6 +22,7 @@ class TimeDelay(RecordingEffect):
     name = "time_delay"
     summary = "the torque is recorded a fixed time after the position, or before it"
     signature = "the residual follows the torque's own derivative, most at reversals where friction jumps"
+    told_by = ("channel_delay",)
     source = "Gautier, Dynamic identification of robots with power model, ICRA 1997 (phase shifts)"
     equation = "recorded(t) = tau(t - delay)"
     remedy = "take the delay from the torque's stamps (add a negative one), or record both with one clock"

@@ -24,6 +24,7 @@ class TorqueLag(RecordingEffect):
     name = "torque_lag"
     summary = "the recorded torque follows the true one with a first-order lag"
     signature = "the residual follows the torque's own derivative; steps of friction are rounded, not shifted"
+    told_by = ("channel_delay",)
     source = "Ljung, System Identification: Theory for the User, 2nd ed. 1999, ch. 14 (prefilters)"
     equation = "time_constant d recorded/dt = tau - recorded"
     remedy = "record the torque before the drive's low-pass, or filter the positions with the same lag"

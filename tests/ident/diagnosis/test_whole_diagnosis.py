@@ -30,6 +30,7 @@ from ident.diagnosis.telling.findings import (
     Unexplained,
     beside_faults,
     in_doubt,
+    not_found,
     told_once,
 )
 from ident.diagnosis.weighed_again import pruned
@@ -154,7 +155,7 @@ def test_a_check_that_leaves_open_which_torque_it_is_is_said_beside_the_finding(
     """Two joints alone: one torque five times too large, or the other five times too small."""
     gain = Finding("drive_gain_error", (1,), "tau_m", {}, {}, 0, 19.0, 30.0, 80.0, (), "", ESTABLISHED, "")
     other = replace(gain, effect="spring")
-    either = Check("torque_scale", ("tau_m2", "tau_m1"), "", "write columns: {...} or columns: {...}")
+    either = Check("torque_scale", ("tau_m2", "tau_m1"), "", "columns: {...} or columns: {...}", open=True)
     one = Check("torque_scale", ("tau_m3",), "", "columns: {tau_m3: {scale: 2}}")
     currents = replace(either, signals=("i2", "i1"))
     told = in_doubt((gain, other), (either, one))
@@ -295,6 +296,19 @@ def test_beside_a_fault_that_nothing_undoes_an_effect_is_a_part_at_most():
     assert unsettled([clock, undone, replace(clock, open=False)]) == (clock,)
     assert [f.grade for f in beside_faults([load, gain], unsettled([clock, told]))] == [PARTLY, ESTABLISHED]
     assert [f.grade for f in beside_faults([load, gain], ())] == [ESTABLISHED, ESTABLISHED]
+
+
+def test_a_delay_that_was_not_found_stands():
+    """Of a rokae whose third torque is 0.04 s late a check said so, and that the diagnosis fits it where the
+    judging runs show it, too: they did not."""
+    gain = Finding("drive_gain_error", (2,), "tau_m", {}, {}, 0, 19.0, 30.0, 80.0, (), "", ESTABLISHED, "")
+    late = Check("channel_delay", ("tau_m2", "tau_m3"), "", "record torques and positions with one clock")
+    alone, whole = replace(gain, effect="torque_lag"), replace(gain, effect="time_delay", joints=())
+    assert not_found([late], [gain]) == (late,) == not_found([late], [])
+    assert not_found([late], [gain, alone]) == () == not_found([late], [whole])
+    assert not_found([replace(late, hint=True), replace(late, outcome="mended")], []) == ()
+    assert in_doubt([alone, whole], [late]) == (alone, whole)  # both are late, and not one or the other
+    assert [f.grade for f in beside_faults([gain, alone], [late])] == [PARTLY, ESTABLISHED]
 
 
 @pytest.mark.skipif(not DATA.exists(), reason="the recordings of measured robots are not here")
