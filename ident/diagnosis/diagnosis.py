@@ -15,16 +15,12 @@ from dataclasses import dataclass, field, replace
 
 from ident.cores import one_blas_thread
 from ident.diagnosis.extended.approximated import moved
-from ident.diagnosis.extended.last_fit import (
-    compared_exactly,
-    extended,
-    first_extended,
-    replaced,
-    spoilt,
-    turning_over,
-)
+from ident.diagnosis.extended.by_rows_that_judge import sized_by_judged
+from ident.diagnosis.extended.compared_exactly import compared_exactly, replaced
+from ident.diagnosis.extended.last_fit import extended, first_extended
+from ident.diagnosis.extended.on_judging_runs import spoilt
 from ident.diagnosis.extended.remaining import remaining
-from ident.diagnosis.extended.sized_by_judged import sized_by_judged
+from ident.diagnosis.extended.turning_over import turning_over
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome

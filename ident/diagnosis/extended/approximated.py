@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from ident.diagnosis.evidence.state import State
-from ident.diagnosis.extended.last_fit import is_told, same
+from ident.diagnosis.extended.in_a_study import is_told, same
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError
 from ident.estimation.fit import Examined, FitResult, fit_study
 from ident.estimation.found_effects import found_effects

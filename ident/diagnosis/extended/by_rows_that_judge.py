@@ -9,9 +9,11 @@ import numpy as np
 
 from ident.diagnosis.evidence.evidence import Metric, whole
 from ident.diagnosis.evidence.state import State, shown
+from ident.diagnosis.extended.in_a_study import is_told
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import place_of
 from ident.estimation.blocks import by_stretches, stretch_s
+from ident.estimation.fit import FitResult
 
 
 def own_deviations(state: State, term: Term) -> dict[str, float]:
@@ -25,6 +27,21 @@ def own_deviations(state: State, term: Term) -> dict[str, float]:
     values = {**term.theta, **dict(zip(effect.parameters_of(place), map(float, f.sizes)))}
     told = effect.report(values, known, effect.context_of(place, state.model), place)
     return {name: float(its["std"]) for name, its in told.items()}
+
+
+def sized_by_judged(state: State, last: FitResult) -> list[str]:
+    """A note for each effect that is told at a size which fitted rows alone do not show."""
+    labels, out = state.problem.robot.joint_labels, []
+    for f in state.found:
+        if f.term is None or shown(state.rows, f.columns) or not is_told(last, f.term):
+            continue
+        joint = f.term.place.joint
+        of = "" if joint is None else f" of joint {labels[joint]}"
+        out.append(
+            f"the size of {f.term.effect.name.replace('_', ' ')}{of} in {f.term.place.recording} is told by "
+            "the runs that judge as well: their error with it is no prediction, that of a test run is"
+        )
+    return out
 
 
 def _known(state: State, number: int) -> np.ndarray:

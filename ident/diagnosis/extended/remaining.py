@@ -10,7 +10,8 @@ from ident.diagnosis.evidence.evidence import Evidence, Metric
 from ident.diagnosis.evidence.leading import leading_metric
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.state import Found, State, without
-from ident.diagnosis.extended.last_fit import Refusal, is_told
+from ident.diagnosis.extended.in_a_study import is_told
+from ident.diagnosis.extended.last_fit import Refusal
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.outcome import Outcome, Step
 from ident.diagnosis.search.in_common import shown_by_fitted

@@ -14,7 +14,8 @@ from ident.diagnosis.evidence.state import State, solved
 from ident.diagnosis.evidence.sufficiency import explained_share, signals_read
 from ident.diagnosis.extended.approximated import Moved
 from ident.diagnosis.extended.by_rows_that_judge import own_deviations
-from ident.diagnosis.extended.last_fit import Refusal, is_told, same
+from ident.diagnosis.extended.in_a_study import is_told, same
+from ident.diagnosis.extended.last_fit import Refusal
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import place_of, without_terms

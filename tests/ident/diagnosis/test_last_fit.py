@@ -8,7 +8,7 @@ import pytest
 from planted import ON_RECORDINGS, measured
 
 import ident
-from ident.diagnosis.extended import last_fit
+from ident.diagnosis.extended import compared_exactly, last_fit
 from ident.diagnosis.extended.last_fit import _p_told, _vague, first_extended
 from ident.equations.observation import ChannelFactor, stack
 from ident.estimation.least_squares import weighted_least_squares
@@ -119,17 +119,17 @@ def test_rivals_are_compared_beside_what_all_of_them_are_told_with(monkeypatch):
         return SimpleNamespace(last=last, steps=(SimpleNamespace(term=term[own]),))
 
     told = {"delay": ("delay", "friction"), "lag": ("lag", "friction", "hysteresis")}
-    monkeypatch.setattr(last_fit, "is_told", lambda fit, t: t.key[0] in fit)
-    monkeypatch.setattr(last_fit, "replace", lambda its, **new: SimpleNamespace(**(vars(its) | new)))
+    monkeypatch.setattr(compared_exactly, "is_told", lambda fit, t: t.key[0] in fit)
+    monkeypatch.setattr(compared_exactly, "replace", lambda its, **new: SimpleNamespace(**(vars(its) | new)))
     asked = []
 
     def extended(known, outcome, base, alpha, progress):
         asked.append(tuple(found.term.key[0] for found in outcome.last.found))
         return asked[-1], {}
 
-    monkeypatch.setattr(last_fit, "extended", extended)
+    monkeypatch.setattr(compared_exactly, "extended", extended)
     tried = [(study(own), fit) for own, fit in told.items()]
-    fits = last_fit._beside_the_same(None, tried, 0, None, 0.01)
+    fits = compared_exactly._beside_the_same(None, tried, 0, None, 0.01)
     assert fits == [("delay", "friction"), ("lag", "friction")] and asked == [("lag", "friction")]
 
 
@@ -163,7 +163,7 @@ def test_what_fitted_runs_leave_open_speaks_for_no_explanation():
     open_, known, without = (fitted_alone(X, y, roles, np.array(its)) for its in choices)
     errors = [np.std(y[judged] - X[judged] @ its.full.chi) for its in (open_, known)]
     assert judged.sum() * np.log(errors[0] / errors[1]) > 50
-    nats = [last_fit._nats(state, its, ()) for its in (open_, known, without)]
+    nats = [compared_exactly._nats(state, its, ()) for its in (open_, known, without)]
     assert abs(nats[0] - nats[1]) < 5
     assert nats[0] - nats[2] > 50
 

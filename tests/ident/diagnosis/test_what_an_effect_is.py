@@ -11,7 +11,8 @@ from ident.diagnosis.evidence.evidence import stacked, weigh
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.state import Found, with_found
 from ident.diagnosis.evidence.turning_rows import turning_alone
-from ident.diagnosis.extended.last_fit import _ended, _study_term
+from ident.diagnosis.extended.in_a_study import study_term
+from ident.diagnosis.extended.last_fit import _ended
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
@@ -121,7 +122,7 @@ def test_sizes_that_the_loop_left_out_are_held_at_zero_in_the_last_fit(arm):
     term = Term(catalogue()["joint_coupling"], place)
     columns = begun.state.scene.columns(term)
     state = with_found(begun.state, Found(term, columns, np.array([0.8])))
-    entry = entry_of(_study_term(state.terms[0], state), (1, 2, 3))
+    entry = entry_of(study_term(state.terms[0], state), (1, 2, 3))
     assert (entry["Ia"], entry["Fc"]) == (0.0, 0.0) and set(entry["fixed"]) == {"Ia", "Fc"}
     last = fit_study(arm("joint_coupling:3:source_joint=2,Fv=0.8,Ia=0.0").with_(effects=(entry,)))
     (told,) = found_effects(last)
