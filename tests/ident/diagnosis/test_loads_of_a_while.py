@@ -10,6 +10,7 @@ from planted import ON_RECORDINGS, thinned, ur10e, with_fault
 from planted import planted as with_change
 
 import ident
+from benchmarks.exam.make_cases import make_case
 from benchmarks.planted_faults import BASES, DATA, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.diagnosis import diagnose_study
@@ -337,3 +338,21 @@ def test_the_interval_of_a_body_in_the_run_that_judges_holds_it(tmp_path):
     (mass,) = (f.parameters["m"] for f in found if f.effect == "payload_change")
     assert abs(mass["value"] - 2.0) < 1.96 * mass["std"]
     assert 0.04 < mass["std"] < 1.0
+
+
+@pytest.mark.long
+def test_the_window_of_a_contact_is_sought_in_the_noise_that_it_leaves(tmp_path):
+    """Two contacts of five and six seconds in two runs of an exam's arm: in the noise of both the second was
+    one of three seconds, which is no load, and of the first, told alone, too little was known."""
+    seed = 2644875077
+    case = make_case("twice", ["external_force"] * 2, seed, "contacts", tmp_path, 30.0, 250.0, "")
+    findings = ident.diagnose(ident.load(tmp_path / "cases" / "contacts" / "study.yaml")).findings
+    told = {f.where["recording"]: f for f in findings}
+    assert [f.effect for f in findings] == ["external_force"] * 2 and set(told) == {"run1", "run2"}
+    for effect in case["effects"]:
+        its, true = told[effect["recording"].removesuffix(".parquet")], effect["parameters"]
+        assert its.where["from"] == pytest.approx(true["from"], abs=0.2)
+        assert its.where["to"] == pytest.approx(true["to"], abs=0.2)
+        force = its.parameters["force"]
+        size = np.hypot(np.hypot(true["fx"], true["fy"]), true["fz"])
+        assert abs(force["value"] - size) < max(3 * force["std"], 0.02 * size)
