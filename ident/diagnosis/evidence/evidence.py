@@ -312,10 +312,15 @@ def project(m: Metric, side: Side, white: Columns) -> tuple[np.ndarray, np.ndarr
     return side.basis.T @ cross, own, right
 
 
+def beside_model(m: Metric, side: Side, white: Columns) -> tuple[np.ndarray, np.ndarray]:
+    """Products of whitened columns that a side's model leaves (p, p), and with its residual (p,)."""
+    cross, own, right = project(m, side, white)
+    return own - cross.T @ cross, right
+
+
 def spread(m: Metric, columns: Columns) -> np.ndarray:
     """(p, p) covariance of their coefficients on the fitted rows, beside the model."""
-    cross, own, _ = project(m, m.fitted, m.whiten(columns))
-    basis = orthonormal(own - cross.T @ cross)
+    basis = orthonormal(beside_model(m, m.fitted, m.whiten(columns))[0])
     return np.asarray(basis @ basis.T)
 
 
@@ -366,8 +371,8 @@ def said(m: Metric, columns: Columns, sizes: np.ndarray) -> float:
 
 def unseen(m: Metric, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
     """Whether these columns at these sizes, were they true, would not reach the limit on the judged rows."""
-    cross, own, _ = project(m, m.judged, m.whiten(columns))
-    return 0.5 * float(sizes @ (own - cross.T @ cross) @ sizes) < tau
+    left, _ = beside_model(m, m.judged, m.whiten(columns))
+    return 0.5 * float(sizes @ left @ sizes) < tau
 
 
 def over(null: Metric, m: Metric, told: Evidence) -> Evidence:

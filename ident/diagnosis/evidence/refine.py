@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, orthonormal, project
+from ident.diagnosis.evidence.evidence import Metric, beside_model, orthonormal
 from ident.diagnosis.rows.terms import Scene, Term
 
 TURNS = 5
@@ -37,8 +37,7 @@ def fit_sizes(m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[np.ndarray,
     """Coefficients (p,) beside the model, and half the fall of the whitened sum of squares."""
     if not columns:
         return np.zeros(0), 0.0
-    cross, own, right = project(m, m.fitted, m.whiten(columns))
-    left = own - cross.T @ cross
+    left, right = beside_model(m, m.fitted, m.whiten(columns))
     basis = orthonormal(left)
     a = basis @ (basis.T @ right)
     return a, 0.5 * float(right @ a)
@@ -169,8 +168,8 @@ def _exactly(m: Metric, scene: Scene, start: Refined, size: float) -> tuple[floa
     columns = scene.columns(term)
     if not columns:
         return -np.inf, replace(start, term=term, columns=columns)
-    cross, own, right = project(m, m.fitted, m.whiten(columns))
-    left = float((own - cross.T @ cross)[0, 0])
+    products, right = beside_model(m, m.fitted, m.whiten(columns))
+    left = float(products[0, 0])
     a = float(right[0]) / max(left, 1e-300)
     told = size * float(right[0]) - 0.5 * size**2 * left
     return told, Refined(term, columns, np.array([a]), 0.5 * float(right[0]) * a)
@@ -217,8 +216,7 @@ def _step(
             slope = change / (up - down) if up > down else zero[:, 0]
             extra[c].append(slope[:, None] if np.abs(slope).max(initial=0.0) < STEEP else zero[:, :1])
     wide = {c: np.hstack([at.columns[c], *extra[c]]) for c in at.columns}
-    cross, own, right = project(m, m.fitted, m.whiten(wide))
-    left = own - cross.T @ cross
+    left, right = beside_model(m, m.fitted, m.whiten(wide))
     if held:
         right = np.delete(right - left[:, p - 1], p - 1)
         left = np.delete(np.delete(left, p - 1, 0), p - 1, 1)

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from ident.diagnosis.evidence.evidence import Columns, Metric, metric, project, weigh
+from ident.diagnosis.evidence.evidence import Columns, Metric, beside_model, metric, weigh
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.state import State, turned
 from ident.diagnosis.rows.unknown_turns import late_turns, unknown_turns
@@ -88,10 +88,7 @@ def turning_alone(state: State, m: Metric, r: Refined) -> bool:
     if "sign_dq" not in r.term.effect.needs or r.term.effect.updates or len(r.sizes) < 2:
         return False
     white = m.whiten(r.columns)
-    left = []
-    for its in (m, without_turning(state, m)):
-        cross, own, _ = project(its, its.fitted, white)
-        left.append(own - cross.T @ cross)
+    left = [beside_model(its, its.fitted, white)[0] for its in (m, without_turning(state, m))]
     scale = np.sqrt(np.maximum(np.diag(left[0]), 1e-300))
     whole, kept = (G / np.outer(scale, scale) for G in left)
     shares = scipy.linalg.eigvalsh(kept, whole + 1e-9 * np.eye(len(whole)))

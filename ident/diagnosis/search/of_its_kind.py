@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, Side, project
+from ident.diagnosis.evidence.evidence import Metric, beside_model
 from ident.diagnosis.evidence.state import Found, State
 from ident.diagnosis.rows.terms import Term
 
@@ -42,21 +42,15 @@ def _apart(others: State, m: Metric, f: Found, term: Term) -> tuple[float, int]:
     if set(columns) != set(f.columns):
         return 0.0, 0
     white = m.whiten({c: np.column_stack([z, f.columns[c] @ f.sizes]) for c, z in columns.items()})
-    left, _ = _left(m, m.fitted, white)
+    left, _ = beside_model(m, m.fitted, white)
     across, whole = left[:-1, -1], left[-1, -1]
     if across @ np.linalg.pinv(left[:-1, :-1], rcond=1e-9) @ across > OWN * whole:
         return 0.0, 0
     own = {c: z[:, :-1] for c, z in white.items()}
     apart, spread = np.zeros(len(across)), np.zeros((len(across), len(across)))
     for side, sign in ((m.fitted, 1.0), (m.judged, -1.0)):
-        left, right = _left(m, side, own)
+        left, right = beside_model(m, side, own)
         noise = float(np.mean([side.rss[c] / max(side.free[c], 1) for c in own]))
         inverse = np.linalg.pinv(left, rcond=1e-9)
         apart, spread = apart + sign * inverse @ right, spread + noise * inverse
     return float(apart @ np.linalg.pinv(spread, rcond=1e-9) @ apart), len(apart)
-
-
-def _left(m: Metric, side: Side, white: dict[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Products of whitened columns that the model leaves on a side (p, p), and with its residual (p,)."""
-    cross, own, right = project(m, side, white)
-    return own - cross.T @ cross, right

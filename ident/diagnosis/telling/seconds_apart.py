@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import orthonormal, project
+from ident.diagnosis.evidence.evidence import beside_model, orthonormal
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.telling.deciding import seconds_needed
@@ -33,8 +33,7 @@ def seconds_apart(state: State, term: Term, rival: Term) -> float | None:
     }
     white, seen, left = m.whiten(both), 0.0, 0.0
     for side in (m.fitted, m.judged):
-        cross, own, _ = project(m, side, white)
-        G = own - cross.T @ cross
+        G, _ = beside_model(m, side, white)
         basis = orthonormal(G[1:, 1:]) if G.shape[0] > 1 else np.zeros((0, 0))
         seen += float(G[0, 0])
         left += float(G[0, 0] - np.sum((basis.T @ G[1:, 0]) ** 2))
