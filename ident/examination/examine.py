@@ -33,6 +33,7 @@ from ident.examination.fits.samples import Sample, take
 from ident.examination.fits.stretches import RARE, Explained, all_rows, same, steadily
 from ident.examination.fits.unexplained import (
     apart_by_one_fit,
+    badly_explained,
     contradicting,
     unexplained,
     unpredicted,
@@ -188,6 +189,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     beside += [] if beside or doubted or found else other_zeros(asked)
     beside = beside or meanwhile or list(foretold_badly(asked, apart)) or list(contradicting(asked))
     beside += [] if beside or doubted or found else halves_apart(asked)
+    beside += [] if beside or doubted or found else badly_explained(asked)
     if not (found or beside or doubted or bad(asked.fit)):
         beside += unfelt(asked)
     beside += asked_for(study, asked) if whole_model else []

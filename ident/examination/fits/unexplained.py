@@ -81,6 +81,19 @@ def unexplained(asked: Asked) -> Iterator[Check]:
         )
 
 
+def badly_explained(asked: Asked) -> Iterator[Check]:
+    """All torques, where of most more is left than of any clean arm's and nothing else was found. (Of an
+    AIRBOT's, with a position smoothed over its wraps, 57 % were left, and nothing was said.)"""
+    error = asked.fit.error[np.isfinite(asked.fit.error)]
+    if len(error) > 2 and np.median(error) > BAD:
+        yield _unrelated(
+            asked.names(asked.seen),
+            f"the model explains these torques badly (errors of {100 * error.min():.0f} to "
+            f"{100 * error.max():.0f} % of each): {NOT_AS_TOLD}",
+            CHECK,
+        )
+
+
 def apart_by_one_fit(quick: Quick, how: Assignment) -> np.ndarray:
     """(C,) bool: torques of which one fit of all recordings leaves more of them all than fits of each."""
     return beyond_own(all_rows(quick).fit(how).error, by_each_recording(quick, how))

@@ -25,6 +25,7 @@ from ident.examination.tables.signals import (
     units,
     wraps,
 )
+from ident.examination.tables.smoothed_wraps import smoothed_wraps
 from ident.examination.tables.stopped_at_once import stopped_at_once
 from ident.examination.tables.torque_leaps import torque_leaps
 
@@ -54,6 +55,7 @@ def of_table(
     found = chain(
         lost_samples(columns, mender, rows),
         wraps(columns, mender),
+        smoothed_wraps(columns, excerpt),
         units(columns, mender, excerpt, lowest, highest),
         position_steps(columns, mender, excerpt),
         lost_rows(columns, excerpt),

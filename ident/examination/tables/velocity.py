@@ -102,8 +102,8 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
             (*names, *(f"q{j}" for j in strangers)),
             f"{listed(names)} {'is' if len(names) == 1 else 'are'} not the derivative of "
             f"{listed('q' + j for j in strangers)} (correlation "
-            f"{min(abs(found[j][1]) for j in strangers):.2f}): one of the two belongs to another joint, "
-            "signal or run, or was held for a time",
+            f"{min(abs(found[j][1]) for j in strangers):.2f}): one of the two is another joint's, signal's "
+            "or run's, or is spoilt (held, smoothed over its wraps)",
             "check the columns, and look at the plot of both",
             recording=columns.recording,
         )
