@@ -121,7 +121,8 @@ class Normal:
         """(C,) |Y| of the torques that the channels then have, over those of other recordings; 1 where there
         are none."""
         mine, its = self.right(how)[0], other.right(how)[0]
-        return np.sqrt(np.where(its > 0, mine / np.where(its > 0, its, 1.0), 1.0))
+        left = np.maximum(mine, 0.0)  # where all is taken away rounding leaves less than none
+        return np.sqrt(np.where(its > 0, left / np.where(its > 0, its, 1.0), 1.0))
 
     def errors(self, chi: np.ndarray, how: Assignment) -> np.ndarray:
         """(C,) relative; NaN where nothing is seen."""

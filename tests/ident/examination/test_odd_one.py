@@ -9,7 +9,7 @@ import generated
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.fits.hypothesis import Asked
-from ident.examination.fits.quick import quick_of
+from ident.examination.fits.quick import Assignment, Normal, quick_of
 from ident.examination.fits.samples import take
 from ident.examination.fits.unexplained import _contradiction, contradicting, odd_one, unexplained
 from ident.recordings.study import load_study
@@ -85,3 +85,11 @@ def test_a_torque_that_overflows(tmp_path):
     study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, True, False), change)
     (told,) = contradicting(asked_of(study))
     assert "tau_l2" in told.signals
+
+
+def test_of_a_torque_that_is_taken_away_whole_nothing_is_left():
+    """Rounding left less than nothing of a rokae's, and its error was no number."""
+    made = [
+        Normal(np.zeros((1, 1, 1)), np.zeros((1, 1, 1)), np.array([[yy]]), np.ones(1)) for yy in (-1e-9, 4)
+    ]
+    assert made[0].size_beside(made[1], Assignment.plain(1)) == [0.0]
