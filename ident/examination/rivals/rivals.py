@@ -258,7 +258,7 @@ def of_positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
         x, explained, settled = _solved(whole, fit, how, times, (LEAST, MOST), STARTS)
         factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
-        words = f"q{label} is {factor:.3g} times too {word}"
+        words = f"q{label} is about {factor:.2g} times too {word}"
         yield Rival(words, explained, joint=j, check="angle_unit", settled=settled)
         x, explained, settled = _solved(whole, fit, how, zero, (-np.pi, np.pi))
         words = f"q{label} starts from another zero, {-x:.2g} {unit} off"
