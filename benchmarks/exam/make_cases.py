@@ -177,8 +177,20 @@ class Case:
 
     def _kept(self, k: int, signals: tuple[np.ndarray, ...]) -> np.ndarray:
         _, tau_m, tau_l = self._record(k, signals)
+        return self._seen(tau_m, tau_l)
+
+    def _seen(self, tau_m: np.ndarray, tau_l: np.ndarray) -> np.ndarray:
+        """Of torques at the rate of a run the rows that are compared, filtered."""
         Y = yardstick.smooth(yardstick.measured_torque(self.layout, tau_m, tau_l), self.rate)
         return Y[yardstick.kept_rows(len(Y), self.rate)]
+
+    def _noise_percent(self, signals: Sequence[tuple[np.ndarray, ...]]) -> np.ndarray:
+        """(channels,) the noise that was put into the fitted runs, of their torque, both filtered."""
+        noise, torque = (
+            np.vstack(its)
+            for its in zip(*((self._seen(*self.noise[k]), self._kept(k, signals[k])) for k in self.identify))
+        )
+        return np.asarray(100 * np.linalg.norm(noise, axis=0) / np.linalg.norm(torque, axis=0))
 
     # --- effects
     def _with(self, effects: list[Injected]) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
@@ -417,6 +429,7 @@ class Case:
             ],
             "clean_percent": self.clean_error.tolist(),
             "rigid_percent": error.tolist(),
+            "noise_percent": self._noise_percent(signals).tolist(),
             "oracle": self.oracle(effects, signals),
         }
         (out / "truth").mkdir(parents=True, exist_ok=True)
