@@ -26,6 +26,13 @@ from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome
 from ident.diagnosis.rows.room import thrifty
 from ident.diagnosis.search.candidates import Library
+from ident.diagnosis.telling.beside_checks import (
+    beside_faults,
+    in_doubt,
+    not_found,
+    told_by_checks,
+    told_once,
+)
 from ident.diagnosis.telling.beyond_noise import beyond_noise
 from ident.diagnosis.telling.findings import (
     PARTLY,
@@ -33,15 +40,10 @@ from ident.diagnosis.telling.findings import (
     Hint,
     Unexplained,
     as_told,
-    beside_faults,
     explainable,
     findings_of,
     hint_of,
-    in_doubt,
-    not_found,
     not_told,
-    told_by_checks,
-    told_once,
     unexplained_of,
 )
 from ident.diagnosis.telling.floor import noise_floor, white_noise

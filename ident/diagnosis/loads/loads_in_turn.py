@@ -15,7 +15,8 @@ import numpy as np
 
 from ident.diagnosis.evidence.evidence import whole
 from ident.diagnosis.evidence.state import Found, State, solved
-from ident.diagnosis.loads.events import chosen, edged, sized, what
+from ident.diagnosis.loads.edges import edged
+from ident.diagnosis.loads.events import chosen, sized, what
 from ident.diagnosis.loads.is_a_load import SHORTEST_FOLD_S
 from ident.diagnosis.loads.still_a_load import evidence_of, still_holds
 from ident.diagnosis.outcome import Step

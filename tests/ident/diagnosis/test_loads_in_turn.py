@@ -8,7 +8,7 @@ import pytest
 from ident.diagnosis.evidence.evidence import whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import Found, solved
-from ident.diagnosis.loads.events import edged
+from ident.diagnosis.loads.edges import edged
 from ident.diagnosis.loads.loads_in_turn import in_turn
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Step, threshold

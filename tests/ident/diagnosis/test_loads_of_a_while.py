@@ -18,9 +18,10 @@ from ident.diagnosis.evidence.evidence import Evidence, acting, whole
 from ident.diagnosis.evidence.leading import outside_metric
 from ident.diagnosis.evidence.refine import Refined, fit_sizes, refine
 from ident.diagnosis.evidence.state import Found, settled, with_found
-from ident.diagnosis.loads.events import Event, _gains, _says_more, _search, best_event
+from ident.diagnosis.loads.events import Event, _says_more, _search, best_event
 from ident.diagnosis.loads.is_a_load import crossed, stands_apart
 from ident.diagnosis.loads.own_of_a_run import zero_columns
+from ident.diagnosis.loads.windows import gains_of
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
@@ -236,7 +237,7 @@ def test_gains_of_windows_are_those_of_their_columns(tiny):
     )
     cumulative = tuple(np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, axis=0)]) for a in sums)
     pairs = np.array([(0, 10), (2, 5), (7, 8)])
-    for (a, b), gain in zip(pairs, _gains(cumulative, pairs)):
+    for (a, b), gain in zip(pairs, gains_of(cumulative, pairs)):
         inside = np.zeros((M, 1))
         inside[edges[a] : edges[b]] = 1.0
         assert gain == pytest.approx(fit_sizes(m, {0: z * inside})[1], rel=1e-4)

@@ -23,15 +23,12 @@ from ident.diagnosis.search.candidates import (
     ranked,
     short_list,
 )
+from ident.diagnosis.telling.beside_checks import beside_faults, in_doubt, not_found, told_once
 from ident.diagnosis.telling.findings import (
     ESTABLISHED,
     PARTLY,
     Finding,
     Unexplained,
-    beside_faults,
-    in_doubt,
-    not_found,
-    told_once,
 )
 from ident.diagnosis.weighed_again import pruned
 from ident.errors import FitFailedError, NotEnoughDataError

@@ -24,7 +24,7 @@ from planted import (
 )
 from scipy.signal import savgol_filter
 
-from ident.diagnosis.telling.findings import told_by_checks
+from ident.diagnosis.telling.beside_checks import told_by_checks
 from ident.equations.prepared import prepare_study
 from ident.errors import FitFailedError, StudyError
 from ident.estimation.fit import examined, fit_study

@@ -1,0 +1,131 @@
+"""When a load begins and ends, in the noise that it leaves: of all windows that overlap, by rows, and between
+them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ident.diagnosis.evidence.evidence import Metric, acting, whole
+from ident.diagnosis.evidence.leading import outside_metric
+from ident.diagnosis.evidence.refine import Refined, fit_sizes
+from ident.diagnosis.evidence.state import State
+from ident.diagnosis.loads.is_a_load import SHORTEST_S
+from ident.diagnosis.loads.windows import STEP_S, comes_and_goes, part_alone, since, windows_of, with_window
+from ident.diagnosis.rows.terms import Term
+from modelgen.effects.place import Place
+
+EDGE = 2.0  # rows by which an edge is moved at first
+TURNS = 4  # of a window and the noise outside it, until its edges stay
+
+
+def in_noise_outside(state: State, r: Refined, limit: float) -> tuple[Metric, Refined]:
+    """The noise outside a load's window, and the load in it, the window where all rows then want it: the
+    noise of a model without the load is for the most part the load. As it was, where it says less than a
+    limit there. (Of 3 N beside another contact the noise of both put an edge 0.2 s too early, where a block
+    spoke against it.)"""
+    wide: dict[int, np.ndarray] = {}
+    for _ in range(TURNS):
+        own = outside_metric(state, r, acting(r.columns))
+        m = whole(own, state.rows.usable)
+        r = Refined(r.term, r.columns, *fit_sizes(m, r.columns))
+        if r.gain < limit or not comes_and_goes(r.term.place):
+            return own, r
+        wide = wide or state.scene.columns(with_window(r.term, None, None))  # its window alone is moved
+        term, columns = moved(m, _anew(m, r, wide, state), wide, state)
+        if _as_before(r.term.place, term.place, state.rows.hop):
+            break
+        r = Refined(term, columns, *fit_sizes(m, columns))
+    return own, edged(m, state, r)
+
+
+def _anew(m: Metric, r: Refined, wide: dict[int, np.ndarray], state: State) -> Term:
+    """The load in the window that says most of those that overlap its own, wherever their edges are. (The
+    last three seconds of a contact of six were told, as long as its noise was that of the first three.)"""
+    place = r.term.place
+    windows, gains = windows_of(m, wide, state, place, True, False)
+    begun, ended = _ends(place.start, place.stop)
+    for k in np.argsort(-gains):
+        start, stop = _ends(*windows[k])
+        if gains[k] > r.gain and start < ended and begun < stop:
+            return with_window(r.term, *windows[k])
+    return r.term
+
+
+def _ends(start: float | None, stop: float | None) -> tuple[float, float]:
+    return (-np.inf if start is None else start), (np.inf if stop is None else stop)
+
+
+def _as_before(one: Place, other: Place, hop: float) -> bool:
+    """Whether two windows have the same edges, but for a row."""
+    pairs = ((one.start, other.start), (one.stop, other.stop))
+    return all(a is None or b is None or abs(a - b) < hop for a, b in pairs)
+
+
+def moved(
+    m: Metric, term: Term, columns: dict[int, np.ndarray], state: State
+) -> tuple[Term, dict[int, np.ndarray]]:
+    """The window's edges where the gain is largest, by rows, one edge after the other; none where that is an
+    end of the recording. (Edges before the first row gain as much as it: a body on a whole run of an AIRBOT
+    was told as a force from -8.5 s on.)"""
+    mine, t = since(state, term.place)
+    part = part_alone(state, term.effect)
+    ends = [term.place.start, term.place.stop]
+    here, own = m.only(mine), {c: z[mine] for c, z in columns.items()}  # zero in the other recordings
+
+    def inside(start: float | None, stop: float | None) -> np.ndarray:
+        after = t >= (start if start is not None else -np.inf)
+        return np.asarray(after & (t < (stop if stop is not None else np.inf)))
+
+    def gain(start: float | None, stop: float | None) -> float:
+        kept = inside(start, stop)
+        if part and kept.all():
+            return 0.0
+        return fit_sizes(here, {c: z * kept[:, None] for c, z in own.items()})[1]
+
+    for _ in range(2):
+        for which in (0, 1):
+            if ends[which] is None:
+                continue
+            near = float(ends[which] or 0.0) + np.arange(
+                -2 * STEP_S, 2.01 * STEP_S, max(state.rows.hop, 0.05)
+            )
+            gains = []
+            for edge in near:
+                trial = list(ends)
+                trial[which] = float(edge)
+                wide = (trial[1] if trial[1] is not None else np.inf) - (trial[0] or 0.0)
+                gains.append(gain(*trial) if wide > 0.5 * SHORTEST_S else 0.0)
+            ends[which] = float(near[int(np.argmax(gains))])
+    if ends[0] is not None and ends[0] <= t.min():
+        ends[0] = None
+    if ends[1] is not None and ends[1] > t.max():
+        ends[1] = None
+    rows = np.zeros(len(state.rows.t), bool)
+    rows[mine] = inside(ends[0], ends[1])
+    return with_window(term, ends[0], ends[1]), {c: z * rows[:, None] for c, z in columns.items()}
+
+
+def edged(m: Metric, state: State, r: Refined) -> Refined:
+    """A load whose window opens and closes between the rows, where all of them want it: seen through their
+    filter its edges are none of a row. (Of 12 N for three seconds an edge that is a tenth of a second off
+    left 300 nats, and a force was told of that.)"""
+    for which in ("start", "stop"):
+        at = getattr(r.term.place, which)
+        if at is None:
+            continue
+        reach = EDGE * state.rows.hop
+        while reach > state.rows.hop / 8:
+            now = getattr(r.term.place, which)
+            trials = [r, *(_with_edge(m, state, r.term, which, now + way * reach) for way in (-1.0, 1.0))]
+            best = max(trials, key=lambda its: its.gain if its.columns else -np.inf)
+            reach, r = (reach / 2, r) if best is r else (reach, best)
+    return r
+
+
+def _with_edge(m: Metric, state: State, term: Term, which: str, at: float) -> Refined:
+    place = replace(term.place, **{which: at})  # type: ignore[arg-type]
+    moved = replace(term, place=place)
+    columns = state.scene.columns(moved)
+    return Refined(moved, columns, *(fit_sizes(m, columns) if columns else (np.zeros(0), -np.inf)))
