@@ -9,10 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.evidence.block_by_block import block_gains
-from ident.diagnosis.evidence.evidence import Evidence, Metric, agree, weigh
+from ident.diagnosis.evidence.blocks import agree
+from ident.diagnosis.evidence.evidence import Evidence, weigh
+from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.nameless import Flexible
 from ident.diagnosis.evidence.nameless_beside import Functions, beside_nameless, leaned_on
-from ident.diagnosis.evidence.state import Found, State, settled, solved, without
+from ident.diagnosis.evidence.settled import settled, without
+from ident.diagnosis.evidence.state import Found, State, solved
 from ident.diagnosis.evidence.sufficiency import (
     as_much,
     ask,

@@ -13,9 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Evidence, side_by_side, weigh, whole
+from ident.diagnosis.evidence.evidence import Evidence, weigh
+from ident.diagnosis.evidence.metric import side_by_side, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
-from ident.diagnosis.evidence.state import Found, State, solved, with_found
+from ident.diagnosis.evidence.settled import with_found
+from ident.diagnosis.evidence.state import Found, State, solved
 from ident.diagnosis.evidence.sufficiency import (
     Short,
     as_much,

@@ -15,7 +15,8 @@ from functools import partial
 import numpy as np
 
 from ident.diagnosis.evidence.presliding import shortest_travels, told_as_effects
-from ident.diagnosis.evidence.state import Found, Problem, State, first_state, settled
+from ident.diagnosis.evidence.settled import first_state, settled
+from ident.diagnosis.evidence.state import Found, Problem, State
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.room import Room, room_for
 from ident.diagnosis.rows.rows import Rows, rows_of

@@ -9,7 +9,8 @@ import numpy as np
 from ident.diagnosis.evidence.evidence import Evidence
 from ident.diagnosis.evidence.given import given_fitted
 from ident.diagnosis.evidence.refine import Refined
-from ident.diagnosis.evidence.state import Found, State, solved, with_found, without
+from ident.diagnosis.evidence.settled import with_found, without
+from ident.diagnosis.evidence.state import Found, State, solved
 from ident.diagnosis.evidence.sufficiency import short_of
 from ident.diagnosis.loads.events import Event, best_event, others_of, what
 from ident.diagnosis.loads.still_a_load import still_holds

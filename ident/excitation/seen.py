@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import BLOCK_S, weigh
+from ident.diagnosis.evidence.blocks import BLOCK_S
+from ident.diagnosis.evidence.evidence import weigh
 from ident.diagnosis.evidence.leading import leading_metric
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.state import State

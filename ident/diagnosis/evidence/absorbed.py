@@ -16,7 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, Side, block_numbers, project
+from ident.diagnosis.evidence.blocks import block_numbers
+from ident.diagnosis.evidence.metric import Metric, Side, project
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.rows.signs import sign_columns
 from ident.diagnosis.rows.turn_over import grids, with_column

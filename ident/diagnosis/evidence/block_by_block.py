@@ -20,7 +20,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, block_numbers, changed, project
+from ident.diagnosis.evidence.blocks import block_numbers
+from ident.diagnosis.evidence.metric import Metric, changed, project
 from ident.diagnosis.evidence.nameless import Flexible
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.rows.unknown_turns import unknown_turns

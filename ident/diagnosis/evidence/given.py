@@ -7,16 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import (
-    Columns,
-    Evidence,
-    Metric,
-    Side,
-    block_sums,
-    changed,
-    given_part,
-    project,
-)
+from ident.diagnosis.evidence.blocks import block_sums
+from ident.diagnosis.evidence.evidence import Evidence
+from ident.diagnosis.evidence.metric import Columns, Metric, Side, changed, given_part, project
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Columns, Metric, changed, metric, project
+from ident.diagnosis.evidence.metric import Columns, Metric, changed, metric, project
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import Found, State, solved
 from ident.diagnosis.rows.whitened import Whitener, news, whitener

@@ -19,7 +19,8 @@ from functools import lru_cache, partial
 import numpy as np
 
 from ident.cores import in_order
-from ident.diagnosis.evidence.evidence import Evidence, Metric, weigh
+from ident.diagnosis.evidence.evidence import Evidence, weigh
+from ident.diagnosis.evidence.metric import Metric
 from ident.equations.fine import FineSegment
 
 LAMBDAS = np.geomspace(1e-4, 1e6, 41)

@@ -15,7 +15,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Columns, Evidence, Metric, Side, orthonormal, weigh
+from ident.diagnosis.evidence.evidence import Evidence, weigh
+from ident.diagnosis.evidence.metric import Columns, Metric, Side, orthonormal
 from ident.diagnosis.evidence.nameless import Flexible
 from ident.diagnosis.evidence.state import Found, State
 

@@ -17,7 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.evidence.evidence import weigh
-from ident.diagnosis.evidence.state import State, settled, solved
+from ident.diagnosis.evidence.settled import settled
+from ident.diagnosis.evidence.state import State, solved
 from ident.diagnosis.rows.signs import sign_column, sign_columns
 from ident.diagnosis.rows.turn_over import Dry, grids, unseen_travel, with_column
 from ident.signals.dry_friction import TurnOver

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, beside_model, orthonormal
+from ident.diagnosis.evidence.metric import Metric, beside_model, orthonormal
 from ident.diagnosis.rows.terms import Scene, Term
 
 TURNS = 5

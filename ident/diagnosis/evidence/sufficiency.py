@@ -9,8 +9,9 @@ from types import MappingProxyType
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Evidence, Metric, weigh
+from ident.diagnosis.evidence.evidence import Evidence, weigh
 from ident.diagnosis.evidence.leading import beside_function
+from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.nameless import Flexible, Signal, flexible, imitation
 from ident.diagnosis.evidence.refine import Refined, refine
 from ident.diagnosis.evidence.state import State

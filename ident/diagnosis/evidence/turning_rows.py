@@ -11,9 +11,11 @@ from dataclasses import replace
 import numpy as np
 import scipy.linalg
 
-from ident.diagnosis.evidence.evidence import Columns, Metric, beside_model, metric, weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import Columns, Metric, beside_model, metric
 from ident.diagnosis.evidence.refine import Refined
-from ident.diagnosis.evidence.state import State, turned
+from ident.diagnosis.evidence.state import State
+from ident.diagnosis.evidence.turned import turned
 from ident.diagnosis.rows.unknown_turns import late_turns, unknown_turns
 from ident.signals.dry_friction import TurnOver
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, whole
+from ident.diagnosis.evidence.metric import Metric, whole
 from ident.diagnosis.evidence.state import State, shown
 from ident.diagnosis.extended.in_a_study import is_told
 from ident.diagnosis.rows.terms import Term

@@ -6,10 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ident.diagnosis.evidence.evidence import Evidence, Metric
+from ident.diagnosis.evidence.evidence import Evidence
 from ident.diagnosis.evidence.leading import leading_metric
+from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.refine import Refined
-from ident.diagnosis.evidence.state import Found, State, without
+from ident.diagnosis.evidence.settled import without
+from ident.diagnosis.evidence.state import Found, State
 from ident.diagnosis.extended.in_a_study import is_told
 from ident.diagnosis.extended.last_fit import Refusal
 from ident.diagnosis.left_over import leftovers

@@ -17,7 +17,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from ident.diagnosis.evidence.evidence import Columns, acting, side_by_side, weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import Columns, acting, side_by_side
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.sufficiency import NEARLY
 from ident.diagnosis.loads.is_a_load import can_be

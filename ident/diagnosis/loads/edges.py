@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, acting, whole
 from ident.diagnosis.evidence.leading import outside_metric
+from ident.diagnosis.evidence.metric import Metric, acting, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.loads.is_a_load import SHORTEST_S

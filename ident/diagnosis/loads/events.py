@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Evidence, Metric, acting, said, whole
+from ident.diagnosis.evidence.evidence import Evidence, said
 from ident.diagnosis.evidence.leading import quiet
+from ident.diagnosis.evidence.metric import Metric, acting, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes, refine
 from ident.diagnosis.evidence.state import Found, State, solved
 from ident.diagnosis.loads.between_runs import between_runs, comparable, one_number_between, says_between

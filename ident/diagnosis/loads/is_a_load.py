@@ -15,18 +15,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import (
-    Columns,
-    Evidence,
-    Metric,
-    acting,
-    side_by_side,
-    side_of,
-    spread,
-    weigh,
-    whole,
-)
+from ident.diagnosis.evidence.evidence import Evidence, weigh
 from ident.diagnosis.evidence.leading import outside_metric
+from ident.diagnosis.evidence.metric import Columns, Metric, acting, side_by_side, side_of, spread, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import State, solved
 from ident.diagnosis.evidence.sufficiency import NEARLY

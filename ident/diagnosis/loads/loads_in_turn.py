@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import whole
+from ident.diagnosis.evidence.metric import whole
 from ident.diagnosis.evidence.state import Found, State, solved
 from ident.diagnosis.loads.edges import edged
 from ident.diagnosis.loads.events import chosen, sized, what

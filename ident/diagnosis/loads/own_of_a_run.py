@@ -8,7 +8,7 @@ from itertools import chain
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Columns
+from ident.diagnosis.evidence.metric import Columns
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.sufficiency import NEARLY
 from ident.diagnosis.rows.terms import Term

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from ident.diagnosis.evidence.evidence import Evidence, Metric, acting, whole
+from ident.diagnosis.evidence.evidence import Evidence
 from ident.diagnosis.evidence.leading import outside_metric
+from ident.diagnosis.evidence.metric import Metric, acting, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import Found, State
 from ident.diagnosis.loads.between_runs import between_runs, comparable

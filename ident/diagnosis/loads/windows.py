@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric
+from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.loads.is_a_load import SHORTEST_S
 from ident.diagnosis.rows.terms import Term

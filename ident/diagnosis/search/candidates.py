@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric
+from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.rows.terms import Term
 from modelgen.effects.effect import Effect

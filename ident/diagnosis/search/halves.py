@@ -13,8 +13,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Columns, Evidence, Metric, metric, unseen, weigh
+from ident.diagnosis.evidence.evidence import Evidence, unseen, weigh
 from ident.diagnosis.evidence.leading import with_hypothesis
+from ident.diagnosis.evidence.metric import Columns, Metric, metric
 from ident.diagnosis.evidence.refine import Refined, refine
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.sufficiency import signals_read, sufficiency, sufficient

@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Columns, Evidence
+from ident.diagnosis.evidence.evidence import Evidence
 from ident.diagnosis.evidence.given import given_fitted
+from ident.diagnosis.evidence.metric import Columns
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.sufficiency import sufficiency, sufficient

@@ -11,9 +11,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
 
-from ident.diagnosis.evidence.evidence import Evidence, side_by_side, weigh
+from ident.diagnosis.evidence.evidence import Evidence, weigh
+from ident.diagnosis.evidence.metric import side_by_side
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
-from ident.diagnosis.evidence.state import Found, State, with_found
+from ident.diagnosis.evidence.settled import with_found
+from ident.diagnosis.evidence.state import Found, State
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import Library
 from ident.diagnosis.search.settling import refined_together

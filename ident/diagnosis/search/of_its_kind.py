@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Metric, beside_model
+from ident.diagnosis.evidence.metric import Metric, beside_model
 from ident.diagnosis.evidence.state import Found, State
 from ident.diagnosis.rows.terms import Term
 

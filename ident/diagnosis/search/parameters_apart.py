@@ -24,8 +24,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Columns, Evidence, Metric, Side, orthonormal, weigh
+from ident.diagnosis.evidence.evidence import Evidence, weigh
 from ident.diagnosis.evidence.given import given_fitted
+from ident.diagnosis.evidence.metric import Columns, Metric, Side, orthonormal
 from ident.diagnosis.evidence.state import Found, State
 from ident.diagnosis.search.halves import on_halves
 from ident.diagnosis.search.of_its_kind import times_noise_of_its_kind

@@ -9,23 +9,14 @@ from itertools import chain, islice, zip_longest
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Evidence, metric, over, weigh, whole
+from ident.diagnosis.evidence.evidence import Evidence, over, weigh
 from ident.diagnosis.evidence.leading import leading_metric
+from ident.diagnosis.evidence.metric import metric, whole
 from ident.diagnosis.evidence.refine import Refined, refine
-from ident.diagnosis.evidence.state import (
-    Found,
-    State,
-    as_late_rows,
-    converged,
-    recolumned,
-    settled,
-    shown,
-    solved,
-    turned,
-    with_found,
-    without,
-)
+from ident.diagnosis.evidence.settled import as_late_rows, converged, settled, with_found, without
+from ident.diagnosis.evidence.state import Found, State, recolumned, shown, solved
 from ident.diagnosis.evidence.sufficiency import short_of
+from ident.diagnosis.evidence.turned import turned
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import Ranking, with_size
 from ident.diagnosis.search.parameters_apart import spoken, spoken_given

@@ -9,9 +9,10 @@ from functools import cache, partial
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import Columns, Evidence, Metric, side_by_side, unseen, weigh
+from ident.diagnosis.evidence.evidence import Evidence, unseen, weigh
 from ident.diagnosis.evidence.given import given_fitted
 from ident.diagnosis.evidence.leading import leading_metric
+from ident.diagnosis.evidence.metric import Columns, Metric, side_by_side
 from ident.diagnosis.evidence.refine import Refined, refine
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.turning_rows import (

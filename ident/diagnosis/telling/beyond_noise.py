@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy.special
 
-from ident.diagnosis.evidence.evidence import orthonormal
+from ident.diagnosis.evidence.metric import orthonormal
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.sufficiency import FORETOLD
 from ident.diagnosis.evidence.turning_rows import keeping_direction

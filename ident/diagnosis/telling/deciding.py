@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.stats
 
-from ident.diagnosis.evidence.evidence import BLOCK_S, FEWEST, rarely
+from ident.diagnosis.evidence.blocks import BLOCK_S, FEWEST, rarely
 from ident.diagnosis.outcome import threshold
 
 ALPHA = 0.01

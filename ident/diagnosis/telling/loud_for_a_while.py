@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.special
 
-from ident.diagnosis.evidence.evidence import block_numbers
+from ident.diagnosis.evidence.blocks import block_numbers
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.sufficiency import FORETOLD
 from ident.diagnosis.rows.whitened import news, whitener

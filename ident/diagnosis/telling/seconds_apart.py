@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import beside_model, orthonormal
+from ident.diagnosis.evidence.metric import beside_model, orthonormal
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.telling.deciding import seconds_needed

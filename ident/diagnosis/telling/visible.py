@@ -28,7 +28,8 @@ import scipy.special
 import scipy.stats
 
 from ident.diagnosis.evidence.absorbed import Dryness, Left, dryness, products
-from ident.diagnosis.evidence.evidence import Columns, Metric, Side, changed, enough, project, weights
+from ident.diagnosis.evidence.blocks import enough, weights
+from ident.diagnosis.evidence.metric import Columns, Metric, Side, changed, project
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.outcome import BUDGET
 from ident.diagnosis.rows.terms import Term

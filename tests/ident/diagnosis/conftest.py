@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "support"))
 
 from small_arm import ARM
 
-from ident.diagnosis.evidence.evidence import metric, stacked
+from ident.diagnosis.evidence.metric import metric, stacked
 from ident.diagnosis.opening import opened
 from ident.diagnosis.rows.rows import Rows
 from ident.diagnosis.rows.whitened import Whitener

@@ -15,8 +15,9 @@ from small_arm import ARM
 import ident
 from benchmarks.planted_faults import DATA
 from ident.diagnosis.diagnosis import diagnose_study, without_explained
-from ident.diagnosis.evidence.evidence import acting, weigh
-from ident.diagnosis.evidence.state import settled
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import acting
+from ident.diagnosis.evidence.settled import settled
 from ident.diagnosis.loads.between_runs import between_runs, says_between
 from ident.diagnosis.loads.events import best_event
 from ident.diagnosis.loads.own_of_a_run import drives_of, one_number, own_columns, zero_columns

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ident.diagnosis.evidence.block_by_block import block_gains
-from ident.diagnosis.evidence.evidence import agree
+from ident.diagnosis.evidence.blocks import agree
 from ident.diagnosis.evidence.state import solved
 from ident.diagnosis.evidence.sufficiency import ask
 from ident.diagnosis.rows.unknown_turns import unknown_turns

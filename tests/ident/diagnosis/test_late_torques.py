@@ -8,7 +8,8 @@ from planted import thinned, with_fault
 
 import ident
 from benchmarks.planted_faults import BASES, DATA, LATE_S, Fault, planted
-from ident.diagnosis.evidence.state import Found, recolumned, with_found
+from ident.diagnosis.evidence.settled import with_found
+from ident.diagnosis.evidence.state import Found, recolumned
 from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold

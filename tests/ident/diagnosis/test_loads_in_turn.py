@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.evidence.evidence import whole
+from ident.diagnosis.evidence.metric import whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import Found, solved
 from ident.diagnosis.loads.edges import edged

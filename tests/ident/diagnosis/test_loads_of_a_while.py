@@ -14,10 +14,12 @@ from benchmarks.exam.make_cases import make_case
 from benchmarks.planted_faults import BASES, DATA, Fault, carried, planted
 from ident.diagnosis import loop
 from ident.diagnosis.diagnosis import diagnose_study
-from ident.diagnosis.evidence.evidence import Evidence, acting, whole
+from ident.diagnosis.evidence.evidence import Evidence
 from ident.diagnosis.evidence.leading import outside_metric
+from ident.diagnosis.evidence.metric import acting, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes, refine
-from ident.diagnosis.evidence.state import Found, settled, with_found
+from ident.diagnosis.evidence.settled import settled, with_found
+from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.loads.events import Event, _says_more, _search, best_event
 from ident.diagnosis.loads.is_a_load import crossed, stands_apart
 from ident.diagnosis.loads.own_of_a_run import zero_columns

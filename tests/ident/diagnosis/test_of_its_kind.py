@@ -9,7 +9,8 @@ import pytest
 
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.evidence.evidence import Metric, weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.rows.rows import Rows
 from ident.diagnosis.search.of_its_kind import times_noise_of_its_kind

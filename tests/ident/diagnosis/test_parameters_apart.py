@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ident.diagnosis.evidence.evidence import Metric, weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.rows.rows import Rows
 from ident.diagnosis.search.parameters_apart import _distances, beside_changes

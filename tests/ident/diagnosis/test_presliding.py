@@ -7,7 +7,7 @@ import pytest
 from dry_arm import opened_dry_arm
 
 from ident.diagnosis.evidence.presliding import _by_rate_alone, _error, told_as_effects
-from ident.diagnosis.evidence.state import settled
+from ident.diagnosis.evidence.settled import settled
 from modelgen.effects.states import integrate_dahl
 
 TAU = 8.3  # of a diagnosis at 1 %

@@ -7,15 +7,9 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from ident.diagnosis.evidence.evidence import (
-    block_sums,
-    enough,
-    orthonormal,
-    rarely,
-    side_by_side,
-    weigh,
-    weights,
-)
+from ident.diagnosis.evidence.blocks import block_sums, enough, rarely, weights
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import orthonormal, side_by_side
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.search.weighing import Weighed, nearly
 

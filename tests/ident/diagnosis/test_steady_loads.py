@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ident.diagnosis.evidence.evidence import acting, weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import acting
 from ident.diagnosis.evidence.refine import refine
 from ident.diagnosis.evidence.sufficiency import short_of
 from ident.diagnosis.loads.is_a_load import by_what_it_needs, cross_evidence, halves_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from dry_arm import one_way, opened_dry_arm
 
-from ident.diagnosis.evidence.state import turned as turned_over
+from ident.diagnosis.evidence.turned import turned as turned_over
 from ident.diagnosis.rows.signs import SignColumns, sign_columns
 from ident.diagnosis.rows.turn_over import SHORTEST, _summit, grids, ways
 from ident.signals.dry_friction import TurnOver, mean_sign

@@ -8,7 +8,8 @@ from dry_arm import opened_dry_arm
 
 import ident
 from benchmarks.false_findings import make
-from ident.diagnosis.evidence.evidence import metric, weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import metric
 from ident.diagnosis.evidence.presliding import _by_rate_alone
 from ident.diagnosis.evidence.refine import refine
 from ident.diagnosis.evidence.turning_rows import WIDTHS, beside_any_turn, without_turning

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 from small_arm import ARM
 
-from ident.diagnosis.evidence.evidence import stacked, weigh
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.evidence.metric import stacked
 from ident.diagnosis.evidence.refine import Refined
-from ident.diagnosis.evidence.state import Found, with_found
+from ident.diagnosis.evidence.settled import with_found
+from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.evidence.turning_rows import turning_alone
 from ident.diagnosis.extended.in_a_study import study_term
 from ident.diagnosis.extended.last_fit import _ended

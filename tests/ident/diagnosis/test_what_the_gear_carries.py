@@ -9,7 +9,9 @@ import pytest
 from benchmarks.closing_twice import ARM
 from ident.diagnosis.diagnosis import diagnose_study
 from ident.diagnosis.evidence.refine import refine
-from ident.diagnosis.evidence.state import Found, turned, with_found
+from ident.diagnosis.evidence.settled import with_found
+from ident.diagnosis.evidence.state import Found
+from ident.diagnosis.evidence.turned import turned
 from ident.diagnosis.opening import opened
 from ident.diagnosis.rows.steps import multiplies_sign, steps
 from ident.diagnosis.rows.terms import Term

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from ident.diagnosis.evidence.absorbed import Dryness, dryness, products
-from ident.diagnosis.evidence.evidence import metric, stacked, weigh
+from ident.diagnosis.evidence.evidence import weigh
 from ident.diagnosis.evidence.given import given_fitted
-from ident.diagnosis.evidence.state import solved, turned
+from ident.diagnosis.evidence.metric import metric, stacked
+from ident.diagnosis.evidence.state import solved
+from ident.diagnosis.evidence.turned import turned
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import Library

@@ -9,7 +9,7 @@ import scipy.stats
 import sympy as sp
 
 from benchmarks.closing_twice import ARM
-from ident.diagnosis.evidence.evidence import enough
+from ident.diagnosis.evidence.blocks import enough
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.telling.deciding import seconds_needed
 from ident.diagnosis.telling.requests import request_of, separating_command

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from benchmarks.closing_twice import ARM
-from ident.diagnosis.evidence.evidence import BLOCK_S, FEWEST, enough
+from ident.diagnosis.evidence.blocks import BLOCK_S, FEWEST, enough
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.telling.deciding import NOTHING, SoFar
 from ident.excitation.known import ROWS_HZ, as_motion, known_robot, term_of
