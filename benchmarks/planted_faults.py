@@ -493,7 +493,7 @@ def table(folder: Path) -> str:
 
 def page(folder: Path, commit: str) -> str:
     """Markdown: what is said of every robot as it is, and the table of faults."""
-    from ident.report.diagnosis_words import told, verdict
+    from ident.report.verdict_words import told, verdict
 
     lines = [
         "# Measured robots",

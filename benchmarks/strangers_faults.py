@@ -246,7 +246,7 @@ def log_of(base: Base, how: How, rng: np.random.Generator) -> Log:
 def asked(log: Log, folder: Path, diagnose: bool, motion: Table, limit: int) -> dict[str, Any]:
     """What ident says of the log, written into a folder."""
     import ident
-    from ident.report.diagnosis_words import told, verdict
+    from ident.report.verdict_words import told, verdict
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, table in log.tables.items():

@@ -90,7 +90,8 @@ def diagnose(
         diagnosis = ident.diagnose(loaded, progress=progress, memory=memory)
         progress("writing plots and report")
         diagnosis.write(stage, output)
-    from ident.report.diagnosis_words import before_and_after, told, verdict, visible_in_words
+    from ident.report.finding_words import before_and_after, visible_in_words
+    from ident.report.verdict_words import told, verdict
 
     document = diagnosis.document(output)
     say_notes(diagnosis.result.first.columns.model.notes)

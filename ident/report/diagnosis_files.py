@@ -15,8 +15,8 @@ from ident.recordings.study import expand
 from ident.report.compensation import write_model
 from ident.report.diagnosis_plots import draw_all
 from ident.report.diagnosis_result import page_of
-from ident.report.diagnosis_words import before_and_after
 from ident.report.files import fit_document, write_csv, write_document
+from ident.report.finding_words import before_and_after
 from ident.report.render import write
 from modelgen.errors import ModelgenError
 

@@ -7,7 +7,7 @@ from typing import Any
 from ident.diagnosis import Diagnosis
 from ident.report.diagnosis_report import View, binned_median
 from ident.report.diagnosis_result import views_of
-from ident.report.diagnosis_words import effect_name, held_out, place
+from ident.report.finding_words import effect_name, held_out, place
 from ident.report.wording import percent, readable_unit
 
 BEFORE, AFTER = "#d9822b", "#1f6fc4"

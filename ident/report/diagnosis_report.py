@@ -7,25 +7,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ident.report.diagnosis_words import (
+from ident.report.finding_words import (
     effect_name,
     evidence_in_words,
     finding_sentence,
     held_out,
-    left_in_words,
     mind_in_words,
     place,
     rivals_in_words,
     sides_in_words,
-    told,
-    unexplained_sentence,
-    verdict,
     visible_in_words,
     visible_size,
     where,
 )
 from ident.report.fit_report import remarks
 from ident.report.page import Block, Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
+from ident.report.unexplained_words import unexplained_sentence
+from ident.report.verdict_words import left_in_words, told, verdict
 from ident.report.wording import number, percent, readable_unit
 
 BINS = 60

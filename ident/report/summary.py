@@ -50,7 +50,8 @@ def fit_table(result: FitResult) -> str:
 
 def diagnosis_summary(document: Mapping[str, Any]) -> str:
     """Checks, verdict, findings, what is unexplained, errors before and after."""
-    from ident.report.diagnosis_words import before_and_after, told, verdict
+    from ident.report.finding_words import before_and_after
+    from ident.report.verdict_words import told, verdict
 
     names = names_of(document)
     parts = [f"{document['robot']}, model {document['model']}"]
@@ -64,7 +65,7 @@ def diagnosis_table(document: Mapping[str, Any]) -> str:
     from html import escape
 
     from ident.report.diagnosis_report import error_section
-    from ident.report.diagnosis_words import told, verdict
+    from ident.report.verdict_words import told, verdict
 
     found = "".join(f"<li>{escape(text)}</li>" for text in told(document))
     blocks = error_section(document).blocks

@@ -13,7 +13,7 @@ is one column; what that says on the judged rows is compared with what an effect
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache, partial
 
 import numpy as np
@@ -21,6 +21,7 @@ import numpy as np
 from ident.cores import in_order
 from ident.diagnosis.evidence.evidence import Evidence, weigh
 from ident.diagnosis.evidence.metric import Metric
+from ident.diagnosis.evidence.signals import Signals, scaled, signals_of, within
 from ident.equations.fine import FineSegment
 
 LAMBDAS = np.geomspace(1e-4, 1e6, 41)
@@ -30,15 +31,6 @@ SHORT = 60_000  # fine samples, five minutes: up to there what is made is kept, 
 FEW = 5_000  # rows of which the columns of all groups are kept: a fifth of a gigabyte
 UNSEEN = 1e-9  # share of a column's squares on the fitted rows
 WAVES = 3  # peaks of the residual's spectrum over the position
-
-
-@dataclass(frozen=True, slots=True)
-class Signals:
-    """What functions are made of, one array a segment: name -> values (N,), scaled to about one."""
-
-    own: dict[str, list[np.ndarray]]
-    others: dict[str, list[np.ndarray]]
-    rate_widths: tuple[float, ...]  # of signs of the scaled rate
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,77 +47,6 @@ class Flexible:
     others: tuple[tuple[str, float], ...] = ()
     room: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     fitted: float = -np.inf
-
-
-def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:
-    """Scaled signals of a joint (0-based) and of the others; load (N,) per segment [N m]."""
-    n = segments[0].q.shape[1]
-    number = joint + 1
-    own = {
-        f"q{number}": _scaled([s.q[:, joint] for s in segments], True),
-        f"dq{number}": _scaled([s.dq[:, joint] for s in segments], False),
-        f"ddq{number}": _scaled([s.ddq[:, joint] for s in segments], False),
-        "tau": _scaled(list(load), False),
-        "t": _scaled([s.t for s in segments], True),
-    }
-    for name, parts in _memory(segments, joint).items():
-        own[name] = _scaled(parts, False)
-    others = {}
-    for k in range(n):
-        if k != joint:
-            others[f"q{k + 1}"] = _scaled([s.q[:, k] for s in segments], True)
-            others[f"dq{k + 1}"] = _scaled([s.dq[:, k] for s in segments], False)
-            others[f"ddq{k + 1}"] = _scaled([s.ddq[:, k] for s in segments], False)
-    speed = np.abs(np.concatenate(own[f"dq{number}"]))
-    low = float(np.quantile(speed, 0.05))
-    return Signals(own, others, tuple(np.geomspace(max(low, 3e-3), 0.5, 4)))
-
-
-def _scaled(parts: Sequence[np.ndarray], centre: bool) -> list[np.ndarray]:
-    """To at most one, about zero or about the middle of their range."""
-    whole = np.concatenate(list(parts))
-    middle = 0.5 * (whole.max() + whole.min()) if centre else 0.0
-    reach = max(float(np.abs(whole - middle).max()), 1e-12)
-    return [(part - middle) / reach for part in parts]
-
-
-def _within(signals: Signals, m: Metric, segments: Sequence[FineSegment]) -> Signals:
-    """Held at the ends of what the fitted rows saw: a function says nothing of what lies beyond."""
-    ends = np.cumsum([s.rows for s in segments])
-    seen = [bool(m.fitted.mask[end - s.rows : end].any()) for s, end in zip(segments, ends)]
-
-    def held(parts: list[np.ndarray]) -> list[np.ndarray]:
-        known = [part for part, its in zip(parts, seen) if its] or parts
-        low, high = min(part.min() for part in known), max(part.max() for part in known)
-        return [np.clip(part, low, high) for part in parts]
-
-    return replace(
-        signals,
-        own={name: held(parts) for name, parts in signals.own.items()},
-        others={name: held(parts) for name, parts in signals.others.items()},
-    )
-
-
-def _memory(segments: Sequence[FineSegment], joint: int) -> dict[str, list[np.ndarray]]:
-    """What a joint can remember of its last reversal: travel and age since then, each fading, with its
-    sign."""
-    whole = np.concatenate([s.q[:, joint] for s in segments])
-    reach = max(float(np.ptp(whole)), 1e-9)
-    out: dict[str, list[np.ndarray]] = {"memory": [], "memory_near": [], "memory_late": [], "memory_fast": []}
-    for s in segments:
-        dq, step = s.dq[:, joint], 1.0 / s.rate_hz
-        sign = np.sign(dq)
-        turned = np.flatnonzero(np.diff(sign, prepend=sign[0]) != 0)
-        last = np.zeros(len(dq), int)
-        last[turned] = turned
-        last = np.maximum.accumulate(last)
-        travel = np.abs(s.q[:, joint] - s.q[last, joint])
-        age = (np.arange(len(dq)) - last) * step
-        out["memory"].append(sign * np.exp(-travel / (0.1 * reach)))
-        out["memory_near"].append(sign * np.exp(-travel / (0.01 * reach)))
-        out["memory_late"].append(sign * np.exp(-age / 0.5))
-        out["memory_fast"].append(sign * np.exp(-age / 0.1))
-    return out
 
 
 def _basis(name: str, x: np.ndarray, widths: Sequence[float]) -> np.ndarray:
@@ -238,7 +159,7 @@ def flexible(
     where they are given; None below `wanted` nats. One in each noise: the columns are made once for all, and
     those of few rows kept in `made` for the next noise."""
     one = metrics[0]
-    signals = _within(signals_of(segments, joint, load), one, segments)
+    signals = within(signals_of(segments, joint, load), one, segments)
 
     def on_rows(made: Made) -> np.ndarray:
         Z = np.concatenate([s.decimate(made(k), joint) for k, s in enumerate(segments)])
@@ -305,8 +226,8 @@ def imitation(
     """(M,) the polynomial in a signal that comes nearest to a torque (M,) on all rows, as it tells no torque;
     with a joint whose `rate` it reads, too, also times its sign and times itself. (No hats: what bends at a
     point is all new to a whitener of smooth noise.)"""
-    scaled = _scaled([signal(s) for s in segments], True)
-    made = [np.polynomial.legendre.legvander(x, BENDS) for x in scaled]
+    unit = scaled([signal(s) for s in segments], True)
+    made = [np.polynomial.legendre.legvander(x, BENDS) for x in unit]
     if rate is not None:
         by = [(s.sign_dq[:, rate, None], s.dq[:, rate, None]) for s in segments]
         made = [np.hstack([z, *(z * x for x in factors)]) for z, factors in zip(made, by)]

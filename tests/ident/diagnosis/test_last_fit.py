@@ -12,7 +12,7 @@ from ident.diagnosis.extended import compared_exactly, last_fit
 from ident.diagnosis.extended.last_fit import _p_told, _vague, first_extended
 from ident.equations.observation import ChannelFactor, stack
 from ident.estimation.least_squares import weighted_least_squares
-from ident.report.diagnosis_words import unexplained_sentence
+from ident.report.unexplained_words import unexplained_sentence
 from modelgen.effects import catalogue
 
 

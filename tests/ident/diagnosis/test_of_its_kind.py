@@ -16,7 +16,7 @@ from ident.diagnosis.rows.rows import Rows
 from ident.diagnosis.search.of_its_kind import times_noise_of_its_kind
 from ident.diagnosis.search.parameters_apart import beside_changes
 from ident.recordings.study import load_study
-from ident.report.diagnosis_words import unexplained_sentence
+from ident.report.unexplained_words import unexplained_sentence
 
 TAU, M = 8.3, 2400
 Q = np.concatenate([2 * np.sin(np.linspace(0, 9 * np.pi, M // 2)), 2 * np.cos(np.linspace(0, 7, M // 2))])

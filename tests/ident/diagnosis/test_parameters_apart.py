@@ -11,7 +11,7 @@ from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.rows.rows import Rows
 from ident.diagnosis.search.parameters_apart import _distances, beside_changes
-from ident.report.diagnosis_words import unexplained_sentence
+from ident.report.unexplained_words import unexplained_sentence
 
 TAU, M, WAVES = 8.3, 2400, 30
 

@@ -38,7 +38,8 @@ from ident.estimation.found_effects import found_effects
 from ident.examination.check import Check
 from ident.examination.undone import unsettled
 from ident.recordings.study import load_study
-from ident.report.diagnosis_words import unexplained_sentence, verdict
+from ident.report.unexplained_words import unexplained_sentence
+from ident.report.verdict_words import verdict
 from modelgen.effects import catalogue
 from modelgen.effects.place import Place
 

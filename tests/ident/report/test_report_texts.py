@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 
 from ident.report.diagnosis_report import View, binned_median, diagnosis_page
-from ident.report.diagnosis_words import (
-    evidence_in_words,
-    finding_sentence,
-    separated_in_words,
-    told,
-    unexplained_sentence,
-)
-from ident.report.diagnosis_words import verdict as diagnosis_verdict
+from ident.report.finding_words import evidence_in_words, finding_sentence, separated_in_words
 from ident.report.fit_report import Curve, fit_page
 from ident.report.page import Table
 from ident.report.render import render
+from ident.report.unexplained_words import unexplained_sentence
+from ident.report.verdict_words import told
+from ident.report.verdict_words import verdict as diagnosis_verdict
 from ident.report.wording import meaning, number, percent, readable_rule, with_deviation
 
 FIT = {

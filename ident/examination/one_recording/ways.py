@@ -1,0 +1,170 @@
+"""Every way in which a signal of one recording may be another one, and what that explains."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from ident.examination.check import listed
+from ident.examination.fits.hypothesis import (
+    CLEARLY,
+    SWAPPED,
+    Asked,
+)
+from ident.examination.fits.quick import Quick, added, solve
+from ident.examination.fits.samples import LAGS, Sample
+from ident.examination.fits.stretches import Explained
+from ident.examination.one_recording.another_torque import Reading, Sums, readings
+from ident.examination.one_recording.changed import Changed, unsigned
+from ident.examination.positions.coupled import held
+from ident.examination.positions.places import along, exchanged
+from ident.examination.positions.units import DEGREES, POSITION_FACTORS, times_too
+from ident.examination.torques.delays import hidden_s
+from ident.examination.torques.signs import all_signs
+from ident.examination.torques.weightless import every, felt, without_gravity
+
+OFFSETS = (*(sign * x for x in (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2) for sign in (1, -1)), np.pi)  # rad
+OWN = "give this recording a columns: of its own in the study"
+
+
+def torques_in_one(asked: Asked, whole: Quick, before: Explained) -> Iterator[Changed]:
+    sums = Sums.of(whole, asked.how)
+    for k, sample in enumerate(whole.samples):
+        told = list(readings(asked, sums, k, before.fit))
+        most = max((gain for gain, _ in told), default=0.0)
+        for gain, reading in told:
+            if gain > max(most - SWAPPED, 0.0):
+                its = _read(whole, asked, sample, reading)
+                if not all_signs(replace(asked, quick=its.explained.quick, fit=its.explained.fit)):
+                    yield its  # or it is the other recordings
+        yield from _late(asked, whole, k)
+    yield from unsigned(asked, whole, [s.label for s in whole.samples])
+
+
+def _read(whole: Quick, asked: Asked, sample: Sample, its: Reading) -> Changed:
+    explained = _taken(asked, whole, sample, sample.read(its.source, its.factor))
+    remedy = _own_line(asked, sample, its.changes)
+    return Changed(sample.label, its.signals, its.check, its.words, remedy, explained, its.least, its.drives)
+
+
+def _late(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:
+    """Each torque of recording k, or all, at the time at which the others foretell it best."""
+    s, how = whole.samples[k], asked.how
+    own = s.read(how.order, how.factor)
+    rest = added([its for i, its in enumerate(whole.each) if i != k])
+    predicted = s.predicted(solve(rest, None, how).chi)
+    left = np.sqrt((s.weight * (own.late - predicted) ** 2).sum(axis=1))  # (lags, C)
+    for which in every(asked.seen):
+        lag = int(np.argmin(np.log(np.maximum(left[:, which], 1e-300)).sum(axis=1)))
+        seconds = LAGS[lag]
+        if abs(seconds) == max(LAGS) or abs(seconds) < hidden_s(asked, which):  # more is better, or hidden
+            continue
+        places = [how.order[c] for c in which]
+        Y = s.Y.copy()
+        Y[:, places] = s.late[lag][:, places]
+        names = asked.names(which)
+        words = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(seconds):g} s "
+        words += f"{'after' if seconds > 0 else 'before'} the positions"
+        explained = _taken(asked, whole, s, replace(s, Y=Y))
+        yield Changed(s.label, names, "channel_delay", words, "record both with one clock", explained)
+
+
+def _own_line(asked: Asked, sample: Sample, changes: Mapping[str, Mapping[str, Any]]) -> str:
+    """Of the study, with columns of the recording's own."""
+    return f"recordings: [{{name: {json.dumps(sample.label)}, {asked.line(changes)}}}]"
+
+
+def _taken(asked: Asked, whole: Quick, sample: Sample, other: Sample) -> Explained:
+    """All recordings fitted together with another sample in the place of one."""
+    return Explained.by(whole.of([other if s is sample else s for s in whole.samples]), asked.how)
+
+
+def weightless_in_one(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    for sample in whole.samples:
+        for which in every([c for c in felt(whole) if c in asked.seen]):
+            names = asked.names(which)
+            words = f"{listed(names)} {'does' if len(names) == 1 else 'do'} not feel gravity"
+            explained = Explained.by(without_gravity(whole, which, sample.label), asked.how)
+            remedy = "log that recording with the controller's gravity torque"
+            yield Changed(sample.label, names, "gravity_compensated", words, remedy, explained)
+
+
+def positions_in_one(asked: Asked, whole: Quick) -> Iterator[Changed]:
+    for sample in whole.samples:
+        for joint in range(len(asked.joints)):
+            yield from _position(asked, whole, sample, joint)
+        yield from _joints(asked, whole, sample)
+
+
+def _joints(asked: Asked, whole: Quick, sample: Sample) -> Iterator[Changed]:
+    """Two positions of one recording exchanged, alone or with their torques; a joint's position and torque
+    with the other sign, or those of all joints."""
+    columns, how, n = whole.columns, asked.how, len(asked.joints)
+    channels, joint_of, labels = range(len(how.order)), np.array(columns.joint_of, int), asked.joints
+
+    def told(
+        check: str, words: str, moved: Sample, source: Sequence[int], factor: np.ndarray, changes: dict
+    ) -> Changed:
+        order, factors = np.arange(len(channels)), np.ones(len(channels))
+        order[list(how.order)], factors[list(how.order)] = np.array(how.order)[list(source)], factor
+        explained = _taken(asked, whole, sample, moved.read(order.tolist(), factors))
+        line = _own_line(asked, sample, changes)
+        return Changed(sample.label, tuple(changes), check, words, line, explained)
+
+    for a, b in combinations(range(n), 2):
+        moved, source = sample.moved(columns, exchanged(n, a, b)), along(columns, exchanged(n, a, b))
+        one, other = f"q{labels[a]}", f"q{labels[b]}"
+        changes: dict[str, dict] = {one: {"of": other}, other: {"of": one}}
+        words = f"{one} and {other} look swapped"
+        yield told("swapped_signals", words, moved, channels, np.ones(len(channels)), changes)
+        if source is not None:
+            words = f"joints {labels[a]} and {labels[b]} look swapped, positions and torques"
+            changes |= {asked.name(c): {"of": asked.name(k)} for c, k in enumerate(source) if c != k}
+            factor = asked.gains / asked.gains[source]
+            yield told("swapped_signals", words, moved, source, factor, changes)
+    for its in every(range(n)):
+        turned = np.isin(np.arange(n), its)
+        own = np.flatnonzero(turned[joint_of])
+        names = (*(f"q{labels[j]}" for j in its), *asked.names(own))
+        words = "all positions and torques have" if len(its) == n > 1 else f"{listed(names)} have"
+        moved, factor = sample.moved(columns, factor=np.where(turned, -1.0, 1.0)), np.ones(len(channels))
+        factor[own] = -1.0
+        changes = {name: {"sign": -1} for name in names}
+        yield told("position_sign", f"{words} the other sign", moved, channels, factor, changes)
+
+
+def _position(asked: Asked, whole: Quick, sample: Sample, joint: int) -> Iterator[Changed]:
+    """One position of one recording, moved in all ways that are ordinary."""
+    name, columns = f"q{asked.joints[joint]}", whole.columns
+    its = np.arange(len(asked.joints)) == joint
+
+    def changed(check: str, words: str, remedy: str, **motion: float) -> Changed:
+        factor, offset = (
+            np.where(its, motion.get(key, none), none) for key, none in (("factor", 1.0), ("offset", 0.0))
+        )
+        explained = _taken(asked, whole, sample, sample.moved(columns, factor=factor, offset=offset))
+        return Changed(sample.label, (name,), check, f"{name} {words}", remedy, explained)
+
+    def line(**change: float) -> str:
+        return _own_line(asked, sample, {name: change})
+
+    yield changed("position_sign", "has the other sign", line(sign=-1), factor=-1.0)
+    if asked.joints[joint] in columns.model.prismatic:
+        return
+    yield changed("angle_unit", "is in degrees", line(scale=DEGREES), factor=DEGREES)
+    for factor in POSITION_FACTORS:
+        yield changed("angle_unit", f"is {times_too(1 / factor)}", line(scale=factor), factor=factor)
+    for offset in OFFSETS:
+        words = f"starts from another zero, about {-offset:.2g} rad off"
+        remedy = f"{OWN} with {{{name}: {{offset: {offset:.3g}}}}}"  # no line: known to some degrees only
+        yield replace(changed("position_zero", words, remedy, offset=offset), least=CLEARLY)
+    for too in held(columns):
+        if too.j == joint:
+            explained = _taken(asked, whole, sample, too.without(columns, sample))
+            remedy = f"{too.remedy} of that recording"
+            yield Changed(sample.label, (name,), "coupled_position", too.words, remedy, explained)

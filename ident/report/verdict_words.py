@@ -1,0 +1,135 @@
+"""What a diagnosis says first: what is found, what stands against it, what is left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ident.report.finding_words import (
+    by_examination,
+    effect_name,
+    finding_sentence,
+    place,
+    rival_place,
+    rows_in_words,
+    sides_in_words,
+)
+from ident.report.unexplained_words import unexplained_sentence
+from ident.report.wording import joined, number, percent, worse_elsewhere
+
+
+def verdict(document: Mapping[str, Any]) -> str:
+    """The diagnosis in a sentence or two that an engineer can act on."""
+    told = [f for f in document["findings"] if by_examination(f)]
+    found = [f for f in document["findings"] if not by_examination(f)]
+    sure = [f for f in found if f.get("grade") != "partly"]
+    partly = [f for f in found if f.get("grade") == "partly"]
+    sentences, worse = [], worse_elsewhere(document["error_percent"]["after"])
+    for fault in document.get("unsettled", ())[:1]:
+        first = (
+            "Correct the robot file first, in whose equations all else is told"
+            if fault["robot_file"]
+            else "Settle first what was recorded, as all else is told with it in the data"
+        )
+        where = f"{fault['recording']}: " if fault["recording"] else ""
+        sentences.append(f"{first}: {where}{fault['message'].rstrip('.')}.")
+    if told:
+        sentences.append(f"The data are not what the study says: {_named(told)}.")
+    if sure:
+        sentences.append(f"The model lacks {_named(sure)}.")
+    if partly:
+        sentences.append(f"What is left is partly explained by {_named(partly)}.")
+    if unexplained := document["unexplained"]:
+        places = joined(list(dict.fromkeys(f"{place(u['joints'])} ({u['channel']})" for u in unexplained)))
+        opening = "Structure is left that" if sentences else "There is structure in the residual that"
+        sentences.append(f"{opening} no known effect explains, on {places}.")
+    if not sentences:
+        hints = [hint_sentence(document, hint) for hint in document.get("hints") or ()]
+        nothing = "The model lacks nothing that these recordings show."
+        unsure = "These recordings do not confirm that the model lacks anything, nor that it lacks nothing."
+        quiet = not (hints or _above_noise(document) or worse)
+        sentences = [nothing if quiet else unsure, *hints, left_in_words(document)]
+    elif above := _above_noise(document):
+        sentences.append(_beyond_noise(document, above))
+    return " ".join([*sentences, *worse])
+
+
+def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:
+    """What may be there, and why it is not told."""
+    judged = document.get("judged") or {}
+    asked = judged.get("log_e_asked")
+    against = "" if asked is None else f", where {number(asked, 2)} is asked"
+    rivals = joined([f"{effect_name(r['effect'])} on {rival_place(r)}" for r in hint.get("equivalent") or ()])
+    instead = f", or instead at {rivals}," if rivals else ""
+    rows = rows_in_words(judged) + ("," if judged.get("apart") else "")
+    return (
+        f"They hint at {effect_name(hint['effect'])} on {rival_place(hint)}{instead} with "
+        f"log E = {number(hint['log_e'], 2)}{against}; it is not told because only {hint['blocks_for']} of "
+        f"{hint['blocks']} blocks of {rows} speak for it. A longer run to judge it by would tell."
+    )
+
+
+def _above_noise(document: Mapping[str, Any]) -> list[str]:
+    """Channels of which nothing is told and whose error on the fitted runs is more than noise, the worst
+    first."""
+    after, white = document["error_percent"]["after"]["identify"], document.get("white_noise_percent", {})
+    told = [*document["findings"], *document["unexplained"]]
+    known = {"total", *(f"{item['channel']}{joint}" for item in told for joint in item["joints"])}
+    above = (n for n in after if n not in known and white.get(n) and (after[n] or 0.0) > NOISY * white[n])
+    return sorted(above, key=lambda n: -after[n] / white[n])
+
+
+def left_in_words(document: Mapping[str, Any]) -> str:
+    """What the last fit leaves of the fitted runs, against white noise where that can be read."""
+    after, white = document["error_percent"]["after"]["identify"], document.get("white_noise_percent", {})
+    channels = [name for name in after if name != "total" and after[name] is not None]
+    seen = [name for name in channels if white.get(name)]
+    if not seen:
+        return (
+            f"{percent(after['total'])} of the torque is left on the fitted runs; whether that is noise is "
+            "not known: no noise can be read off these recordings."
+        )
+    if above := _above_noise(document):
+        return _beyond_noise(document, above)
+    if len(seen) == len(channels):
+        return (
+            "What is left looks like noise: no torque keeps more than 1.5 times the white noise that can be "
+            "in it."
+        )
+    rest = joined([name for name in channels if name not in seen])
+    return f"What is left of {joined(seen)} looks like noise; for {rest} no noise can be read."
+
+
+def _beyond_noise(document: Mapping[str, Any], above: Sequence[str]) -> str:
+    """What is left of channels (`_above_noise`) that nothing is told of."""
+    after, white = document["error_percent"]["after"]["identify"], document["white_noise_percent"]
+    worst, *others = above
+    beyond = (after[worst] ** 2 - white[worst] ** 2) ** 0.5
+    more = f", and more than 1.5 times its own in {joined(others)}" if others else ""
+    return (
+        f"{percent(after[worst])} of {worst} is left on the fitted runs where white noise alone would leave "
+        f"{percent(white[worst])}: {percent(beyond)} of the torque is beyond it{more}, slow noise or what "
+        "these motions do not tell from it."
+    )
+
+
+def _named(findings: Sequence[Mapping[str, Any]], most: int = 3) -> str:
+    """The effects, strongest first, each with all its joints; no more than `most` of them by name."""
+    joints: dict[str, list[int]] = {}
+    for item in findings:
+        joints.setdefault(item["effect"], []).extend(item["joints"])
+    named = [f"{effect_name(name)} on {place(sorted(set(numbers)))}" for name, numbers in joints.items()]
+    if len(named) > most:
+        more = len(named) - most
+        named = [*named[:most], f"{more} more effects" if more > 1 else "one more effect"]
+    return joined(named)
+
+
+def told(document: Mapping[str, Any]) -> list[str]:
+    """A sentence for each finding, then for each unexplained structure."""
+    return [finding_sentence(document, finding) for finding in document["findings"]] + [
+        unexplained_sentence(item, sides_in_words(document)) for item in document["unexplained"]
+    ]
+
+
+NOISY = 1.5  # times its white noise, up to which what is left is called noise: as far as that may be off
