@@ -123,7 +123,7 @@ def _beside(prepared: Prepared, its: InTurn, found: Sequence[Check]) -> list[Che
     alone = list(another_signal(asked, ())) if apart and not its.odd else []
     alone = alone or list(recordings_unlike(asked, apart))
     beside = alone or _first((clean, lambda: frictionless(asked)), (quiet, lambda: unexplained(asked)))
-    badly = not found and _foretold_badly(prepared, asked)
+    badly = not found and _judged_badly(prepared, asked)
     if alone and badly:
         beside = _carried(asked) or alone
     beside = beside or _first(
@@ -149,7 +149,7 @@ def _beside(prepared: Prepared, its: InTurn, found: Sequence[Check]) -> list[Che
     return beside
 
 
-def _foretold_badly(prepared: Prepared, asked: Asked) -> bool:
+def _judged_badly(prepared: Prepared, asked: Asked) -> bool:
     """Whether the recordings that judge are, and no table shows that a position is wrong."""
     held = asked.fit.validate
     elsewhere = any(c.hint and c.signals[0][0] == "q" for s in prepared.streams for c in s.checks)

@@ -52,11 +52,11 @@ def in_turn(prepared: Prepared, asked: Asked) -> InTurn:
         if best is None:
             return its
         here = its.asked
-        near = [*in_its_place(prepared, here, best, told), *unrecorded(here, best)]
         its = replace(its, found=(*its.found, best.check), gained=its.gained + best.gain)
         ends = here.of_robot(best) or best.check.check in ("unrelated_torque", "dead_channel")
         if ends or best.check.outcome == "refused":  # nothing here that later questions could stand on
             return replace(its, ended=True)
+        near = [*in_its_place(prepared, here, best, told), *unrecorded(here, best)]
         its = replace(its, asked=here.after(best))
     return its
 

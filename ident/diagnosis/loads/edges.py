@@ -58,9 +58,10 @@ def _ends(start: float | None, stop: float | None) -> tuple[float, float]:
 
 
 def _as_before(one: Place, other: Place, hop: float) -> bool:
-    """Whether two windows have the same edges, but for a row."""
+    """Whether two windows have the same edges, but for a row. (An end of the recording is another edge than
+    one that is found in it: the window with which a load that was told to the end ends before was left.)"""
     pairs = ((one.start, other.start), (one.stop, other.stop))
-    return all(a is None or b is None or abs(a - b) < hop for a, b in pairs)
+    return all(a == b or (a is not None and b is not None and abs(a - b) < hop) for a, b in pairs)
 
 
 def moved(
@@ -126,6 +127,6 @@ def edged(m: Metric, state: State, r: Refined) -> Refined:
 
 def _with_edge(m: Metric, state: State, term: Term, which: str, at: float) -> Refined:
     place = replace(term.place, **{which: at})  # type: ignore[arg-type]
-    moved = replace(term, place=place)
-    columns = state.scene.columns(moved)
-    return Refined(moved, columns, *(fit_sizes(m, columns) if columns else (np.zeros(0), -np.inf)))
+    its = replace(term, place=place)
+    columns = state.scene.columns(its)
+    return Refined(its, columns, *(fit_sizes(m, columns) if columns else (np.zeros(0), -np.inf)))

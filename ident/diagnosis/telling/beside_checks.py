@@ -14,6 +14,7 @@ from ident.examination.check import Check
 from ident.examination.undone import undoing
 from ident.recordings.study import Study
 from modelgen.effects import catalogue
+from modelgen.effects.effect import Effect
 
 
 def beside_faults(findings: Sequence[Finding], standing: Sequence[Check]) -> tuple[Finding, ...]:
@@ -30,8 +31,7 @@ def beside_faults(findings: Sequence[Finding], standing: Sequence[Check]) -> tup
 def not_found(checks: Sequence[Check], findings: Sequence[Finding]) -> tuple[Check, ...]:
     """Checks that tell an effect, which nothing undid and which no finding is: these stand. (A rokae's third
     torque is 0.05 s late, said a check, and "fitted where judging runs show it": they did not.)"""
-    effects = {name for e in catalogue().values() for name in e.told_by}
-    told = (c for c in checks if c.check in effects and c.outcome == "warned" and not c.hint)
+    told = (c for c in checks if _effects_of(c) and c.outcome == "warned" and not c.hint)
     return tuple(c for c in told if undoing(c) is None and not any(_told_of(f, c) for f in findings))
 
 
@@ -39,10 +39,9 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
     """Faults that the examination undid, as findings: the effect that declares to be told by such a check."""
     if mended is None:
         return ()
-    by_check = {name: e for e in catalogue().values() for name in e.told_by}
     out = []
     for check in checks:
-        effect = by_check.get(check.check)
+        effect = next(iter(_effects_of(check)), None)
         if effect is None or check.hint or undoing(check) is None:
             continue
         values: dict[str, dict[str, Any]] = {}
@@ -125,6 +124,11 @@ def _told_of(f: Finding, check: Check) -> set[tuple[str, int]]:
     signals = {_read(name) for name in check.signals}
     of_it = not f.joints or bool(signals & _torques_of(f))
     return signals if of_it and check.check in catalogue()[f.effect].told_by else set()
+
+
+def _effects_of(check: Check) -> list[Effect]:
+    """Those that are told by such a check."""
+    return [effect for effect in catalogue().values() if check.check in effect.told_by]
 
 
 def _torques_of(f: Finding) -> set[tuple[str, int]]:

@@ -33,7 +33,7 @@ from ident.examination.fits.stretches import HALF, RARE, Explained, all_rows, st
 from ident.examination.fits.unexplained import apart_by_one_fit, odd_beside
 from ident.examination.one_recording.another_clock import clocks
 from ident.examination.one_recording.changed import Changed, positions_in_all, torques_in_all
-from ident.examination.one_recording.ways import positions_in_one, torques_in_one, weightless_in_one
+from ident.examination.one_recording.changed_in_one import positions_in_one, torques_in_one, weightless_in_one
 from ident.examination.rivals.recordings_apart import thinned
 from ident.examination.rivals.rivals import alike, standing
 from modelgen.geometry.kinematics import Geometry
