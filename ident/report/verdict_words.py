@@ -69,47 +69,69 @@ def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:
     )
 
 
+def _left(document: Mapping[str, Any]) -> dict[str, float]:
+    """{channel: percent} that the last fit leaves of the fitted runs where joints move: the noise floor of
+    what nothing is told of. Friction at rest is anything, which no model foretells."""
+    after, floor = document["error_percent"]["after"]["identify"], document.get("noise_floor_percent", {})
+    return {name: floor.get(name) or value for name, value in after.items() if value is not None}
+
+
 def _above_noise(document: Mapping[str, Any]) -> list[str]:
-    """Channels of which nothing is told and whose error on the fitted runs is more than noise, the worst
-    first."""
-    after, white = document["error_percent"]["after"]["identify"], document.get("white_noise_percent", {})
+    """Channels of which nothing is told and that keep more than noise on the fitted runs, the worst first."""
+    left, white = _left(document), document.get("white_noise_percent", {})
     told = [*document["findings"], *document["unexplained"]]
     known = {"total", *(f"{item['channel']}{joint}" for item in told for joint in item["joints"])}
-    above = (n for n in after if n not in known and white.get(n) and (after[n] or 0.0) > NOISY * white[n])
-    return sorted(above, key=lambda n: -after[n] / white[n])
+    above = (n for n in left if n not in known and white.get(n) and left[n] > NOISY * white[n])
+    return sorted(above, key=lambda n: -left[n] / white[n])
 
 
 def left_in_words(document: Mapping[str, Any]) -> str:
     """What the last fit leaves of the fitted runs, against white noise where that can be read."""
-    after, white = document["error_percent"]["after"]["identify"], document.get("white_noise_percent", {})
-    channels = [name for name in after if name != "total" and after[name] is not None]
+    left, white = _left(document), document.get("white_noise_percent", {})
+    channels = [name for name in left if name != "total"]
     seen = [name for name in channels if white.get(name)]
     if not seen:
         return (
-            f"{percent(after['total'])} of the torque is left on the fitted runs; whether that is noise is "
+            f"{percent(left['total'])} of the torque is left on the fitted runs; whether that is noise is "
             "not known: no noise can be read off these recordings."
         )
     if above := _above_noise(document):
         return _beyond_noise(document, above)
+    resting = _with_rests(document, seen)
     if len(seen) == len(channels):
         return (
             "What is left looks like noise: no torque keeps more than 1.5 times the white noise that can be "
-            "in it."
+            f"in it{resting}."
         )
     rest = joined([name for name in channels if name not in seen])
-    return f"What is left of {joined(seen)} looks like noise; for {rest} no noise can be read."
+    return f"What is left of {joined(seen)} looks like noise{resting}; for {rest} no noise can be read."
+
+
+def _with_rests(document: Mapping[str, Any], channels: Sequence[str]) -> str:
+    """That more is left with the samples at rest, where it is; the worst of the channels."""
+    after, left = document["error_percent"]["after"]["identify"], _left(document)
+    told = [*document["findings"], *document["unexplained"]]
+    partly = {f"{item['channel']}{joint}" for item in told for joint in item["joints"]}
+    more = [n for n in channels if n not in partly and after[n] > NOISY * left[n]]
+    if not more:
+        return ""
+    worst = max(more, key=lambda n: after[n] / left[n])
+    return (
+        f", where its joint moves (with the samples at rest, where friction is anything, "
+        f"{percent(after[worst])} of {worst} is left)"
+    )
 
 
 def _beyond_noise(document: Mapping[str, Any], above: Sequence[str]) -> str:
     """What is left of channels (`_above_noise`) that nothing is told of."""
-    after, white = document["error_percent"]["after"]["identify"], document["white_noise_percent"]
+    left, white = _left(document), document["white_noise_percent"]
     worst, *others = above
-    beyond = (after[worst] ** 2 - white[worst] ** 2) ** 0.5
+    beyond = (left[worst] ** 2 - white[worst] ** 2) ** 0.5
     more = f", and more than 1.5 times its own in {joined(others)}" if others else ""
     return (
-        f"{percent(after[worst])} of {worst} is left on the fitted runs where white noise alone would leave "
-        f"{percent(white[worst])}: {percent(beyond)} of the torque is beyond it{more}, slow noise or what "
-        "these motions do not tell from it."
+        f"{percent(left[worst])} of {worst} is left on the fitted runs{_with_rests(document, above)} where "
+        f"white noise alone would leave {percent(white[worst])}: {percent(beyond)} of the torque is beyond "
+        f"it{more}, slow noise or what these motions do not tell from it."
     )
 
 

@@ -2,7 +2,8 @@
 
 The floor is what is left of the error without all that is explained: by effects in the last fit, and where
 more is told that has no name, by functions without a name, one after the other as long as fitted rows ask for
-one. Slow noise is in it, and what these motions do not tell from noise.
+one. Slow noise is in it, and what these motions do not tell from noise. It is that of the samples which the
+equations count: the error is of all, and where a joint rests friction is anything, which no model foretells.
 
 The white noise is what no model of the motion could ever explain. Where the model's own torque has little
 power against what is left, a model that is wrong by a fifth could not make what is left: that is noise,
@@ -23,6 +24,7 @@ from ident.diagnosis.evidence.state import Found, solved
 from ident.diagnosis.evidence.sufficiency import heard
 from ident.diagnosis.left_over import chosen_by_chance
 from ident.diagnosis.outcome import Outcome
+from ident.diagnosis.rows.rows import Rows
 from ident.diagnosis.telling.findings import Finding, Unexplained
 from ident.equations.comparison import Curves
 from ident.estimation.fit import FitResult
@@ -51,10 +53,35 @@ def noise_floor(
         left = error.get(name, np.nan)
         if not np.isfinite(left):  # of a torque that reads 0 there is no share
             continue
+        left *= _of_counted(last, outcome.last.rows, c)
         if (its := more.get(name)) is not None:
             left = min(left * np.sqrt(_left_by_functions(outcome, c, its)), white.get(name, np.inf))
         floor[name] = float(left)
     return floor
+
+
+def _of_counted(last: FitResult, rows: Rows, c: int) -> float:
+    """What a channel's samples that its rows count keep of the fitted runs' rms error: of all samples 1.0."""
+    left, counted = [], []
+    for curve in last.errors.curves:
+        if curve.role != "identify":
+            continue
+        left.append(curve.measured[:, c] - curve.modelled[:, c])
+        own = np.flatnonzero(rows.recording == rows.names.index(curve.label))
+        counted.append(_counted(curve.t, rows.t[own], rows.use[c, own], rows.hop))
+    squares, counts = np.concatenate(left) ** 2, np.concatenate(counted)
+    known = np.isfinite(squares)
+    if not (known & counts).any():
+        return 1.0
+    whole = float(np.mean(squares[known]))
+    return float(np.sqrt(np.mean(squares[known & counts]) / whole)) if whole > 0 else 1.0
+
+
+def _counted(t: np.ndarray, rows: np.ndarray, use: np.ndarray, hop: float) -> np.ndarray:
+    """(m,) bool: samples at t (m,) whose row and the rows beside it are used (R,), of rows at `rows` (R,)."""
+    nearest = np.clip(np.searchsorted(rows, np.nan_to_num(t) - hop / 2), 0, len(rows) - 1)
+    beside = [use[np.clip(nearest + k, 0, len(rows) - 1)] for k in (-1, 0, 1)]
+    return (np.abs(rows[nearest] - t) <= hop) & np.all(beside, axis=0)
 
 
 def _left_by_functions(outcome: Outcome, c: int, told: Finding | Unexplained) -> float:

@@ -7,7 +7,7 @@ import pytest
 import scipy.signal
 
 from ident.diagnosis.rows.whitened import Whitener, burg
-from ident.diagnosis.telling.floor import white_noise_power
+from ident.diagnosis.telling.floor import _of_counted, white_noise_power
 from ident.diagnosis.telling.unforeseen import _variance
 from ident.equations.comparison import Curves
 from ident.equations.fine import _taps
@@ -63,3 +63,20 @@ def test_white_noise_is_no_more_than_what_its_past_does_not_foretell(slow):
     found = np.sqrt(_variance(its, SimpleNamespace(taps=taps, every=every)))
     assert 0.9 < found < 1.8
     assert np.std(rows) / np.sqrt(taps @ taps) > slow  # where 17 times as much is left
+
+
+@pytest.mark.parametrize("rests", [0.0, 0.3])
+def test_the_floor_is_of_samples_that_move(rests):
+    """A friction at rest of twenty times the noise, in a share of the run: the noise is told."""
+    rng, hop, n = np.random.default_rng(2), 0.05, 6000
+    t = np.arange(n) * hop / 5
+    still = (np.sin(2 * np.pi * t / 20.0) > 1 - 2 * rests) if rests else np.zeros(n, bool)
+    noise = rng.normal(size=n)
+    measured = (noise + 20.0 * still)[:, None]
+    its = Curves("run", "identify", t, measured, np.zeros((n, 1)))
+    rows = SimpleNamespace(
+        t=t[2::5], recording=np.zeros(n // 5, int), names=("run",), use=~still[None, 2::5], hop=hop
+    )
+    fit = SimpleNamespace(errors=SimpleNamespace(curves=(its,)))
+    kept = _of_counted(fit, rows, 0) * np.sqrt(np.mean(measured**2))
+    assert kept == pytest.approx(np.std(noise), rel=0.05)
