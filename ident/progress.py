@@ -8,7 +8,7 @@ from typing import Any
 
 from modelgen.terminal import Progress, silent
 
-__all__ = ["Progress", "silent", "watched"]
+__all__ = ["Progress", "part_of", "silent", "watched"]
 
 PERIOD = 0.2  # s between two updates of a notebook's bar
 
@@ -28,6 +28,15 @@ def watched(progress: Callable[..., Any] | bool | None) -> Iterator[Progress]:
 
         with bar(verbose=False) as tell:
             yield tell
+
+
+def part_of(progress: Progress, low: float, high: float) -> Progress:
+    """For a part of the work that takes it from one share done to another."""
+
+    def tell(text: str, done: float | None = None) -> None:
+        progress(text, None if done is None else low + (high - low) * done)
+
+    return tell
 
 
 def in_notebook() -> bool:

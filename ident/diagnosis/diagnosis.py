@@ -1,11 +1,10 @@
 """The main job of the diagnosis: a study in, what its model lacks out, with the extended model fitted whole.
 
-    study -> checks -> first fit -> rows that chose nothing (opening) -> loop -> extended study -> last fit
-    -> findings
+    study -> checks -> first fit (working) -> rows that chose nothing (opening) -> loop -> extended study
+    -> last fit (traced) -> findings
 
-Gross faults that the examination can undo (a torque's sign, gravity) are undone first and told first, so
-that no effect is made up beside them. The numbers of a finding are those of the last fit, which `ident fit`
-on the extended study repeats; evidence is the loop's."""
+The numbers of a finding are those of the last fit, which `ident fit` on the extended study repeats; evidence
+is the loop's."""
 
 from __future__ import annotations
 
@@ -16,16 +15,12 @@ from dataclasses import dataclass, field, replace
 from ident.cores import one_blas_thread
 from ident.diagnosis.extended.approximated import moved
 from ident.diagnosis.extended.by_rows_that_judge import sized_by_judged
-from ident.diagnosis.extended.compared_exactly import compared_exactly, replaced
-from ident.diagnosis.extended.last_fit import extended, first_extended
-from ident.diagnosis.extended.on_judging_runs import spoilt
-from ident.diagnosis.extended.remaining import remaining
 from ident.diagnosis.extended.turning_over import turning_over
-from ident.diagnosis.loop import trace
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome
 from ident.diagnosis.rows.room import thrifty
 from ident.diagnosis.search.candidates import Library
+from ident.diagnosis.search.searched import searched
 from ident.diagnosis.telling.beside_checks import (
     beside_faults,
     in_doubt,
@@ -49,15 +44,13 @@ from ident.diagnosis.telling.findings import (
 from ident.diagnosis.telling.floor import noise_floor, white_noise
 from ident.diagnosis.telling.unforeseen import white_at_most
 from ident.diagnosis.telling.visible import Visible, smallest_visible
-from ident.errors import FitFailedError, RecordingError, StudyError
-from ident.estimation.fit import FitResult, drive_gains, examined, fit_study
+from ident.diagnosis.traced import Traced, trace_whole
+from ident.diagnosis.working import Working, working_study
+from ident.estimation.fit import FitResult
 from ident.examination.check import Check
-from ident.examination.examine import examine_tables, worst_first
-from ident.examination.undone import mended_study, unsettled
-from ident.progress import Progress, silent
+from ident.examination.undone import unsettled
+from ident.progress import Progress, part_of, silent
 from ident.recordings.study import Study
-from modelgen.effects import catalogue
-from modelgen.effects.place import Layout
 
 
 @dataclass(frozen=True)
@@ -117,112 +110,61 @@ def diagnose_study(
 
 
 def _diagnose(study: Study, progress: Progress, alpha: float, memory: float | None) -> Diagnosis:
-    known = examined(study, progress)
-    checks = worst_first([*examine_tables(known.prepared), *known.checks])
-    mended = mended_study(study, checks)
-    working, notes = mended or study, []
-    failed: FitFailedError | None = None
-    try:
-        first = base = fit_study(study, progress=_part(progress, 0.0, 0.1), known=known)
-    except FitFailedError as error:
-        if mended is None:
-            raise
-        first, failed = None, error
-        notes.append("as it is the study has no fit: errors before are those without its faults")
-    as_it_is, against = known, ""
-    if mended:
-        try:
-            known = examined(working)
-            base = fit_study(working, progress=_part(progress, 0.1, 0.15), known=known)
-        except (RecordingError, FitFailedError) as error:  # the line that a check proposes leads nowhere
-            if first is None:
-                raise failed or error from None
-            against = f", as it leads to: {error}"
-        else:
-            if first is not None and spoilt(base, first):  # with effects that it declares, or at all
-                against = ": the torques are predicted worse with it"
-    if against and first is not None:
-        notes.append(f"what the checks propose was not applied{against}")
-        working, mended, base, known = study, None, first, as_it_is
-    if working.drive_gains == "identify":
-        try:
-            working = working.with_(drive_gains=tuple(drive_gains(base)))
-        except StudyError:
-            raise FitFailedError(
-                "drive_gains: the fit does not give every joint a positive gain; check gravity, signs and "
-                "units of currents and torques, or give the gains"
-            ) from None
-        known = examined(working)
-    begun = opened(known.prepared, _part(progress, 0.15, 0.2), memory, base.terms)
-    if begun.thinned:
-        notes.append("of long recordings stretches spread over them were looked at")
-    library = Library(
-        list(catalogue().values()),
-        without_explained(begun.layout, checks),
-        begun.room.library,
-        frictionless(known.prepared.columns.need.joints, checks),
-    )
-    outcome = trace(begun.state, library, alpha, _part(progress, 0.2, 0.85))
-    again, last, refused = first_extended(known, outcome, base, begun, alpha, _part(progress, 0.85, 0.95))
-    outcome, last, refused = replaced(again, outcome, base, last, refused, alpha)
-    no_better: list[Unexplained] = []
-    while (rest := remaining(outcome, last, refused, alpha)) is not outcome:
-        no_better += [u for u in not_told(outcome, refused) if u.errors is not None]
-        outcome = rest
-        last, refused = extended(again, outcome, base, alpha, silent)
-    outcome, last, refused = compared_exactly(again, outcome, base, last, refused, alpha)
-    closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
-    visible = smallest_visible(outcome.last, library, outcome.tau, alpha, closed)
-    found = findings_of(outcome, last, moved(known, outcome.last, base, last))
-    notes += (*sized_by_judged(outcome.last, last), *turning_over(working, last))
-    standing = tuple(dict.fromkeys((*unsettled(known.checks), *not_found(known.checks, found))))
+    its = working_study(study, progress)
+    begun = opened(its.known.prepared, part_of(progress, 0.15, 0.2), memory, its.base.terms)
+    library = searched(begun.layout, begun.room.library, its.known.prepared.columns.need.joints, its.checks)
+    traced = trace_whole(its, begun, library, alpha, part_of(progress, 0.2, 0.95))
+    thinned = ("of long recordings stretches spread over them were looked at",) if begun.thinned else ()
+    told = _told(study, its, traced, library, alpha)
+    progress("done", 1.0)
+    return replace(told, notes=(*its.notes, *thinned, *told.notes))
+
+
+def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: float) -> Diagnosis:
+    """What is said of what was traced, beside what the checks say."""
+    outcome, last = traced.outcome, traced.last
+    found = findings_of(outcome, last, moved(its.known, outcome.last, its.base, last))
+    standing = tuple(dict.fromkeys((*unsettled(its.known.checks), *not_found(its.known.checks, found))))
     findings = told_once(
-        told_by_checks(study, mended, checks), in_doubt(beside_faults(found, standing), checks)
+        told_by_checks(study, its.mended, its.checks), in_doubt(beside_faults(found, standing), its.checks)
     )
-    unexplained = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
-    unexplained += not_told(outcome, refused)
-    told = {j for f in findings for j in f.joints} | {j for u in unexplained for j in u.joints}
-    unexplained += tuple(u for u in no_better if not told.intersection(u.joints))
-    unexplained += beyond_noise(last, as_told(outcome, last), findings, unexplained, outcome.tau)
-    doubts = (*standing, *(check for check in checks if check.hint))
-    unexplained = tuple(u for u in unexplained if not _doubted(u, doubts))
+    unexplained = _unexplained(its.checks, traced, findings, standing)
     white = white_at_most(last, outcome.last) | white_noise(last)
     in_part = tuple(f for f in findings if f.grade == PARTLY)
     floor = noise_floor(last, outcome, (*in_part, *unexplained), white)
-    progress("done", 1.0)
+    closed = frozenset(outcome.last.model.channels[u.channel].joint for u in outcome.unnamed)
     return Diagnosis(
         study,
-        first or base,
+        its.before,
         last,
         "effect" if findings else "unexplained" if unexplained or standing else "none",
         findings,
         unexplained,
-        checks,
+        its.checks,
         floor,
         {name: min(its, floor.get(name, its)) for name, its in white.items()},
         explainable(outcome),
         alpha,
-        tuple(notes),
+        (*sized_by_judged(outcome.last, last), *turning_over(its.study, last)),
         outcome,
-        visible,
+        smallest_visible(outcome.last, library, outcome.tau, alpha, closed),
         () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
         standing,
     )
 
 
-def frictionless(joints: Sequence[object], checks: Sequence[Check]) -> frozenset[int]:
-    """Places of the joints whose torques were logged less friction: what is left of it where they turn round
-    is no law of theirs. (Of a UR10e's sixth a Stribeck curve that fades as it warms was told.)"""
-    told = {name for check in checks if check.check == "friction_compensated" for name in check.signals}
-    return frozenset(k for k, joint in enumerate(joints) if told & {f"tau_m{joint}", f"i{joint}"})
-
-
-def without_explained(layout: Layout, checks: Sequence[Check]) -> Layout:
-    """The places of a study without those on recordings that a check explains: what is of one recording alone
-    is explained there. (Beside "in this recording tau_m2 and tau_m3 look swapped" a body of 0.35 kg m on an
-    AIRBOT's second link was told.)"""
-    explained = {check.recording for check in checks if check.explains and check.outcome == "warned"}
-    return replace(layout, recordings=tuple(r for r in layout.recordings if r not in explained))
+def _unexplained(
+    checks: Sequence[Check], traced: Traced, findings: Sequence[Finding], standing: Sequence[Check]
+) -> tuple[Unexplained, ...]:
+    """What is found to be there and has no name, beside what is told, but for signals in doubt."""
+    outcome, last = traced.outcome, traced.last
+    out = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
+    out += not_told(outcome, traced.refused)
+    told = {j for f in findings for j in f.joints} | {j for u in out for j in u.joints}
+    out += tuple(u for u in traced.no_better if not told.intersection(u.joints))
+    out += beyond_noise(last, as_told(outcome, last), findings, out, outcome.tau)
+    doubts = (*standing, *(check for check in checks if check.hint))
+    return tuple(u for u in out if not _doubted(u, doubts))
 
 
 def _doubted(u: Unexplained, doubts: Sequence[Check]) -> bool:
@@ -231,10 +173,3 @@ def _doubted(u: Unexplained, doubts: Sequence[Check]) -> bool:
     times that they differ there.)"""
     names = {f"{u.channel}{joint}" for joint in u.joints}
     return not u.carries_over and any(names & set(check.signals) for check in doubts)
-
-
-def _part(progress: Progress, low: float, high: float) -> Progress:
-    def tell(text: str, done: float | None = None) -> None:
-        progress(text, None if done is None else low + (high - low) * done)
-
-    return tell

@@ -14,7 +14,7 @@ from small_arm import ARM
 
 import ident
 from benchmarks.planted_faults import DATA
-from ident.diagnosis.diagnosis import diagnose_study, without_explained
+from ident.diagnosis.diagnosis import diagnose_study
 from ident.diagnosis.evidence.evidence import weigh
 from ident.diagnosis.evidence.metric import acting
 from ident.diagnosis.evidence.settled import settled
@@ -25,6 +25,7 @@ from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.parameters_apart import closer
+from ident.diagnosis.search.searched import without_explained
 from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation

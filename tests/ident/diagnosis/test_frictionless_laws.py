@@ -1,7 +1,7 @@
 """Of torques that were logged less friction no law of it is asked."""
 
-from ident.diagnosis.diagnosis import frictionless
 from ident.diagnosis.search.candidates import RATE, Library
+from ident.diagnosis.search.searched import frictionless
 from ident.examination.check import Check
 from modelgen.effects import catalogue
 

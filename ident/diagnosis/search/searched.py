@@ -1,0 +1,33 @@
+"""What a diagnosis searches: the catalogue's effects, at the places that no check explains."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ident.diagnosis.search.candidates import Library
+from ident.examination.check import Check
+from modelgen.effects import catalogue
+from modelgen.effects.place import Layout
+
+
+def searched(layout: Layout, room: float, joints: Sequence[object], checks: Sequence[Check]) -> Library:
+    """room [bytes]: what their columns may take."""
+    return Library(
+        list(catalogue().values()), without_explained(layout, checks), room, frictionless(joints, checks)
+    )
+
+
+def frictionless(joints: Sequence[object], checks: Sequence[Check]) -> frozenset[int]:
+    """Places of the joints whose torques were logged less friction: what is left of it where they turn round
+    is no law of theirs. (Of a UR10e's sixth a Stribeck curve that fades as it warms was told.)"""
+    told = {name for check in checks if check.check == "friction_compensated" for name in check.signals}
+    return frozenset(k for k, joint in enumerate(joints) if told & {f"tau_m{joint}", f"i{joint}"})
+
+
+def without_explained(layout: Layout, checks: Sequence[Check]) -> Layout:
+    """The places of a study without those on recordings that a check explains: what is of one recording alone
+    is explained there. (Beside "in this recording tau_m2 and tau_m3 look swapped" a body of 0.35 kg m on an
+    AIRBOT's second link was told.)"""
+    explained = {check.recording for check in checks if check.explains and check.outcome == "warned"}
+    return replace(layout, recordings=tuple(r for r in layout.recordings if r not in explained))
