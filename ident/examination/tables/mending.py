@@ -228,11 +228,13 @@ class Mender:
         dt = np.diff(t)
         if len(dt) < 30 or len(self.steps) > 20:
             return
-        usual = dt < 2.5 * np.median(dt[dt > 0]) if (dt > 0).any() else dt < 0
+        step = np.median(dt[dt > 0]) if (dt > 0).any() else 0.0
+        usual = dt < 2.5 * step
         for k in range(self.n):
             d = np.diff(x[:, k])
             self._changed(k, d)
-            around = np.pad(d, 2, mode="edge")
+            per_row = np.where(usual, d, d * step / np.maximum(dt, 1e-300))  # over a gap at its mean rate
+            around = np.pad(per_row, 2, mode="edge")
             off = np.abs(d - median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:])) * usual
             if not off.max() > LEAST_STEP:
                 continue

@@ -57,7 +57,7 @@ def of_table(
         wraps(columns, mender),
         smoothed_wraps(columns, excerpt),
         units(columns, mender, excerpt, lowest, highest),
-        position_steps(columns, mender, excerpt),
+        position_steps(columns, mender, excerpt, slow),
         lost_rows(columns, excerpt),
         dead_and_resting(columns, lowest, highest),
         posed(columns, lowest, highest, resting),

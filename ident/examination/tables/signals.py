@@ -22,6 +22,7 @@ BEYOND = 3.0  # standard deviations of a count
 MOVED = 1e-3  # rad or m: less is rest
 TURNS = 4 * np.pi
 BESIDE_ROWS, CHANCE = 30, 1e-3  # behind a leap; of as many rows in which nothing happens to change
+FASTER = 3.0  # times what a position goes from row to row at most: no joint does meanwhile
 COUNTS = 1000.0  # rad: beyond it no joint goes, but an encoder's counts do
 LARGEST = 2e4  # N m: more than robots' joints give
 BESIDE = 1000**0.5  # times smaller: torques of one robot in one unit rather than in two, a thousand apart
@@ -163,36 +164,55 @@ def wraps(columns: Columns, mender: Mender) -> Iterator[Check]:
         )
 
 
-def position_steps(columns: Columns, mender: Mender, excerpt: Excerpt) -> Iterator[Check]:
+def position_steps(
+    columns: Columns, mender: Mender, excerpt: Excerpt, slow: Collection[int] = ()
+) -> Iterator[Check]:
     """A position that leaps and stays is an encoder that slipped, or rows that are gone; one that stood still
-    before, while another one moved, was held meanwhile."""
+    before, while another one moved, was held meanwhile; of most that leap in one row rows are gone. slow:
+    those that change every so many rows only, all of whose changes are leaps."""
     spikes = mender.counts.get("spike", np.zeros(len(columns.signals)))
     steps = [step for step in mender.leaps if spikes[step[1]] < 20]  # what is left of spikes is no step
+    steps = [
+        (row, k, size)
+        for row, k, size in steps
+        if k not in slow or abs(size) > FASTER * _farthest(excerpt, row, k)
+    ]
     if not steps:
         return
     row, k, size = steps[0]
     unit = "m" if columns.prismatic[k] else "rad"
     names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
-    first = _held_until(excerpt, row, k)
-    if first is None:
-        rows = row + 1, row + 1
-        said = (
-            f"leaps by {size:.3g} {unit} in row {row + 1} and stays there, as when an encoder slips or rows "
-        )
-        said += "were cut out"
-        remedy = "use the part before or after it with from: and to:"
-    else:
+    at_once = tuple(dict.fromkeys(columns.signals[j] for its, j, _ in steps if its == row))
+    first = _held_until(excerpt, row, k, size)
+    if first is not None:
         rows = first + 1, row
-        said = f"stands still in rows {rows[0]} to {rows[1]}, in which others change, and then leaps by "
-        said += f"{size:.3g} {unit}: an encoder or a message that was held"
+        said = (
+            f"{columns.signals[k]} stands still in rows {rows[0]} to {rows[1]}, in which others change, and "
+        )
+        said += f"then leaps by {size:.3g} {unit}: an encoder or a message that was held"
         remedy = "leave these rows out with from: and to:"
-    yield Check("position_step", names, f"{columns.signals[k]} {said}", remedy, outcome="refused", rows=rows)
+    else:
+        rows = row + 1, row + 1
+        remedy = "use the part before or after it with from: and to:"
+        said = f"{columns.signals[k]} leaps by {size:.3g} {unit} in row {row + 1} and stays there, as when "
+        said += "an encoder slips or rows were cut out"
+        if len(at_once) > max(1, columns.n / 2):
+            said = f"{listed(at_once)} leap in row {row + 1}, {columns.signals[k]} by {size:.3g} {unit}, and "
+            said += "stay there: rows were cut out, or recordings were put together"
+    yield Check("position_step", names, said, remedy, outcome="refused", rows=rows)
 
 
-def _held_until(excerpt: Excerpt, row: int, k: int) -> int | None:
+def _farthest(excerpt: Excerpt, row: int, k: int) -> float:
+    """How far a position goes from one row to the next at most, but for the way to one row."""
+    ways = [np.abs(np.diff(x[:, k]))[rows[1:] != row] for rows, _, x in excerpt.pieces]
+    return max((float(way.max()) for way in ways if len(way)), default=0.0)
+
+
+def _held_until(excerpt: Excerpt, row: int, k: int, size: float) -> int | None:
     """The first row of those up to a leap in which a position does not change though others do from row
-    to row, as it does behind it; None where chance leaves as many. (0.3 s of a Franka's at 50 Hz were 15
-    rows, and it was said to have slipped.)"""
+    to row, as it does behind it; None where chance leaves as many, or it goes as far in so many nowhere.
+    (0.3 s of a Franka's at 50 Hz were 15 rows, and it was said to have slipped; of an AIRBOT's log that was
+    cut the first position, which happened not to change in the row before, was held and leapt by 0.3 rad.)"""
     for rows, _, values in excerpt.pieces:
         at = int(np.searchsorted(rows, row))
         if not 0 < at < len(rows) or rows[at] != row:
@@ -201,7 +221,9 @@ def _held_until(excerpt: Excerpt, row: int, k: int) -> int | None:
         first = int(changes[-1]) + 1 if len(changes) else 0
         others = np.delete(np.diff(values[first:at], axis=0) != 0, k, axis=1).any(axis=1)
         goes_on = np.diff(values[at : at + BESIDE_ROWS, k]) != 0  # or the joint rests
-        if not others.any() or not others.mean() > 0.5 or not goes_on.mean() > 0.5:
+        if not others.any() or not others.mean() > 0.5 or not (goes_on.mean() if len(goes_on) else 0) > 0.5:
+            return None
+        if abs(size) > FASTER * _farthest(excerpt, row, k) * (at - first):
             return None
         rests = 1 - (len(changes) + goes_on.sum()) / (first + len(goes_on) + 1)
         return int(rows[first]) if rests ** (at - first) < CHANCE else None

@@ -7,13 +7,19 @@ from small_arm import ARM
 
 import ident
 from ident.equations.prepared import prepare_study
-from ident.examination.examine import examine_fit
+from ident.examination.examine import examine_fit, examine_tables
+
+
+def _study(folder, columns):
+    (folder / "small.yaml").write_text(ARM)
+    return ident.Study(
+        robot=str(folder / "small.yaml"), recordings=[ident.Recording(columns, use="identify", name="run")]
+    )
 
 
 @pytest.mark.parametrize(("held", "joints"), [(160, (2,)), (15, (2,)), (160, (1, 2, 3)), (0, ())])
 def test_rows_in_which_a_position_was_held_are_named(tmp_path, held, joints):
     """It was said to have slipped in the row behind them, where they were few or all positions were held."""
-    (tmp_path / "small.yaml").write_text(ARM)
     t = np.arange(3000) / 40
     columns = {"t": t} | {f"{kind}{j}": np.sin(j * t) for kind in ("q", "tau_m") for j in (1, 2, 3)}
     if held:
@@ -21,13 +27,50 @@ def test_rows_in_which_a_position_was_held_are_named(tmp_path, held, joints):
             columns[f"q{j}"][1450 - held : 1450] = columns[f"q{j}"][1450 - held]
     else:
         columns["q2"][1450:] += 0.7
-    study = ident.Study(
-        robot=str(tmp_path / "small.yaml"), recordings=[ident.Recording(columns, use="identify", name="run")]
-    )
     with pytest.raises(ident.Error) as caught:
-        ident.fit(study)
+        ident.fit(_study(tmp_path, columns))
     said = f"stands still in rows {1451 - held} to 1450" if held else "in row 1451 and stays there"
     assert said in str(caught.value)
+
+
+def _motion(t, step=1e-4):
+    """In an encoder's steps; the first joint so slow that it does not change from row to row."""
+    angle = {f"q{j}": np.round(np.sin(j**2 * t / 20) / step) * step for j in (1, 2, 3)}
+    return {"t": t, **angle} | {f"tau_m{j}": np.sin(j * t) for j in (1, 2, 3)}
+
+
+def test_a_log_that_was_cut_while_a_position_did_not_change(tmp_path):
+    """Of an AIRBOT's it was told to have been held for two rows, in which it went 0.3 rad."""
+    columns = _motion(np.arange(6000) / 1000 + 27)
+    (still,) = np.nonzero(np.diff(columns["q1"][2000:3000]) == 0)
+    at = 2000 + int(still[0]) + 2
+    kept = np.r_[0:at, at + 1500 : 6000]
+    cut = {name: x[kept] for name, x in columns.items()} | {"t": columns["t"][: len(kept)]}
+    with pytest.raises(ident.Error) as caught:
+        ident.fit(_study(tmp_path, cut))
+    assert f"q1, q2, q3 leap in row {at + 1}, q1 by " in str(caught.value)
+    assert "rows were cut out, or recordings were put together" in str(caught.value)
+
+
+def test_what_a_position_goes_over_a_gap_is_no_leap(tmp_path):
+    """Of a rokae's log that lacked rows a position was refused for a step of 0.4 mrad beside a gap."""
+    columns = _motion(np.arange(4000) / 1000, step=1e-9)
+    kept = np.r_[0:200, 600, 601, 1000:4000]
+    ident.fit(_study(tmp_path, {name: x[kept] for name, x in columns.items()}))
+
+
+@pytest.mark.parametrize("slips", [False, True])
+def test_a_position_of_a_slower_bus_does_not_leap_with_each_message(tmp_path, slips):
+    """A rokae's fourth, new at 10 Hz in a log of 1 kHz, was told to have slipped."""
+    columns = _motion(np.arange(20000) / 1000, step=1e-9)
+    columns["q3"] = columns["q3"][np.arange(20000) // 100 * 100] + slips * (np.arange(20000) >= 12000)
+    study = _study(tmp_path, columns)
+    if slips:
+        with pytest.raises(ident.Error, match="q3 leaps by 1"):
+            ident.fit(study)
+    else:
+        checks = examine_tables(prepare_study(study))
+        assert [(c.check, c.signals) for c in checks if c.signals == ("q3",)] == [("held_signal", ("q3",))]
 
 
 @ON_RECORDINGS[0]
