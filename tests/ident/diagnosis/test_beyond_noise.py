@@ -1,6 +1,7 @@
 """What is no noise on the rows that judge has to be more than what the fitted rows leave open."""
 
 import numpy as np
+import pytest
 from dry_arm import back_again, opened_dry_arm
 from recordings import motion
 
@@ -26,6 +27,7 @@ def test_starts_and_stops_alone_do_not_tell_friction_from_an_offset(tmp_path):
     assert 0.2 * own < found <= np.mean(state.residual[0, state.rows.judged & away[0]] ** 2)
 
 
+@pytest.mark.long
 def test_a_stop_that_the_fitted_run_does_not_reach(tmp_path):
     """Of a joint whose parameters the fitted rows know less well than its noise the uncertainty and noise
     were multiplied with each other, and an error of seven times the fitted one was none."""
@@ -50,6 +52,7 @@ def test_a_stop_that_the_fitted_run_does_not_reach(tmp_path):
     assert not diagnosis.findings
 
 
+@pytest.mark.long
 def test_a_stretch_in_which_something_unknown_happens(arm):
     """A torque that swells and fades again, in one fitted run: no contact and no noise. "None" was told, of
     an error twelve times the floor."""

@@ -200,6 +200,7 @@ def test_the_sentence_says_what_is_left_without_it_and_with_it():
     assert "no better (11.6 % without it, 18.6 % with it)" in text
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_how_dry_friction_turns_over_is_handed_over_where_nothing_is_named(tmp_path):

@@ -117,6 +117,7 @@ def test_the_sentence_says_what_changes():
     assert "others of its kind change 4.7 times as much as noise makes them" in unexplained_sentence(item)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not DATA.exists(), reason="the recordings of measured robots are not here")
 def test_a_ripple_of_a_measured_joint_whose_parameters_change(tmp_path):
     """Of a Barrett's: 42 nats, and its parameters change by 7 times the noise."""

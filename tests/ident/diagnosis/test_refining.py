@@ -95,6 +95,7 @@ def test_a_tilt_that_is_a_little_off_is_refined(arm):
     assert off.term.theta == pytest.approx(right.term.theta, rel=0.01)
 
 
+@pytest.mark.long
 def test_two_of_a_kind_on_one_joint(arm):
     """One refined once after the other stood for both; a function of the rate was told."""
     findings = diagnose_study(arm(*(f"stribeck_friction:2:Fs=0.5,vs={vs}" for vs in (0.1, 0.03)))).findings

@@ -48,6 +48,7 @@ def loaded(tmp_path):
     return study
 
 
+@pytest.mark.long
 def test_an_offset_behind_the_teeth_is_no_second_friction(loaded):
     """Of one that counted as none of the load a friction by position and a Stribeck friction were told."""
     d = diagnose_study(load_study(loaded(2, Offm1=-0.3, Offl1=-0.2)))

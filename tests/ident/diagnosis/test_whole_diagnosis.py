@@ -104,6 +104,7 @@ def test_a_strange_shape_is_unexplained(arm):
         assert floor >= diagnosis.white_noise_percent[name]
 
 
+@pytest.mark.long
 def test_what_the_judged_run_does_not_reach_is_told_beside_a_name(arm):
     """A stop that the second joint touches in the fitted run alone, beside friction of the first."""
     reached = {}
@@ -309,6 +310,7 @@ def test_a_delay_that_was_not_found_stands():
     assert [f.grade for f in beside_faults([gain, alone], [late])] == [PARTLY, ESTABLISHED]
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not DATA.exists(), reason="the recordings of measured robots are not here")
 def test_what_is_found_in_the_equations_of_another_robot_is_no_effect_that_the_model_lacks(tmp_path):
     """Of a Barrett whose file has two rows exchanged a base was told that is tilted by 40 degrees."""

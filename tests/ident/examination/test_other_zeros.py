@@ -14,6 +14,7 @@ from ident.examination.undone import unsettled
 pytestmark = ON_RECORDINGS
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("robot", "j", "degrees", "at"), [("franka_panda", 3, 10, (6.5, 9.8))])
 def test_of_a_measured_robot(tmp_path, robot, j, degrees, at):
     """4 % were foretold for 2, and nothing was said."""

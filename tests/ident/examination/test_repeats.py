@@ -169,6 +169,7 @@ def test_positions_and_torques_of_other_joints(tmp_path, defect):
     assert said[0].check == check and words in said[0].message
 
 
+@pytest.mark.long
 def test_one_joint_in_degrees_is_that_joint_alone(tmp_path):
     study = planted(tmp_path, lambda c: _plain(c) | {"q2": np.degrees(c["q2"])})
     with pytest.raises(Exception, match="q2 is in degrees") as caught:

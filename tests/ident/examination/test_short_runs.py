@@ -108,6 +108,7 @@ def test_what_only_the_judged_run_shows_is_told_of_all(tmp_path, changes, check,
     assert not told.explains and "over all recordings" in told.message
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_rows_of_the_table_that_all_recordings_together_show_are_told(tmp_path):

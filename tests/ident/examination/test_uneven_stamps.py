@@ -118,6 +118,7 @@ def test_stamps_of_measured_logs_are_left_alone(robot):
     assert not [c for c in tables(measured(robot)) if c.check == "time_stamps"]
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_stamps_taken_late_are_those_of_even_samples(tmp_path):

@@ -119,6 +119,7 @@ def test_a_position_in_degrees_is_told_beside_a_torque_that_it_does_not_explain(
     assert "columns: {q3: {scale: 0.0174533}, dq3: {scale: 0.0174533}}" in str(caught.value)
 
 
+@pytest.mark.long
 def test_a_position_is_turned_with_its_velocity(tmp_path):
     """As it was proposed the next check refused it."""
     study = _logged(tmp_path, lambda c: c | {"q3": -c["q3"], "dq3": -c["dq3"]})

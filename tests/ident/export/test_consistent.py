@@ -135,6 +135,7 @@ def test_what_a_file_cannot_hold_is_told_with_its_size(noisy):
     np.testing.assert_allclose(fit.chi * 0 + found.combination.G @ bodies + whole, found.chi, atol=1e-9)
 
 
+@pytest.mark.long
 def test_an_effect_of_the_study_is_told_with_its_size(tmp_path):
     effects = [{"effect": "spring", "joint": 2}, {"effect": "time_delay", "joint": 3}]
     fit = fit_of_a_real_robot(tmp_path, noise=0.5, spring=30.0, effects=effects)

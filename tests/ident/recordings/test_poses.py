@@ -23,6 +23,7 @@ def standing(rate_hz=100.0, poses=6, seconds=8.0):
     return {"t": t} | {f"{name}{j + 1}": x[:, j] for name, x in each.items() for j in range(7)}
 
 
+@pytest.mark.long
 def test_poses_beside_motion_change_nothing():
     moving = ident.simulate("kuka_lwr4p", duration=20, rate_hz=200, noise=1.0, seed=1).recordings["run1"]
     runs, settings = [ident.Recording(moving, name="moving")], {"decimation_cutoff_hz": 4.0}
