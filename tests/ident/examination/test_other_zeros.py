@@ -80,3 +80,17 @@ def test_a_zero_of_which_one_torque_says_most(tmp_path, j):
     (told,) = other_zeros(asked_of(planted(tmp_path, change, measured("airbot_play"))))
     assert f"q{j} starts from another zero, 0.1" in told.message
     assert ("q2 starts" in told.message) == ("q3 starts" in told.message)
+
+
+@pytest.mark.long
+def test_two_positions_from_other_zeros_are_no_torque_without_bodies(tmp_path):
+    """Of an LWR4+'s fifth torque it was told that it shows friction alone, or does not feel gravity."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["q2"], table["q3"] = table["q2"] - 0.2, table["q3"] + 0.2
+
+    study = strangers_log(tmp_path, "kuka_lwr4plus", (100, False, False, True), change)
+    (told, *_) = examine_fit(prepare_study(study))
+    assert (told.check, told.signals) == ("position_zero", ("q2",))
+    assert float(told.message.split("another zero, ")[1].split()[0]) == pytest.approx(-0.2, rel=0.3)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from planted import ON_RECORDINGS, measured, parted, planted
+from planted import ON_RECORDINGS, measured, parted, planted, strangers_log
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
@@ -56,3 +56,20 @@ def test_what_is_told_of_a_factor_allows_for_what_the_arm_lacks(tmp_path):
 def test_one_torque_of_another_scale_is_told_alone(tmp_path, joint):
     (said,) = _said(tmp_path, np.where(np.arange(1, 8) == joint, 2.0, 1.0))
     assert (said.check, said.signals) == ("torque_scale", (f"tau_l{joint}",))
+
+
+@pytest.mark.long
+def test_one_torque_of_another_scale_beside_a_delay(tmp_path):
+    """Of an AIRBOT's it was told that each is times a number of its own, and nothing of the fourth."""
+
+    def change(log):
+        for table in log.tables.values():
+            for j in range(1, 7):
+                size = 3.0 if j == 4 else 1.0
+                table[f"tau_m{j}"] = size * np.interp(table["t"] - 0.3, table["t"], table[f"tau_m{j}"])
+
+    study = strangers_log(tmp_path, "airbot_play", (50, False, False, True), change)
+    said = examine_fit(prepare_study(study))
+    assert {c.check for c in said} == {"channel_delay", "torque_scale"}
+    (told,) = (c for c in said if c.check == "torque_scale")
+    assert told.signals[0] == "tau_m4" and told.message.startswith("tau_m4 is 3.")
