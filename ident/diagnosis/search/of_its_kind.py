@@ -26,11 +26,15 @@ def times_noise_of_its_kind(others: State, m: Metric, f: Found) -> float | None:
     if f.term is None:
         return None
     squares, numbers = 0.0, 0
-    for name in f.term.theta:
+    bounds = f.term.effect.bounds(f.term.place)
+    for name, own in f.term.theta.items():
+        low, high = bounds.get(name, (-np.inf, np.inf))
         for at, times in enumerate(OTHERS):
             if at == 2 and not numbers:  # neither a third nor three times of it is another one
                 break
-            told = _apart(others, m, f, f.term.at(**{name: f.term.theta[name] * times}))
+            if not low <= own * times <= high:  # beyond its bounds it may be no number at all
+                continue
+            told = _apart(others, m, f, f.term.at(**{name: own * times}))
             squares, numbers = squares + told[0], numbers + told[1]
     return max(1.0, squares / numbers) if numbers >= FEWEST else None
 

@@ -28,6 +28,8 @@ class Wave:
 
     theta: MappingProxyType
     factor: float = 1.0
+    place: None = None
+    effect: SimpleNamespace = SimpleNamespace(bounds=lambda place: {"wavenumber": (1.0, 300.0)})
 
     def at(self, **theta):
         return replace(self, theta=MappingProxyType({**self.theta, **theta}))
@@ -106,6 +108,16 @@ def test_shapes_that_are_all_alike_say_nothing_of_it(tiny):
     others, f = case(tiny, 3, 1.0, 0.0, 1.0, curve)
     assert times_noise_of_its_kind(others, others.metric, f) is None
     assert times_noise_of_its_kind(others, others.metric, replace(f, term=None)) is None
+
+
+def test_a_shape_beyond_its_bounds_is_not_asked(tiny):
+    """It may be no number: the root of a counterbalance's geometry, beyond 1, ended a diagnosis."""
+    others, f = case(
+        tiny, 0, 1.0, 0.0, 0.5, lambda t: waves(t) * (1.0 if t.theta["wavenumber"] <= 40 else np.nan)
+    )
+    near = SimpleNamespace(bounds=lambda place: {"wavenumber": (1.0, 40.0)})
+    kappa = times_noise_of_its_kind(others, others.metric, replace(f, term=replace(f.term, effect=near)))
+    assert 1.0 <= kappa < 2.0
 
 
 def test_the_sentence_says_what_changes():

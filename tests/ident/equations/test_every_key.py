@@ -1,5 +1,8 @@
 """Any study, any keys: fit and whoever starts from `build` (the diagnosis) have the same rigid parameters."""
 
+import json
+from functools import lru_cache
+
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -263,9 +266,14 @@ def test_every_key_has_its_line():
 
 
 def seen(folder, keys):
-    """What a fit says, or the sentence of its refusal."""
+    """What a fit says, or the sentence of its refusal; most cases begin with the same study."""
+    return _seen(folder, json.dumps(keys))
+
+
+@lru_cache(maxsize=4)
+def _seen(folder, keys):
     try:
-        fit = fit_study(study_from(keys, folder / "study.yaml"))
+        fit = fit_study(study_from(json.loads(keys), folder / "study.yaml"))
     except IdentError as error:
         return str(error)
     runs = [(system.label, system.role, system.samples) for system in fit.systems]

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 from recordings import recording, write_parquet, write_study
+from small_arm import ARM
 
 import ident
 from ident.diagnosis.document import _hint, _unexplained
@@ -49,15 +50,14 @@ def general(path):
 
 @pytest.fixture(scope="module")
 def documents(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("keys")
-    columns, _ = recording("A", seconds=20, rate=200)
-    columns["tau_m3"] = columns["tau_m3"] + 8.0 * columns["q3"]
-    write_parquet(folder / "run.parquet", columns)
+    robot = tmp_path_factory.mktemp("keys") / "small.yaml"
+    robot.write_text(ARM)
     near = Alternative("spring", (3,), 9.0, 1.0)
     stretch = ("run", 2.0, 5.0)
     loose = _unexplained(Unexplained((3,), "tau_m", ("q3",), 10.0, 9.0, near, True, stretch=stretch))
     hint = _hint(Hint(near, "tau_m3", 2, 9, (near,)))
-    found = ident.diagnose(write_study(folder, [{"file": "run.parquet"}])).document()
+    twin = ident.simulate(robot, effects=["spring:2"], duration=20, rate_hz=200, seed=1)
+    found = ident.diagnose(twin.study).document()
     assert [f["effect"] for f in found["findings"]] == ["spring"]
     return [found, {"unexplained": [loose]}, {"hints": [hint]}]
 
