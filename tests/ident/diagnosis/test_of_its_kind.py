@@ -29,7 +29,11 @@ class Wave:
     theta: MappingProxyType
     factor: float = 1.0
     place: None = None
-    effect: SimpleNamespace = SimpleNamespace(bounds=lambda place: {"wavenumber": (1.0, 300.0)})
+    most: float = 300.0
+
+    @property
+    def effect(self):
+        return SimpleNamespace(bounds=lambda place: {"wavenumber": (1.0, self.most)})
 
     def at(self, **theta):
         return replace(self, theta=MappingProxyType({**self.theta, **theta}))
@@ -115,8 +119,8 @@ def test_a_shape_beyond_its_bounds_is_not_asked(tiny):
     others, f = case(
         tiny, 0, 1.0, 0.0, 0.5, lambda t: waves(t) * (1.0 if t.theta["wavenumber"] <= 40 else np.nan)
     )
-    near = SimpleNamespace(bounds=lambda place: {"wavenumber": (1.0, 40.0)})
-    kappa = times_noise_of_its_kind(others, others.metric, replace(f, term=replace(f.term, effect=near)))
+    f = replace(f, term=replace(f.term, most=40.0))
+    kappa = times_noise_of_its_kind(others, others.metric, f)
     assert 1.0 <= kappa < 2.0
 
 
