@@ -47,8 +47,9 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             "wrong_robot",
             everything,
             f"the model explains little of these torques (errors of {100 * error.min():.0f} to "
-            f"{100 * error.max():.0f} % of each): another robot's or another run's signals, torques less "
-            "a model's (external ones), a position that is another signal, or a wrong robot file",
+            f"{100 * error.max():.0f} % of each): noise that hides them, another robot's or another run's "
+            "signals, torques less a model's (external ones), a position that is another signal, or a wrong "
+            "robot file",
             "check the robot, what the torques are, and that positions and torques belong to one run",
         )
         return

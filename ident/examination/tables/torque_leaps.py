@@ -20,6 +20,7 @@ from ident.examination.tables.spikes import median_of_four
 
 AROUND, BESIDE = 25, 8  # rows on either side: of what a torque does else, and in which no joint turns
 KEPT = 0.5  # of a leap, by which the torque is still away that many rows behind it
+LATE = 0.25  # s: torques that come later than their positions, or earlier, by more are told by others
 MOST = 3  # leaps of a torque: more are its steps
 SHARE = 0.1  # of what a joint goes in as many rows at most, with which it goes on; of a torque's range
 
@@ -33,9 +34,11 @@ def torque_leaps(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         even = np.diff(t) < 2 * np.median(np.diff(t))
         for k in range(columns.n, values.shape[1]):
             for at in _leaps(values[:, k]):
-                near = slice(max(at - BESIDE, 0), at + BESIDE + 1)
-                if even[near].all() and _goes_on(values[:, : columns.n], at, int(columns.joint[k])):
+                near, joint = slice(max(at - BESIDE, 0), at + BESIDE + 1), int(columns.joint[k])
+                if even[near].all() and _goes_on(values[:, : columns.n], at, joint):
                     size = float(values[at + 1, k] - values[at, k])
+                    if _turns_late(t, values[:, joint], at, size):
+                        continue
                     found.setdefault(k, []).append((int(rows[at + 1]) + 1, float(t[at + 1]), size))
     its = {k: leaps for k, leaps in found.items() if len(leaps) <= MOST and not _back([x for *_, x in leaps])}
     if not its:
@@ -88,3 +91,13 @@ def _goes_on(q: np.ndarray, at: int, joint: int) -> bool:
     moves = np.minimum(np.abs(before), np.abs(after)) > SHARE * most
     turns = (np.sign(before) != np.sign(after)) & (np.maximum(np.abs(before), np.abs(after)) > SHARE * most)
     return bool(moves[joint] and not turns.any())
+
+
+def _turns_late(t: np.ndarray, q: np.ndarray, at: int, size: float) -> bool:
+    """Whether a joint turns a little before or after a leap of its torque, in the leap's sense: dry friction
+    of a torque that comes late. (Of a slide whose force is 0.1 s late a load that comes at once was told.)"""
+    first, last = np.searchsorted(t, [t[at] - LATE, t[at] + LATE])
+    least = SHARE * np.abs(q[BESIDE:] - q[:-BESIDE]).max()
+    along = np.sign(size) * q
+    each = along[max(first - BESIDE, 0) : at + 2], along[at + 1 : last + BESIDE]
+    return any(min(x[0], x[-1]) - x.min() > least for x in each)

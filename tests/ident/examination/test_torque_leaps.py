@@ -52,3 +52,14 @@ def test_what_leaps_by_itself(way):
     else:
         tau = np.round(tau)
     assert not _said(tau, q)
+
+
+@pytest.mark.parametrize("late", [-25, 25])
+def test_dry_friction_of_a_torque_that_comes_late_leaps_as_friction_does(late):
+    """By a tenth of a second: the joint has turned before, or turns after it. One turn only."""
+    q = np.stack([np.abs(T - T[1700]) + 0.2 * T, 0.0 * T], axis=1)
+    tau = 5 * q + 2 * np.sign(np.gradient(q, axis=0)) + 0.02 * np.random.default_rng(1).normal(size=q.shape)
+    tau[:, 1] = 0.02 * np.random.default_rng(2).normal(size=len(T))
+    assert not _said(np.roll(tau, late, axis=0), q)
+    (told,) = _said(np.roll(-tau, late, axis=0), q)  # against the joint's way, as no friction is
+    assert told.signals == ("tau_m1",)
