@@ -133,10 +133,15 @@ class FittedModel:
     def number(self, kind: str, joint: int) -> float | None:
         """Value of the drive parameter of this kind at a joint (from 0), None where there is none."""
         self.asked.estimate = True
+        k = self.column(kind, joint)
+        return None if k is None else float(self.chi[k])
+
+    def column(self, kind: str, joint: int) -> int | None:
+        """Where this drive parameter is in chi."""
         label = str(self.columns.need.joints[joint])
         for k, its in self._parsed.items():
             if its.kind == kind and its.label == label and not its.payload:
-                return float(self.chi[k])
+                return k
         return None
 
     def once(self, kind: tuple[Hashable, ...], motion: Motion, make: Callable[[], np.ndarray]) -> np.ndarray:

@@ -75,10 +75,13 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     place = {name: k for k, name in enumerate(columns.parameters)}
     own = dict(zip((*term.unknown, *term.free), (place[name] for name in term.names)))
     inner = [n for n in effect.linear_names if n in term.linear] + list(effect.nonlinear_names)
+    relative = _context_columns(result, term)
     at_bound = {n for n, k in own.items() if columns.parameters[k] in result.at_bound}
-    covariance = np.zeros((len(inner), len(inner)))
-    free = [i for i, name in enumerate(inner) if name in own]
-    at = [own[inner[i]] for i in free]
+    known = own | relative  # what a quantity is relative to is an estimate, too
+    told_of = (*inner, *effect.context)
+    covariance = np.zeros((len(told_of), len(told_of)))
+    free = [i for i, name in enumerate(told_of) if name in known]
+    at = [known[told_of[i]] for i in free]
     wider = np.ones(len(result.full.chi)) if result.widened is None else result.widened
     stretches = result.full_covariance * np.outer(wider, wider)
     covariance[np.ix_(free, free)] = stretches[np.ix_(at, at)]
@@ -111,14 +114,26 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
         },
         reasons[0] if reasons else None,
         *(
-            _wald(chi[some], _given(known, some, [k for k in own.values() if k not in sizes]))
-            for some, known in (
+            _wald(chi[some], _given(spread, some, [k for k in own.values() if k not in sizes]))
+            for some, spread in (
                 (sizes, result.full_covariance),
                 (needed, result.full_covariance),
                 (sizes, stretches),
             )
         ),
     )
+
+
+def _context_columns(result: FitResult, term: Term) -> dict[str, int]:
+    """Columns of the parameters of the model that the effect's quantities are relative to."""
+    if result.model is None or term.place.joint is None:
+        return {}
+    out = {}
+    for name, kinds in term.effect.context_kinds(term.place).items():
+        columns = [result.model.column(kind, term.place.joint) for kind in kinds]
+        if found := [k for k in columns if k is not None]:
+            out[name] = found[0]
+    return out
 
 
 def _given(covariance: np.ndarray, of: list[int], known: list[int]) -> np.ndarray:

@@ -83,8 +83,8 @@ def _usual(
             name: twin.standard.get(f"{name}{here}{label}") or twin.standard.get(f"{name}{there}{label}", 0.0)
             for name in ("Fc", "Fv")
         }
-        if model == "A":  # which shows the sum of both sides' viscous friction
-            own["Fv"] = sum(twin.standard.get(f"Fv{side}{label}", 0.0) for side in "ml")
+        if model == "A":  # which shows the sum of both sides' friction
+            own = {name: sum(twin.standard.get(f"{name}{side}{label}", 0.0) for side in "ml") for name in own}
     gravity = dict(zip(("g0x", "g0y", "g0z"), (float(twin.robot.value(x)) for x in twin.robot.gravity)))
     context = {name: gravity.get(name, own.get(name) or 1.0) for name in effect.context}
     values = effect.usual(request.values, own)

@@ -37,16 +37,16 @@ class Telling(Definition):
     def context_of(self, place: Place, model: Model) -> dict[str, float]:
         """Numbers of the model that `report` is relative to: of "Fv" the joint's Fvm, or else Fvl."""
         out = {}
-        for name in self.context:
-            sides = ("l", "m") if place.side in ("sensor", "link") else ("m", "l")
-            found = [
-                value
-                for side in sides
-                if (value := model.number(f"{name}{side}", place.joint or 0)) is not None
-            ]
+        for name, kinds in self.context_kinds(place).items():
+            found = [its for kind in kinds if (its := model.number(kind, place.joint or 0)) is not None]
             if found:
                 out[name] = found[0]
         return out
+
+    def context_kinds(self, place: Place) -> dict[str, tuple[str, ...]]:
+        """{name: kinds of drive parameters}, of which the first one that the joint's model has is meant."""
+        sides = ("l", "m") if place.side in ("sensor", "link") else ("m", "l")
+        return {name: tuple(f"{name}{side}" for side in sides) for name in self.context}
 
     def values_from_reported(
         self, reported: Mapping[str, float], context: Mapping[str, float] | None = None
