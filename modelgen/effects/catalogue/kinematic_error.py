@@ -23,6 +23,9 @@ class KinematicError(MotionEffect):
 
     The torque it makes is inertial, k^2 e dq^2, so it grows with the speed, which a `torque_ripple` does
     not. At wavenumber 1 it differs from `encoder_eccentricity` by the rotor alone.
+
+    Where the rotor's inertia is regrouped into the link's (first joints), e is told as if the rotor moved
+    with it: too small by the rotor's share of ZZ.
     """
 
     name = "kinematic_error"
