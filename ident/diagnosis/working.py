@@ -16,8 +16,6 @@ from ident.examination.undone import mended_study
 from ident.progress import Progress, part_of
 from ident.recordings.study import Study
 
-UNDONE = "errors before are those without its faults"
-
 
 @dataclass(frozen=True)
 class Working:
@@ -44,20 +42,19 @@ def working_study(study: Study, progress: Progress) -> Working:
     except FitFailedError as error:
         if mended is None:
             raise
-        return _with_gains(_undone(study, mended, checks, error, progress))
+        return _with_gains(_undone(mended, checks, error, progress))
     plain = Working(study, None, known, checks, first, first)
     return _with_gains(plain if mended is None else _better(plain, mended, progress))
 
 
-def _undone(
-    study: Study, mended: Study, checks: tuple[Check, ...], failed: FitFailedError, progress: Progress
-) -> Working:
+def _undone(mended: Study, checks: tuple[Check, ...], failed: FitFailedError, progress: Progress) -> Working:
     """What the checks propose for a study that has no fit."""
     try:
         known, base = _fitted(mended, progress)
     except (RecordingError, FitFailedError):
         raise failed from None
-    return Working(mended, mended, known, checks, base, base, (f"as it is the study has no fit: {UNDONE}",))
+    note = "as it is the study has no fit: errors before are those without its faults"
+    return Working(mended, mended, known, checks, base, base, (note,))
 
 
 def _better(plain: Working, mended: Study, progress: Progress) -> Working:

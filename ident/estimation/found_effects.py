@@ -75,8 +75,8 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     place = {name: k for k, name in enumerate(columns.parameters)}
     own = dict(zip((*term.unknown, *term.free), (place[name] for name in term.names)))
     inner = [n for n in effect.linear_names if n in term.linear] + list(effect.nonlinear_names)
-    relative = _context_columns(result, term)
     at_bound = {n for n, k in own.items() if columns.parameters[k] in result.at_bound}
+    relative = {} if result.model is None else effect.of_context(term.place, result.model.column)
     known = own | relative  # what a quantity is relative to is an estimate, too
     told_of = (*inner, *effect.context)
     covariance = np.zeros((len(told_of), len(told_of)))
@@ -122,18 +122,6 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
             )
         ),
     )
-
-
-def _context_columns(result: FitResult, term: Term) -> dict[str, int]:
-    """Columns of the parameters of the model that the effect's quantities are relative to."""
-    if result.model is None or term.place.joint is None:
-        return {}
-    out = {}
-    for name, kinds in term.effect.context_kinds(term.place).items():
-        columns = [result.model.column(kind, term.place.joint) for kind in kinds]
-        if found := [k for k in columns if k is not None]:
-            out[name] = found[0]
-    return out
 
 
 def _given(covariance: np.ndarray, of: list[int], known: list[int]) -> np.ndarray:

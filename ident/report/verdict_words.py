@@ -76,11 +76,16 @@ def _left(document: Mapping[str, Any]) -> dict[str, float]:
     return {name: floor.get(name) or value for name, value in after.items() if value is not None}
 
 
+def _told_of(document: Mapping[str, Any]) -> set[str]:
+    """Channels of which something is told."""
+    told = [*document["findings"], *document["unexplained"]]
+    return {f"{item['channel']}{joint}" for item in told for joint in item["joints"]}
+
+
 def _above_noise(document: Mapping[str, Any]) -> list[str]:
     """Channels of which nothing is told and that keep more than noise on the fitted runs, the worst first."""
     left, white = _left(document), document.get("white_noise_percent", {})
-    told = [*document["findings"], *document["unexplained"]]
-    known = {"total", *(f"{item['channel']}{joint}" for item in told for joint in item["joints"])}
+    known = {"total", *_told_of(document)}
     above = (n for n in left if n not in known and white.get(n) and left[n] > NOISY * white[n])
     return sorted(above, key=lambda n: -left[n] / white[n])
 
@@ -110,9 +115,8 @@ def left_in_words(document: Mapping[str, Any]) -> str:
 def _with_rests(document: Mapping[str, Any], channels: Sequence[str]) -> str:
     """That more is left with the samples at rest, where it is; the worst of the channels."""
     after, left = document["error_percent"]["after"]["identify"], _left(document)
-    told = [*document["findings"], *document["unexplained"]]
-    partly = {f"{item['channel']}{joint}" for item in told for joint in item["joints"]}
-    more = [n for n in channels if n not in partly and after[n] > NOISY * left[n]]
+    told = _told_of(document)
+    more = [n for n in channels if n not in told and after[n] > NOISY * left[n]]
     if not more:
         return ""
     worst = max(more, key=lambda n: after[n] / left[n])

@@ -1,7 +1,8 @@
 """What an effect reports of itself: whether its values can be, and values and deviations as a person reads
 them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 import sympy as sp
@@ -12,6 +13,7 @@ from modelgen.effects.place import Model, Place
 
 Array = np.ndarray
 Report = dict[str, dict[str, float | str]]
+Told = TypeVar("Told")
 
 
 class Telling(Definition):
@@ -36,17 +38,17 @@ class Telling(Definition):
 
     def context_of(self, place: Place, model: Model) -> dict[str, float]:
         """Numbers of the model that `report` is relative to: of "Fv" the joint's Fvm, or else Fvl."""
+        return self.of_context(place, model.number)
+
+    def of_context(self, place: Place, told: Callable[[str, int], Told | None]) -> dict[str, Told]:
+        """What is told, by kind and joint, of the drive parameters that `report` is relative to."""
         out = {}
-        for name, kinds in self.context_kinds(place).items():
-            found = [its for kind in kinds if (its := model.number(kind, place.joint or 0)) is not None]
+        for name in self.context:
+            sides = ("l", "m") if place.side in ("sensor", "link") else ("m", "l")
+            found = [its for side in sides if (its := told(f"{name}{side}", place.joint or 0)) is not None]
             if found:
                 out[name] = found[0]
         return out
-
-    def context_kinds(self, place: Place) -> dict[str, tuple[str, ...]]:
-        """{name: kinds of drive parameters}, of which the first one that the joint's model has is meant."""
-        sides = ("l", "m") if place.side in ("sensor", "link") else ("m", "l")
-        return {name: tuple(f"{name}{side}" for side in sides) for name in self.context}
 
     def values_from_reported(
         self, reported: Mapping[str, float], context: Mapping[str, float] | None = None

@@ -35,10 +35,9 @@ def torque_leaps(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         for k in range(columns.n, values.shape[1]):
             for at in _leaps(values[:, k]):
                 near, joint = slice(max(at - BESIDE, 0), at + BESIDE + 1), int(columns.joint[k])
-                if even[near].all() and _goes_on(values[:, : columns.n], at, joint):
-                    size = float(values[at + 1, k] - values[at, k])
-                    if _turns_late(t, values[:, joint], at, size):
-                        continue
+                size = float(values[at + 1, k] - values[at, k])
+                goes_on = even[near].all() and _goes_on(values[:, : columns.n], at, joint)
+                if goes_on and not _turns_late(t, values[:, joint], at, size):
                     found.setdefault(k, []).append((int(rows[at + 1]) + 1, float(t[at + 1]), size))
     its = {k: leaps for k, leaps in found.items() if len(leaps) <= MOST and not _back([x for *_, x in leaps])}
     if not its:
