@@ -30,13 +30,15 @@ def fit_document(result: FitResult) -> dict[str, Any]:
     columns, estimate, full = result.columns, result.estimate, result.full
     free = max(result.effective_rows - full.b, 1.0)
     channels = columns.channels
+    of_effects = {name for term in result.terms for name in term.names}
     document: dict[str, Any] = {
         "checks": [check.document() for check in result.checks],
         "robot": columns.model.robot_name,
         "model": result.study.model,
         "joints": joints_of(columns.model),
-        "base_parameters": len(columns.parameters) - sum(len(term.names) for term in result.terms),
+        "base_parameters": len(columns.parameters) - len(of_effects),
         "essential_parameters": estimate.b,
+        "essential_effect_parameters": len(of_effects & set(estimate.parameters)),
         "parameters": _parameters(result, interval_factor(free)),
         "effects": [found.document() for found in found_effects(result)],
         "relative_error_percent": result.relative_error,

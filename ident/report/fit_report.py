@@ -83,7 +83,10 @@ def fit_page(
 def verdict(document: Mapping[str, Any]) -> str:
     """The result in one sentence: how well the torque is explained, and by how many parameters."""
     errors = document["relative_error_percent"]
-    count = f"{document['essential_parameters']} of {document['base_parameters']} base parameters"
+    count = f"{essential(document)} base parameters"
+    of_effects = document.get("essential_effect_parameters", 0)
+    if of_effects:
+        count += f" and {of_effects} of effects"
     fitted = percent(errors["identify"]["total"])
     for role in ("test", "validate"):
         if role in errors:
@@ -92,6 +95,12 @@ def verdict(document: Mapping[str, Any]) -> str:
                 f"{count} explain the torque to {unseen} on {ROLES[role]} ({fitted} where they were fitted)."
             )
     return f"{count} explain the torque they were fitted to, to {fitted}; no run was kept to check them on."
+
+
+def essential(document: Mapping[str, Any]) -> str:
+    """How many of all base parameters the F-test keeps."""
+    kept = document["essential_parameters"] - document.get("essential_effect_parameters", 0)
+    return f"{kept} of {document['base_parameters']}"
 
 
 def remarks(document: Mapping[str, Any]) -> tuple[Remark, ...]:
@@ -128,7 +137,7 @@ def _facts(document: Mapping[str, Any], held_out: str | None) -> list[Fact]:
         facts.append(Fact(percent(errors[role]["total"]), f"relative error, {ROLES[role]}"))
     facts.append(
         Fact(
-            f"{document['essential_parameters']} of {document['base_parameters']}",
+            essential(document),
             "essential of all base parameters",
         )
     )

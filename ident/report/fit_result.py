@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.estimation.fit import FitResult
 from ident.report.files import comparison_table, fit_document, write_csv, write_into
-from ident.report.fit_report import SHOWN, Curve, fit_page
+from ident.report.fit_report import SHOWN, Curve, essential, fit_page
 from ident.report.joints import names_of, page_with_names
 from ident.report.page import Cell, Column, Panel, Plot, ReportPage, Section, Table, Trace
 from ident.report.render import render, write
@@ -205,7 +205,7 @@ def comparison_page(results: Mapping[str, FitResult]) -> ReportPage:
                 for role in first["relative_error_percent"]
                 for value in (document["relative_error_percent"].get(role, {}).get("total"),)
             ),
-            Cell(f"{document['essential_parameters']} of {document['base_parameters']}"),
+            Cell(essential(document)),
         )
         for model, document in documents.items()
     )

@@ -48,13 +48,18 @@ def displaced_torque(
 
 
 def little_displaced(
-    model: Model, motion: Motion, j: int, shift: tuple[Array, Array, Array], drive_follows: bool = False
+    model: Model,
+    motion: Motion,
+    j: int,
+    shift: tuple[Array, Array, Array],
+    drive_follows: bool = False,
+    rotor: float = 0.0,
 ) -> Array:
     """(N, C) `displaced_torque` of a shift (x, dx, ddx) so small that the tangent is all of it, per unit of
     it."""
     change = sum(slope * part[:, None] for slope, part in zip(model.slopes(motion, j), shift))
     if not drive_follows:
-        _let_stay(np.asarray(change), model, j, shift, 0.0)
+        _let_stay(np.asarray(change), model, j, shift, rotor)
     return np.asarray(change)
 
 

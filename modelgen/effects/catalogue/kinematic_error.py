@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import sympy as sp
 
+from modelgen.effects.carried import HIDDEN_ROTOR
 from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter, NonlinearParameter, Quantity
 from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
@@ -24,8 +25,8 @@ class KinematicError(MotionEffect):
     The torque it makes is inertial, k^2 e dq^2, so it grows with the speed, which a `torque_ripple` does
     not. At wavenumber 1 it differs from `encoder_eccentricity` by the rotor alone.
 
-    Where the rotor's inertia is regrouped into the link's (first joints), e is told as if the rotor moved
-    with it: too small by the rotor's share of ZZ.
+    Where the rotor's inertia is regrouped into the link's (first joints), which part of it the wave moves is
+    found with it: with none taken off, e was too small by the rotor's share of ZZ.
     """
 
     name = "kinematic_error"
@@ -39,22 +40,27 @@ class KinematicError(MotionEffect):
     remedy = "calibrate the gear's error against the link's position, or replace the eccentric wheel"
     terms = {"es": sp.sin(k * SIGNALS.q), "ec": sp.cos(k * SIGNALS.q)}  # q_link - q
     linear = (LinearParameter("es", "rad", -0.02, 0.02), LinearParameter("ec", "rad", -0.02, 0.02))
-    nonlinear = (NonlinearParameter("wavenumber", "1/rad", 0.9, 400.0, (1.0, 2.0, 50.0, 100.0, 200.0)),)
+    nonlinear = (
+        NonlinearParameter("wavenumber", "1/rad", 0.9, 400.0, (1.0, 2.0, 50.0, 100.0, 200.0)),
+        HIDDEN_ROTOR,
+    )
     reported = (
         Quantity("e", "rad", sp.sqrt(es**2 + ec**2)),
         Quantity("wavenumber", "1/rad", k),
         Quantity("phi", "rad", sp.atan2(ec, es), angle=True),
+        Quantity("Iam", HIDDEN_ROTOR.unit, HIDDEN_ROTOR.symbol),
     )
     inverse = {"es": e * sp.cos(phi), "ec": e * sp.sin(phi)}
     sizes = ("e",)
-    typical = {"e": 1e-3, "wavenumber": 2.0, "phi": 0.6}
+    typical = {"e": 1e-3, "wavenumber": 2.0, "phi": 0.6, "Iam": 0.0}
     common = False
 
     def bounds(self, place: Place, layout: Layout | None = None) -> dict[str, tuple[float, float]]:
+        bounds = super().bounds(place, layout)
         if not place.prismatic:
-            return {"wavenumber": (0.9, 400.0)}
+            return bounds
         travel = layout.travel[place.joint or 0] if layout is not None and layout.travel else 0.6
-        return {"wavenumber": wavenumber_bounds(travel, True)}
+        return {**bounds, "wavenumber": wavenumber_bounds(travel, True)}
 
     def starts(
         self,
@@ -67,7 +73,8 @@ class KinematicError(MotionEffect):
         assert place.joint is not None
         low, high = wavenumber_range(travel_of(motions, place.joint), place.prismatic)
         found = peaks(motions, residuals, place.joint, low, high)
-        return [{"wavenumber": w} for w in (*(() if place.prismatic else (1.0, 2.0)), *found)]
+        once_or_twice = () if place.prismatic else (1.0, 2.0)
+        return [dict(self.complete({"wavenumber": w})) for w in (*once_or_twice, *found)]
 
     def columns(
         self,
@@ -80,13 +87,14 @@ class KinematicError(MotionEffect):
     ) -> Columns:
         """Torque per rad of a shift sin(kq) and cos(kq), with its exact rates; errors are small enough for
         the tangent (second order in e)."""
-        j, w = place.joint, self.complete(theta)["wavenumber"]
+        shape = self.complete(theta)
+        j, w = place.joint, shape["wavenumber"]
         assert j is not None
         q, dq, ddq = motion.q[:, j], motion.dq[:, j], motion.ddq[:, j]
         sin, cos, parts = np.sin(w * q), np.cos(w * q), []
         for x, slope in ((sin, w * cos), (cos, -w * sin)):
             shift = (x, slope * dq, slope * ddq - w * w * x * dq**2)
-            parts.append(little_displaced(model, motion, j, shift))
+            parts.append(little_displaced(model, motion, j, shift, rotor=shape["Iam"]))
         return {c: np.stack([part[:, c] for part in parts], axis=1) for c in range(len(model.channels))}
 
     def physical(self, values: Mapping[str, float], model: Model | None = None) -> str | None:

@@ -40,7 +40,9 @@ def test_the_tangent_is_the_secant_of_a_stiff_joint():
         assert column == pytest.approx(secant[c], abs=2e-3 * np.abs(column).max() + 1e-6)
 
 
-@pytest.mark.parametrize("name", ["joint_elasticity", "stiffening_gear", "hysteretic_gear"])
+@pytest.mark.parametrize(
+    "name", ["joint_elasticity", "stiffening_gear", "hysteretic_gear", "kinematic_error"]
+)
 def test_a_rotor_inside_a_regrouped_inertia_stays_with_the_motor(name):
     gear, apart = effect(name), arm_model(dry=False)
     regrouped = dict(apart.standard)

@@ -1,5 +1,7 @@
 """kinematic_error: torque of a link that errs periodically from its motor, and its searched waves."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from effect_model import (
@@ -54,6 +56,12 @@ def test_a_ball_screw_is_searched_to_its_lead():
     assert low == pytest.approx(2 * np.pi * 0.75 / 0.5) and high == pytest.approx(2 * np.pi / 0.002)
     told = E.report(values_of(E), None, None, place)
     assert [told[k]["unit"] for k in ("e", "wavenumber", "phi")] == ["m", "1/m", "rad"]
+
+
+def test_the_rotor_is_searched_only_where_the_model_hides_it():
+    model = arm_model()
+    hidden = replace(layout(model), drives=(frozenset({"Fvm"}), *(frozenset({"Iam"}),) * 3))
+    assert ["Iam" in E.bounds(p, hidden) for p in E.places(hidden)] == [True, False, False, False]
 
 
 def test_places_signs_and_spread():
