@@ -19,7 +19,7 @@ from ident.diagnosis.extended.last_fit import Refusal
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import place_of, without_terms
-from ident.diagnosis.search.weighing import Equivalent
+from ident.diagnosis.search.weighing import Equivalent, main_channel
 from ident.diagnosis.telling.pictures import Picture, picture
 from ident.diagnosis.telling.seconds_apart import seconds_apart
 from ident.estimation.fit import FitResult
@@ -156,7 +156,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
     state, e = outcome.last, step.evidence
     wider, own_rows = moved.get(term.key, {}), own_deviations(state, term)
     place = term.place
-    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    c = main_channel(e, term, state)
     labels = state.problem.robot.joint_labels
     where = {
         "side": place.side,
@@ -243,7 +243,7 @@ def _alternative(its: Equivalent, state: State, free: float) -> Alternative:
 
 def hint_of(step: Step, outcome: Outcome) -> Hint:
     state, e = outcome.last, step.evidence
-    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    c = main_channel(e, step.term, state)
     return Hint(
         _alternative(Equivalent(step.term, e.log_e), state, e.free[c]),
         _side(c, state),
@@ -266,7 +266,7 @@ def not_told(outcome: Outcome, refused: Mapping[tuple, Refusal]) -> tuple[Unexpl
 
 def _not_told(step: Step, outcome: Outcome, why: Refusal) -> Unexplained:
     state, e, term = outcome.last, step.evidence, step.term
-    c = max(range(len(e.per_channel)), key=lambda k: e.per_channel[k])
+    c = main_channel(e, term, state)
     joint = int(state.problem.robot.joint_labels[state.model.channels[c].joint])
     number, share = place_of(state, term), 0.0
     if number is not None and c in state.found[number].columns:

@@ -7,6 +7,7 @@ import pytest
 from planted import DATA, ON_RECORDINGS
 from small_arm import ARM
 
+import ident
 from benchmarks.planted_faults import BASES, FAULTS, planted
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.opening import opened
@@ -129,3 +130,13 @@ def test_friction_that_turns_over_slowly_is_asked_as_it_does(tmp_path):
     library = Library(list(catalogue().values()), begun.layout)
     state, told = left_out(begun.state, library, threshold(0.01))
     assert {term.effect.name for term, _ in told} == {"coulomb_friction"} and len(state.terms) == 7
+
+
+@pytest.mark.long
+def test_the_error_told_is_that_of_a_torque_that_the_effect_acts_in(tmp_path):
+    """(Of a motor's offset the error of the sensor was told, of a sensor's the motor's.)"""
+    (tmp_path / "robot.yaml").write_text(ARM)
+    twin = ident.simulate(tmp_path / "robot.yaml", "C", duration=30, rate_hz=200, noise=1.0, seed=4)
+    found = ident.diagnose(twin.study.with_(without=("offset:2",))).document()["findings"]
+    assert {f["effect"] for f in found} == {"offset"}
+    assert {(f["side"], f["channel"]) for f in found} == {("motor", "tau_m"), ("sensor", "tau_l")}
