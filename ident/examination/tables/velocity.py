@@ -7,7 +7,7 @@ because most controllers filter the velocity they log.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -30,6 +30,7 @@ ABOVE_NOISE = 5.0  # what a signal changes in a cell of the comparison
 LAG_S = 0.05
 DEGREE = 180 / np.pi
 NEAR_DEGREES, NEAR = 0.05, 0.01
+ANOTHERS = " another joint's, signal's or run's, or is spoilt (held, smoothed over its wraps)"
 UNITS = {  # of velocities, by what they are times the derivative of positions
     30 / np.pi: "in rpm",
     60.0: "in rpm, of positions in turns",
@@ -50,7 +51,7 @@ def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> 
         fit = slope(t, q[:, k], dq[:, k])
         if fit is not None:
             found[j] = fit
-    yield from _judged(columns, found)
+    yield from _judged(columns, found, lambda j: _rivals(j, list(has), t, q, dq))
 
 
 def logged_velocities(
@@ -67,11 +68,45 @@ def logged_velocities(
     return has
 
 
-def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator[Check]:
-    """found: joint -> slope, correlation."""
+def _rivals(
+    joint: str, joints: Sequence[str], t: np.ndarray, q: np.ndarray, dq: np.ndarray
+) -> Iterator[tuple[float, str]]:
+    """What a joint's velocity may be but a factor of its own derivative, each as it is: the share of the
+    velocity that it leaves, and words. q and dq (N, k) of the joints."""
+    own = joints.index(joint)
+    for k, other in enumerate(joints):
+        fit = slope(t, q[:, k], dq[:, own], unsigned=k == own)
+        if fit is not None:
+            words = "its magnitude" if k == own else f"the derivative of q{other}"
+            yield _left(*fit), words
+
+
+def _left(slope: float, correlation: float) -> float:
+    """What a derivative as it is, not times the slope, leaves of a velocity, a share of it."""
+    return float(np.sqrt(max(1 - correlation**2 * (2 - 1 / slope) / slope, 0.0)))
+
+
+def _judged(
+    columns: Columns,
+    found: dict[str, tuple[float, float]],
+    rivals: Callable[[str], Iterable[tuple[float, str]]],
+) -> Iterator[Check]:
+    """found: joint -> slope, correlation; rivals: of a joint, what its velocity may be in their place."""
     alike = {j: s for j, (s, r) in found.items() if abs(r) > ALIKE}
-    strangers = [j for j, (_, r) in found.items() if abs(r) < UNLIKE]
     wrong = {j: s for j, s in alike.items() if abs(s - 1) > WRONG}
+    strangers = {j: "" for j, (_, r) in found.items() if abs(r) < UNLIKE}
+    as_well = {}  # what may be as well as a factor
+    for j in (*wrong, *strangers):
+        left, words = min(rivals(j), default=(np.inf, ""))
+        own = np.sqrt(1 - min(found[j][1] ** 2, 1.0))
+        if left < own - SLIGHT:
+            strangers[j] = words
+        elif left < own + SLIGHT and j in wrong:
+            as_well[j] = words
+    if any(strangers.values()):  # one cause of them all
+        strangers |= as_well
+    strangers = {j: strangers[j] for j in found if j in strangers}
+    wrong, alike = ({j: s for j, s in its.items() if j not in strangers} for its in (wrong, alike))
     slight = [
         j
         for j, s in alike.items()
@@ -80,7 +115,7 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
     degrees, others = _in_degrees(columns, wrong)
     yield from _degrees(columns, degrees, whole=len(degrees) == len(alike))
     if others:
-        yield _another_rate(columns, others, together=len(others) == len(alike))
+        yield _another_rate(columns, others, as_well, together=len(others) == len(alike))
     if slight:
         text = ", ".join(f"dq{j} {alike[j]:.3f}" for j in slight)
         factor = float(np.median([alike[j] for j in slight]))
@@ -96,17 +131,28 @@ def _judged(columns: Columns, found: dict[str, tuple[float, float]]) -> Iterator
             recording=columns.recording,
         )
     if strangers:
-        names = tuple(f"dq{j}" for j in strangers)
-        yield Check(
-            "clock_rate",
-            (*names, *(f"q{j}" for j in strangers)),
-            f"{listed(names)} {'is' if len(names) == 1 else 'are'} not the derivative of "
-            f"{listed('q' + j for j in strangers)} (correlation "
-            f"{min(abs(found[j][1]) for j in strangers):.2f}): one of the two is another joint's, signal's "
-            "or run's, or is spoilt (held, smoothed over its wraps)",
-            "check the columns, and look at the plot of both",
-            recording=columns.recording,
-        )
+        yield _strangers(columns, strangers, [abs(found[j][1]) for j in strangers])
+
+
+def _strangers(columns: Columns, strangers: Mapping[str, str], correlations: Sequence[float]) -> Check:
+    """strangers: joint -> what its velocity goes as in the place of its own derivative, if anything."""
+    names = tuple(f"dq{j}" for j in strangers)
+    least = min(correlations)
+    unlike = f" (correlation {least:.2f})" if least < UNLIKE else ""
+    known = {
+        words: [f"dq{j}" for j, its in strangers.items() if its == words] for words in strangers.values()
+    }
+    known.pop("", None)
+    looks = ", ".join(f"{listed(its)} {'goes' if len(its) == 1 else 'go'} as {w}" for w, its in known.items())
+    return Check(
+        "clock_rate",
+        (*names, *(f"q{j}" for j in strangers)),
+        f"{listed(names)} {'is' if len(names) == 1 else 'are'} not the derivative of "
+        f"{listed('q' + j for j in strangers)}{unlike}: "
+        f"{looks or 'one of the two is' + ANOTHERS}",
+        "check the columns, and look at the plot of both",
+        recording=columns.recording,
+    )
 
 
 def _in_degrees(columns: Columns, wrong: dict[str, float]) -> tuple[dict[str, float], dict[str, float]]:
@@ -157,8 +203,11 @@ def _unit(factor: float) -> str:
     return next((name for size, name in UNITS.items() if abs(factor / size - 1) < NEAR), "")
 
 
-def _another_rate(columns: Columns, wrong: dict[str, float], together: bool) -> Check:
-    """wrong: joint -> slope; together: no joint that moves agrees with its velocity."""
+def _another_rate(
+    columns: Columns, wrong: dict[str, float], as_well: Mapping[str, str], together: bool
+) -> Check:
+    """wrong: joint -> slope; as_well: what its velocity may be; together: no joint that moves agrees with
+    its velocity."""
     values = np.array(list(wrong.values()))
     factor = float(np.median(values))
     names = tuple(f"dq{j}" for j in wrong)
@@ -167,6 +216,7 @@ def _another_rate(columns: Columns, wrong: dict[str, float], together: bool) -> 
         text = ", ".join(f"{s:.4g}" for s in values)
         why = "another sign" if factor < 0 else "another unit, or the motor's side of the gear"
         message = f"{listed(names)}: {text} times the derivative of the positions ({why})"
+        message += "".join(f", or dq{j} is {words}" for j, words in as_well.items() if j in wrong)
         remedy = f"write {repair}, or give the positions the scale or sign that makes them agree"
     else:
         unit = _unit(factor) if len(wrong) > 1 else ""
@@ -181,9 +231,9 @@ def _another_rate(columns: Columns, wrong: dict[str, float], together: bool) -> 
     return Check("clock_rate", ("t", *names), message, remedy, outcome="refused", recording=columns.recording)
 
 
-def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[float, float] | None:
+def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray, unsigned: bool = False) -> tuple[float, float] | None:
     """(dq over the derivative of q, their correlation) of one joint; None where it hardly moves, or where
-    noise alone may be why the two differ.
+    noise alone may be why the two differ. unsigned: over the derivative without its sign.
 
     t (N,) increasing; both are averaged over the same cells of a twentieth of the time scale of the motion.
     """
@@ -205,7 +255,7 @@ def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> tuple[float, float] |
         a, b = np.arange(0, len(t) - width - lag), np.arange(width, len(t) - lag)
         same = breaks[a] == breaks[b + lag]
         x, y = (q[b] - q[a])[same], (total[b + lag] - total[a + lag])[same]
-        x, y = x - 0.0, y - 0.0
+        x = np.abs(x) if unsigned else x
         if len(x) < 100 or not np.any(x):
             continue
         r = float(x @ y / np.sqrt(max((x @ x) * (y @ y), 1e-300)))

@@ -96,6 +96,32 @@ def test_a_position_that_stands_still_while_its_velocity_goes_on(tmp_path):
     assert "with to: 15," in text
 
 
+def test_velocities_without_their_sign_are_no_turned_ones(tmp_path):
+    """Of a rokae's joints that hardly went back in the fitted seconds the sign was to be changed."""
+    t = np.arange(6000) / 200
+
+    def change(c):
+        q = {"q2": 1.5 - 0.1 * t + 0.08 * np.sin(2 * t), "q4": c["q4"]}
+        return c | q | {f"d{name}": np.abs(np.gradient(x, t)) for name, x in q.items()}
+
+    (check,) = _opened(tmp_path, change)
+    assert check.outcome == "warned" and check.signals == ("dq2", "dq4", "q2", "q4")
+    assert "dq2, dq4 go as its magnitude" in check.message
+
+
+def test_velocities_of_other_joints_have_no_other_unit(tmp_path):
+    """Of an LWR4+, whose joints move alike, with its velocities one column further three were to be taken
+    times 0.7 to 0.8."""
+
+    def change(c):
+        copies = {"q3": 1.4 * c["q2"], "dq3": c["dq2"], "dq2": c["dq4"], "dq4": 1.4 * c["dq2"]}
+        return c | copies
+
+    check = next(c for c in _opened(tmp_path, change) if c.check == "clock_rate")
+    assert check.outcome == "warned" and "dq3 goes as the derivative of q2" in check.message
+    assert "dq2 goes as the derivative of q4, dq3 goes as" in check.message
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.005])
 def test_a_joint_that_rests_for_half_of_a_run_is_not_blamed(tmp_path, noise):
     """With the noise and the bias that velocities of joints at rest have."""
