@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from ident.equations.columns import Columns
 from ident.recordings.recording import RecordingStream
@@ -23,6 +24,7 @@ HELD = 6e7  # bytes of their columns: fewer samples of a robot of very many join
 LEAST = 60  # rows of all recordings of a role, below which they are not asked
 FIRST = 98_304  # rows of a recording that they are taken from
 RAIL = 0.05  # of a clipped torque's range: where the filter rounds the edges
+SMOOTHED = 7  # samples that a cubic is taken through, at least
 LAG_S = (0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3, 0.5, 0.7, 1.0)
 LAGS = tuple(sign * s for s in LAG_S for sign in (1, -1))
 
@@ -104,6 +106,25 @@ class Sample:
         q, dq, ddq = (x[:, joints] * factor for x in (its.q, its.dq, its.ddq))
         sign = its.sign_dq[:, joints] * np.sign(factor)
         thin = replace(its, q=q + offset, dq=dq, ddq=ddq, sign_dq=sign)
+        return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
+
+    def smoothed(self, columns: Columns, joint: int, seconds: float) -> Sample | None:
+        """With one position by cubics over so many seconds about each sample; None: these hold too few."""
+        its = self.thin
+        step = float(np.median(np.diff(its.t))) if len(its.t) > 1 else np.inf
+        width = int(seconds / step) | 1
+        gaps = np.flatnonzero(np.abs(np.diff(its.t) - step) > 0.5 * step) + 1
+        if width < SMOOTHED or min(len(part) for part in np.split(its.t, gaps)) < width:
+            return None
+        own = np.split(its.q[:, joint], gaps)
+        made = [[savgol_filter(x, width, 3, order, step) for x in own] for order in range(3)]
+        motion = [x.copy() for x in (its.q, its.dq, its.ddq)]
+        for x, parts in zip(motion, made):
+            x[:, joint] = np.concatenate(parts)
+        q, dq, ddq = motion
+        sign = its.sign_dq.copy()
+        sign[:, joint] = np.sign(dq[:, joint])
+        thin = replace(its, q=q, dq=dq, ddq=ddq, sign_dq=sign)
         return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
 
     def timed(self, columns: Columns, factor: float) -> Sample:

@@ -93,3 +93,17 @@ def test_of_a_torque_that_is_taken_away_whole_nothing_is_left():
         Normal(np.zeros((1, 1, 1)), np.zeros((1, 1, 1)), np.array([[yy]]), np.ones(1)) for yy in (-1e-9, 4)
     ]
     assert made[0].size_beside(made[1], Assignment.plain(1)) == [0.0]
+
+
+@pytest.mark.long
+def test_a_position_behind_noise_has_no_other_unit(tmp_path):
+    """Of a Franka's first one in one of two fitted runs 10 times too large was told, or degrees."""
+
+    def noisy(log):
+        q = log.tables["run2"]["q1"]
+        log.tables["run2"]["q1"] = q + 0.01 * log.rng.standard_normal(len(q))
+
+    study = strangers_log(tmp_path, "franka_panda", (100, False, False, True), noisy)
+    (check, *_) = examine_fit(prepare_study(study))
+    assert (check.check, check.signals, check.recording) == ("noisy_position", ("q1",), "run2")
+    assert "scale" not in check.remedy
