@@ -5,6 +5,7 @@
     a joint's friction changes with its load
     a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, drifts, or holds another joint's
+    a gear yields, so that its link is not where the motor's position says
 
 Each is fitted to the same rows, the model's parameters with it, so that it can be held against the named one
 stretch by stretch. What is done to a torque is linear in the number; a position is found by Gauss-Newton
@@ -21,7 +22,7 @@ import numpy as np
 from ident.examination.fits.best_factor import factor_of
 from ident.examination.fits.hypothesis import CLEARLY, signal_of
 from ident.examination.fits.quick import Assignment, Fit, Quick
-from ident.examination.fits.samples import Sample
+from ident.examination.fits.samples import Sample, of_bodies
 from ident.examination.fits.stretches import ODD, RARE, Explained, agreed, half_of, steadily
 from ident.examination.positions.coupled import held_too
 from ident.examination.torques.weightless import felt, without_gravity
@@ -90,6 +91,7 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     yield from _units(whole, how, currents)
     yield from of_positions(whole, fit, how)
     yield from _drifting(whole, fit, how)
+    yield from _yielding(whole, fit, how)
     for words, recording, moved in held_too(whole):
         yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
     for c in felt(whole):
@@ -258,7 +260,7 @@ def of_positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
         x, explained, settled = _solved(whole, fit, how, times, (LEAST, MOST), STARTS)
         factor, word = (1 + x, "small") if x > 0 else (1 / (1 + x), "large")
-        words = f"q{label} is about {factor:.2g} times too {word}"
+        words = f"q{label} is about {factor:.3g} times too {word}"
         yield Rival(words, explained, joint=j, check="angle_unit", settled=settled)
         x, explained, settled = _solved(whole, fit, how, zero, (-np.pi, np.pi))
         words = f"q{label} starts from another zero, {-x:.2g} {unit} off"
@@ -282,6 +284,38 @@ def _drifting(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         x, explained, settled = _solved(whole, fit, how, drift, (-np.pi / longest, np.pi / longest))
         words = f"q{label} drifts by {-60 * x:.2g} {unit} a minute"
         yield Rival(words, explained, joint=j, settled=settled)
+
+
+def _yielding(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
+    """Each joint whose link stays behind its motor as its bodies' torque bends the gear: in proportion, or by
+    a play that the torque takes up. Its rates are left as they are: differences of a torque are noise. (Of an
+    arm with a gear that yields its position was told to be 1.05 times too small, of another to start from
+    another zero; either gear explains four to ten times as much.)"""
+    bodies = fit.chi * of_bodies(whole.columns)
+    for c in np.flatnonzero(whole.identify.rows > 10).tolist():
+        carried = [s.W[c] @ bodies for s in whole.samples]
+        size = np.abs(np.concatenate(carried))
+        most, usual = float(size.max()), float(np.median(size))
+        if not usual > 0:
+            continue
+        joint = int(whole.columns.joint_of[c])
+        label = whole.columns.need.joints[joint]
+        unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
+        bent = _behind(whole, joint, [tau / most for tau in carried])
+        x, explained, settled = _solved(whole, fit, how, bent, (0.0, np.pi))
+        words = f"the gear of joint {label} yields by {x / most:.2g} {unit}/({unit_of(whole, c)})"
+        yield Rival(words, explained, joint=joint, settled=settled)
+        bent = _behind(whole, joint, [tau / (np.abs(tau) + usual) for tau in carried])
+        x, explained, settled = _solved(whole, fit, how, bent, (0.0, np.pi))
+        words = f"the gear of joint {label} has play, {2 * x:.2g} {unit}"
+        yield Rival(words, explained, joint=joint, settled=settled)
+
+
+def _behind(whole: Quick, joint: int, by: Sequence[np.ndarray]) -> Motion:
+    """The recordings with a joint that is behind by a number times (N,) of each."""
+    its = np.arange(len(whole.columns.need.joints)) == joint
+    each = [(s, shift[:, None] * its) for s, shift in zip(whole.samples, by)]
+    return lambda x: whole.of([s.moved(whole.columns, offset=-x * shift) for s, shift in each])
 
 
 def _solved(
