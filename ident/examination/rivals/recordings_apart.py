@@ -30,6 +30,12 @@ TOGETHER = 1.8  # that of all channels, in the mean
 ROWS = 300  # of a recording that is looked into
 PARTS = 12  # of the fitted recordings that are left out in turn
 CLEAR = 0.3  # gain of the others' prediction by which one recording that is fitted is told from them
+OF_HALF = "another signal, zero, sign or unit from there on or up to there, a load, or a contact"
+OF_WHOLE = (
+    "a load that is not declared, a contact, another state of the robot, what the model lacks, or a signal "
+    "that is not as it is told, here or there"
+)
+HOW = "ident diagnose asks which; check how they were recorded"
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,17 +105,35 @@ def halves_apart(asked: Asked) -> Iterator[Check]:
         odd = [c for c in apart.odd if against[c] and _beyond_chance(apart, c, rate)]
         if odd:
             most = odd[int(np.argmax((apart.error / apart.expected)[odd]))]
-            names = asked.names(odd)
+            names, k = asked.names(odd), [s.label for s in each].index(apart.sample.label)
+            half = _itself_odd(parts.quick, asked.how, k, odd)
             yield Check(
                 "unrelated_torque",
                 names,
                 f"in the {apart.sample.label} {listed(names)} {'is' if len(odd) == 1 else 'are'} foretold by "
                 f"all the rest worse than its motion leaves unsure ({asked.name(most)} to "
-                f"{100 * apart.error[most]:.0f} %, not {100 * apart.expected[most]:.0f} %): another signal, "
-                "zero, sign or unit from there on or up to there, a load, or a contact",
-                "look at its plot, and use the other half with from: or to:",
-                recording=whole[[s.label for s in each].index(apart.sample.label) // 2].label,
+                f"{100 * apart.error[most]:.0f} %, not {100 * apart.expected[most]:.0f} %"
+                f"{'): ' + OF_HALF if half else '), and the other half goes with it: ' + OF_WHOLE}",
+                "look at its plot, and use the other half with from: or to:" if half else HOW,
+                recording=whole[k // 2].label,
             )
+
+
+def _itself_odd(quick: Quick, how: Assignment, k: int, channels: Sequence[int]) -> bool:
+    """Whether less of these torques is left where half k of a recording has a robot of its own, and the other
+    half that of all the rest, than where both halves have one. (Of a TX40 whose last torques were 1.7 times
+    too large in the run that judges the half that does not show it was to be used.)"""
+    other = k ^ 1
+    rest = [its for i, its in enumerate(quick.each) if i not in (k, other)]
+
+    def left(*groups: Sequence[Normal]) -> float:
+        chi2 = np.zeros(len(how.order))
+        for normal in map(added, groups):
+            chi2 += normal.right(how)[0] * np.nan_to_num(solve(normal, None, how).error) ** 2
+        return float(np.log(np.fmax(chi2[list(channels)], 1e-300)).sum())
+
+    one, two = quick.each[k], quick.each[other]
+    return left([*rest, two], [one]) < left(rest, [one, two])
 
 
 def foretold_badly(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
@@ -136,9 +160,8 @@ def foretold_badly(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
             names,
             f"{listed(names)} {'is' if len(odd) == 1 else 'are'} foretold by {listed(others)} worse than "
             f"their motions leave unsure ({asked.name(most)} to {100 * apart.error[most]:.0f} %, not "
-            f"{100 * apart.expected[most]:.0f} %): a load that is not declared, a contact, another state of "
-            f"the robot, what the model lacks, or a signal that is not as it is told, here or there{causes}",
-            "ident diagnose asks which; check how they were recorded",
+            f"{100 * apart.expected[most]:.0f} %): {OF_WHOLE}{causes}",
+            HOW,
         )
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from planted import ON_RECORDINGS, asked_of, measured, planted, strangers_log, ur10e
 
 from ident.equations.prepared import prepare_study
@@ -59,3 +60,15 @@ def test_two_torques_exchanged_in_half_of_a_recording(tmp_path):
 def test_a_joint_that_rests_in_a_recording_has_friction_of_any_size():
     """A clean AIRBOT's last torque was to be another signal in the second half of one."""
     assert not list(halves_apart(asked_of(measured("airbot_play"))))
+
+
+@pytest.mark.long
+def test_a_half_that_goes_with_the_other_is_not_alone(tmp_path):
+    """Of a TX40 whose last torques were 1.7 times too large in all of a run the other half was to be used."""
+
+    def change(log):
+        log.tables["run3"] |= {f"tau_m{j}": 1.7 * log.tables["run3"][f"tau_m{j}"] for j in (4, 5, 6)}
+
+    study = strangers_log(tmp_path, "staubli_tx40", (0, False, False, True), change)
+    for check in halves_apart(asked_of(study)):
+        assert "the other half goes with it: a load" in check.message and "other half" not in check.remedy
