@@ -90,7 +90,7 @@ def badly_explained(asked: Asked) -> Iterator[Check]:
         yield _unrelated(
             asked.names(asked.seen),
             f"the model explains these torques badly (errors of {100 * error.min():.0f} to "
-            f"{100 * error.max():.0f} % of each): {NOT_AS_TOLD}",
+            f"{100 * error.max():.0f} % of each): noise that hides them, {NOT_AS_TOLD}",
             CHECK,
         )
 
