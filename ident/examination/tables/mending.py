@@ -330,11 +330,12 @@ def _whole(step: np.ndarray) -> np.ndarray:
 
 
 def _filled(t: np.ndarray, values: np.ndarray, bad: np.ndarray) -> np.ndarray:
-    """Values with the bad ones interpolated by cubics; held beyond the last good one."""
+    """Values with the bad ones interpolated by cubics; held beyond the last good one. Over rows where stamps
+    repeat. (Of rounded ones two lost values became millions, of those of a year's seconds none.)"""
     out = values.copy(order="K")
     if not bad.any():
         return out
-    time = t + 1e-12 * np.arange(len(t)) if (np.diff(t) <= 0).any() else t
+    time = np.arange(len(t), dtype=float) if (np.diff(t) <= 0).any() else t
     for k in np.flatnonzero(bad.any(axis=0)):
         good = ~bad[:, k]
         if not good.any():

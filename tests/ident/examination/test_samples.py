@@ -13,14 +13,25 @@ from ident.examination.tables.spikes import is_spike
 N, BLOCK = 20000, 3000
 
 
-def mended(x):
+def mended(x, t=np.arange(N) / 1000):  # noqa: B008
     """(rows of one pass, values that later passes see, counts, wraps) of columns (N, 3): two positions."""
-    t, mender = np.arange(N) / 1000, Mender(2, np.ones(3), np.zeros(3))
+    mender = Mender(2, np.ones(3), np.zeros(3))
     parts = [slice(k, min(k + BLOCK, N)) for k in range(0, N, BLOCK)]
     blocks = list(mender.run((np.arange(N)[part], t[part], x[part]) for part in parts))
     mending = mender.mending()
     _, again, _ = mending.apply(np.arange(N), t, x, 2, np.array([0, 1, 0]))
     return np.concatenate([values for _, _, values in blocks]), again, mender.counts, mending.wrap_rows
+
+
+@pytest.mark.parametrize("began", [0.0, 1.7e9])
+def test_values_lost_between_stamps_that_repeat(began):
+    """Two positions lost in a row were interpolated to be 5 million rad, or none in seconds since 1970."""
+    rows = np.arange(N)
+    true = np.column_stack([np.sin(0.004 * rows), np.cos(0.005 * rows), np.sin(0.006 * rows)])
+    seen = true.copy()
+    seen[700:702, 0] = np.nan
+    once, again, _, _ = mended(seen, began + rows // 2 * 0.002)
+    assert np.abs(once - true).max() < 1e-6 and np.abs(again - true).max() < 1e-6
 
 
 @pytest.mark.parametrize("zero", [0.0, 3.0])
