@@ -48,8 +48,8 @@ def unexplained(asked: Asked) -> Iterator[Check]:
             everything,
             f"the model explains little of these torques (errors of {100 * error.min():.0f} to "
             f"{100 * error.max():.0f} % of each): noise that hides them, another robot's or another run's "
-            "signals, torques less a model's (external ones), a position that is another signal, or a wrong "
-            "robot file",
+            "signals, torques less a model's (external ones), a position that is another signal, a wrong "
+            "robot file, or a contact far larger than what moves the arm",
             "check the robot, what the torques are, and that positions and torques belong to one run",
         )
         return

@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 import yaml
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log
 from two_links import TWO_LINKS
 
 import ident
@@ -171,3 +171,23 @@ def test_where_no_gear_is_too_large_no_largest_one_is_told(tmp_path):
     (told,) = (h.check for h in geared(asked))
     assert told.signals == ("q1",)
     assert 0 < float(told.message.split("(")[1].split(" or more)")[0]) < 121
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(
+    ("joint", "ratio", "sign"), [(1, -101, "the other"), (5, -101, "the other"), (6, 50, "either")]
+)
+def test_a_measured_joint_of_the_motors_side_in_the_run_that_judges(tmp_path, joint, ratio, sign):
+    """Joints 1 and 5 of a UR10e were told to look swapped, of its sixth the sign that it did not have."""
+
+    def change(log):
+        table = log.tables["run2"]
+        table[f"q{joint}"], table[f"i{joint}"] = ratio * table[f"q{joint}"], table[f"i{joint}"] / ratio
+
+    checks = examine_fit(prepare_study(strangers_log(tmp_path, "ur10e", (100, False, False, False), change)))
+    assert [(c.check, c.signals, c.recording) for c in checks] == [
+        ("angle_unit", (f"q{joint}", f"i{joint}"), "run2")
+    ]
+    assert f"times too large with {sign} sign and i{joint} as many times too small" in checks[0].message
