@@ -174,7 +174,8 @@ def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, 
     if stream.counted_rate_hz is None:
         stamps = next(iter(stream.table.blocks(stream.names[:1])), np.zeros((0, 1)))[:, 0]
         seconds = stamps * stream.factors[0] + stream.offsets[0]
-        steps = np.diff(seconds)
+        with np.errstate(invalid="ignore"):  # stamps may be infinite
+            steps = np.diff(seconds)
         if (steps < 0).any():
             _refuse_time(stream, seconds[1:], steps, np.arange(1, len(seconds)))
         if (steps > 0).any():

@@ -153,7 +153,7 @@ class Mender:
             self._reach = np.zeros(values.shape[1])
         sentinel, gross = no_measurement(values, self.raw_scale, self.raw_offset, self._reach)
         band = self._bands(values)
-        told = np.where(band, np.nan, values) if band.any() else values
+        told = np.where(band | empty, np.nan, values) if band.any() or empty.any() else values
         sentinel |= emptied(told, self.n, self.raw_offset)
         for k in range(self.n, values.shape[1]):
             sentinel[:, k] |= dropouts(told[:, k])

@@ -164,8 +164,8 @@ def _bytes_before(text: str, line: int, encoding: str) -> int:
 
 
 def _separator(body: Sequence[str]) -> tuple[str, int]:
-    """The first of tab, semicolon, comma, blank that cuts most lines into equally many cells of numbers."""
-    for separator in "\t;, ":
+    """The first of tab, bar, semicolon, comma, blank that cuts most lines into as many cells of numbers."""
+    for separator in "\t|;, ":
         widths = Counter(len(split(line, separator)) for line in body)
         width = max((w for w in widths if w > 1), key=lambda w: (widths[w], w), default=1)
         good = sum(_is_row(split(line, separator), width, separator) for line in body)
@@ -210,7 +210,7 @@ def _header(
 def _named(line: str, separator: str, width: int) -> list[str]:
     """Cells of a line above the numbers; as in `# t, q1` above blank-separated numbers if that fits."""
     plain = re.sub(r"^\s*(#|%|//|!)+\s*", "", line)
-    cuts = [split(line, separator), *(split(plain, mark) for mark in (separator, ",", ";", "\t", " "))]
+    cuts = [split(line, separator), *(split(plain, mark) for mark in (separator, ",", ";", "|", "\t", " "))]
     fitting = [cells for cells in cuts if len(cells) == width]
     if plain != line:
         fitting = [cells for cells in cuts[1:] if len(cells) == width]

@@ -27,6 +27,8 @@ DIALECTS = {
     "plain": {},
     "semicolons": {"separator": ";"},
     "tabs": {"separator": "\t"},
+    "bars": {"separator": "|"},
+    "bars and blanks": {"separator": " | "},
     "blanks": {"separator": "   "},
     "comma and blank": {"separator": ", "},
     "decimal comma": {"separator": ";", "decimal": ","},
