@@ -470,6 +470,10 @@ def as_study_error(error: ValidationError, file: Path) -> StudyError:
         problem = f"{given!r} is not one of {first['ctx']['expected'].replace(' or ', ', ')}"
     elif kind == "value_error":
         problem = str(first["ctx"]["error"])
+    elif kind in _KINDS:
+        problem = f"{given!r} does not fit; give {_KINDS[kind]}"
+    elif kind in _TABLES and (entries := [str(part) for part in where if str(part) in _ITEMS]):
+        problem = f"{given!r} does not fit; give {_ITEMS[entries[-1]]}"
     else:
         problem = f"{given!r} does not fit: {first['msg'][0].lower()}{first['msg'][1:]}"
     problem = re.sub(r"\S{200,}", lambda word: shortened(word[0]), problem)  # names that were given
@@ -489,7 +493,24 @@ class _Shown:
             return "this value"
 
 
+_KINDS = {  # pydantic's types of complaints: what is wanted
+    "bool_type": "true or false",
+    "bool_parsing": "true or false",
+    "int_type": "a whole number",
+    "int_parsing": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a text",
+}
+_TABLES = ("model_type", "dataclass_type", "dict_type", "model_attributes_type")
+_ITEMS = {  # of such a key one entry
+    "recordings": "{file: ..., use: ...}",
+    "effects": "a name such as stribeck_friction:2, or {effect: torque_ripple, joint: 4}",
+    "columns": "{q1: position_1} or {q1: {column: position_1, scale: 0.001}}",
+}
 _EXPECTED = {
+    "joints": "a list such as [1, 2, 3]",
+    "coupled_drives": "a list of pairs such as [[5, 6]]",
+    "columns": "{q1: position_1} or {q1: {column: position_1, scale: 0.001}}",
     "drive_gains": "a list of N m/A, one per joint, or identify",
     "recordings": "a list of {file: ..., use: ...}",
     "stiffness": "a list of N m/rad, one per joint",
