@@ -99,7 +99,7 @@ def halves_apart(asked: Asked) -> Iterator[Check]:
         ends = (0, len(s.t) // 2, len(s.t))
         halves = zip(("first", "second"), (s.rows(slice(ends[k], ends[k + 1])) for k in (0, 1)))
         each += [replace(half, label=f"{which} half of {s.label}") for which, half in halves]
-    parts = replace(asked, quick=asked.quick.of(each))
+    parts, told = replace(asked, quick=asked.quick.of(each)), set[tuple[int, tuple[str, ...]]]()
     for apart in recordings_apart(parts.quick, asked.how):
         rate, against = RARE / (apart.error.size * len(each)), _contradicted(parts, apart)
         odd = [c for c in apart.odd if against[c] and _beyond_chance(apart, c, rate)]
@@ -107,6 +107,9 @@ def halves_apart(asked: Asked) -> Iterator[Check]:
             most = odd[int(np.argmax((apart.error / apart.expected)[odd]))]
             names, k = asked.names(odd), [s.label for s in each].index(apart.sample.label)
             half = _itself_odd(parts.quick, asked.how, k, odd)
+            if not half and (k // 2, names) in told:
+                continue  # both halves, which go with each other
+            told.add((k // 2, names))
             yield Check(
                 "unrelated_torque",
                 names,

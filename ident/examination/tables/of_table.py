@@ -72,6 +72,7 @@ def of_table(
         repeats.noise_alone(columns, excerpt),
         repeats.unsigned(columns, excerpt),
         coarse,
+        repeats.noisy(columns, excerpt, slow | few),
     )
     return [replace(check, recording=columns.recording) for check in found]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from planted import ON_RECORDINGS, changed, measured, parted, planted, refused, rows, tables
+from planted import ON_RECORDINGS, changed, measured, parted, planted, refused, rows, strangers_log, tables
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
@@ -175,3 +175,18 @@ def test_one_joint_in_degrees_is_that_joint_alone(tmp_path):
     with pytest.raises(Exception, match="q2 is in degrees") as caught:
         examine_fit(prepare_study(study))
     assert "q1" not in str(caught.value)
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize(("size", "told"), [(0.0, False), (0.01, True)])
+def test_a_position_whose_acceleration_is_mostly_noise(tmp_path, size, told):
+    """Of a UR10e's first one a contact was told, which the fifth current was to feel for four seconds."""
+
+    def noisy(log):
+        for table in log.tables.values():
+            table["q1"] = table["q1"] + size * log.rng.standard_normal(len(table["t"]))
+
+    prepared = prepare_study(strangers_log(tmp_path, "ur10e", (0, False, True, False), noisy))
+    assert [c.signals for c in examine_tables(prepared)] == [("q1",)] * (3 * told)
+    assert not told or examine_fit(prepared) == ()
