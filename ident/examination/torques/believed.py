@@ -45,7 +45,7 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
         return bool(fit.error[0] < NOTHING)
     if h.quick is None and not h.own and odd_beside(fit.error, taken.alone)[its].any():
         return False
-    if not motion and _a_part(asked, h):
+    if not motion and 2 * len(its) <= len(asked.seen) and _a_part(asked, h):
         return False
     moved = {j for j, label in enumerate(joints) if f"q{label}" in h.check.signals}
     if motion and not of_several(asked.quick.columns, before, fit, moved):
@@ -66,7 +66,7 @@ def _a_part(asked: Asked, h: Hypothesis) -> bool:
     """Whether a fit alone speaks for other torques, and these take off less than half of that by which the
     torques contradict each other. (Of a dual arm with two sensors turned and two positions exchanged a third
     sensor was told to be turned, and by it a current; of an LWR4+ whose second and third positions have other
-    zeros the fifth torque was told to show friction alone.)"""
+    zeros the fifth torque was told to show friction alone.) Not of what is said of most torques."""
     if h.own or asked.of_robot(h) or not np.isfinite(h.gain):
         return False
     apart = gain_of(asked.fit.error, asked.alone)
