@@ -178,8 +178,10 @@ def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bo
     """Whether a fit of the recording alone explains it no worse than without the cause (owns: of each
     recording), and one fit of all recordings explains them about as fits of each do: a signal that is another
     one contradicts its own recording, too, or fits it as well, and beside nothing else makes one robot's
-    recordings of them. (Of an LWR4+ whose other recording had no gravity in its torques a first position 10
-    times too small was told, of torques of another run two that look swapped.)"""
+    recordings of them, or leaves little, and of most torques as much as those. (Of an LWR4+ whose other
+    recording had no gravity in its torques a first position 10 times too small was told, of torques of
+    another run two that look swapped; of a rokae with every second position turned, of four of whose torques
+    twice to five times as much was left, the same as of the LWR4+.)"""
 
     each = []
     for own, so in zip(owns, its.explained.quick.samples):
@@ -196,7 +198,9 @@ def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bo
         asks = beyond_own(plain, usual) | (np.abs(gains_of(plain, left)) > np.log(SAME))
     aim = np.fmin(plain, AS_OTHERS * usual)  # of few rows fits of each take what is no other signal's
     most = gain_of(plain[asks], left[asks]) > HALF * gain_of(plain[asks], aim[asks])
-    return bool(most and _mean(left) < max(AS_OTHERS * _mean(usual), ENOUGH))
+    as_others = _mean(left) < AS_OTHERS * _mean(usual)
+    enough = _mean(left) < ENOUGH and beyond_own(left, usual).sum() <= len(left) / 2
+    return bool(most and (as_others or enough))
 
 
 def _mean(error: np.ndarray) -> float:
@@ -222,7 +226,7 @@ def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
     """What a recording's own may be where one of its signals looks another: zeros of its torques, a body on
     the link on which it explains most (nearly what another zero does), other friction of joints whose torques
     look scaled."""
-    if its.check not in ("position_zero", "torque_scale") or not its.recording:
+    if its.check not in ("position_zero", "torque_scale", "gravity_compensated") or not its.recording:
         return []
     columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
     (s,) = (s for s in whole.samples if s.label == its.recording)

@@ -7,7 +7,8 @@ counts, slow turns) is told from what a logger repeats by the spacing of its cha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -69,6 +70,7 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
     """Torques that keep one value for a while in which their joint moves, many times longer than elsewhere;
     slow: held anyway. (Of a TX40 at 50 Hz a torque that was held for 0.3 s, 15 rows, made of 4 % 30, and
     nothing was said.)"""
+    alike: dict[tuple[Any, ...], list[tuple[int, float]]] = {}
     for k in range(columns.n, len(columns.signals)):
         changes = int(np.count_nonzero(np.diff(excerpt.column(k))))
         if k in slow or excerpt.fewer(k, min(FEW, changes // 2)):  # by its resolution
@@ -102,19 +104,32 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
         if not found:
             continue
         share = sum(run[0] for run in found) / max(every.sum(), 1)
-        refused = share > MOST_STILL
-        name, (_, first, _, x) = columns.signals[k], found[0]
-        yield Check(
-            "dead_channel",
-            (name,),
-            f"{name} stands still at {x:.4g} for {100 * share:.3g} % of the samples while joint "
-            f"{columns.labels[j]} moves (rows {first} to {found[0][2]}"
-            f"{' and others' if len(found) > 1 else ''}): a drive that was off, a cable, a value held"
-            f"{', a dead band' if x == 0 else ''}",
-            f"leave the stretch out with from: and to:, or the torque with {columns.without([name])}",
-            outcome="refused" if refused else "warned",
-            rows=(first, found[-1][2]),
-        )
+        alike.setdefault((share, *(run[1:3] for run in found)), []).append((k, found[0][3] + 0.0))
+    for (share, *runs), its in alike.items():
+        yield _standing_still(columns, share, runs, its)
+
+
+def _standing_still(
+    columns: Columns, share: float, runs: Sequence[tuple[int, int]], its: Sequence[tuple[int, float]]
+) -> Check:
+    """Torques that do in the same rows; its: each and where. (Of a Barrett without its torques at the end the
+    first one was to be left out, and what was left was as dead.)"""
+    names, one = tuple(columns.signals[k] for k, _ in its), len(its) == 1
+    joints = listed(dict.fromkeys(columns.labels[columns.joint[k]] for k, _ in its))
+    moving = f"joint {joints} moves" if "," not in joints else f"joints {joints} move"
+    values = listed(f"{x:.4g}" for x in dict.fromkeys(x for _, x in its))
+    left = len(names) < len(columns.signals) - columns.n
+    torques = f", or the torque{'s' * (not one)} with {columns.without(names)}" if left else ""
+    return Check(
+        "dead_channel",
+        names,
+        f"{listed(names)} {'stands' if one else 'stand'} still at {values} for {100 * share:.3g} % of the "
+        f"samples while {moving} (rows {runs[0][0]} to {runs[0][1]}{' and others' * (len(runs) > 1)}): "
+        f"a drive that was off, a cable, a value held{', a dead band' * any(x == 0 for _, x in its)}",
+        f"leave the stretch out with from: and to:{torques}",
+        outcome="refused" if share > MOST_STILL else "warned",
+        rows=(runs[0][0], runs[-1][1]),
+    )
 
 
 def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:

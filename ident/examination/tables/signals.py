@@ -67,7 +67,7 @@ _CURE = {
     "missing_values": "export the log without them, or leave the stretch out with from: and to:",
     "sentinel": "export the log without them, or leave the stretch out with from: and to:",
     "frozen": "leave the stretches out with from: and to:",
-    "spike": "find what disturbs this sensor or its cable",
+    "spike": "find what disturbs this sensor or its cable, or what exchanges rows",
 }
 
 

@@ -346,3 +346,30 @@ def test_a_torque_turned_in_one_of_three_short_runs(tmp_path):
     study = strangers_log(tmp_path, "kuka_kr300", (100, False, True, True), change)
     (told,) = examine_fit(prepare_study(study))
     assert (told.check, told.signals, told.recording) == ("torque_sign", ("tau_m1",), "run1")
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.long
+def test_one_of_several_turned_positions_has_no_other_unit(tmp_path):
+    """Of a rokae with every second one turned in the run that judges the first was 10 times too small."""
+
+    def turned(log):
+        for j in (1, 3, 5, 7):
+            log.tables["run2"][f"q{j}"] = -log.tables["run2"][f"q{j}"]
+
+    study = strangers_log(tmp_path, "rokae_xmate3pro", (0, False, False, False), turned)
+    assert not list(another_signal(asked_of(study), ()))
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_torques_without_their_averages_do_feel_gravity(tmp_path):
+    """Of a Barrett's both, in all recordings, it was told that they do not in the one that judges."""
+
+    def centred(log):
+        for table in log.tables.values():
+            table |= {name: x - np.mean(x) for name, x in table.items() if name[:3] == "tau"}
+
+    study = strangers_log(tmp_path, "barrett_wam_2dof", (0, False, False, False), centred)
+    assert not list(another_signal(asked_of(study), ()))

@@ -177,8 +177,6 @@ def test_one_joint_in_degrees_is_that_joint_alone(tmp_path):
     assert "q1" not in str(caught.value)
 
 
-@ON_RECORDINGS[0]
-@ON_RECORDINGS[1]
 @pytest.mark.parametrize(("size", "told"), [(0.0, False), (0.01, True)])
 def test_a_position_whose_acceleration_is_mostly_noise(tmp_path, size, told):
     """Of a UR10e's first one a contact was told, which the fifth current was to feel for four seconds."""
@@ -190,3 +188,16 @@ def test_a_position_whose_acceleration_is_mostly_noise(tmp_path, size, told):
     prepared = prepare_study(strangers_log(tmp_path, "ur10e", (0, False, True, False), noisy))
     assert [c.signals for c in examine_tables(prepared)] == [("q1",)] * (3 * told)
     assert not told or examine_fit(prepared) == ()
+
+
+def test_torques_that_stand_still_at_once_are_told_at_once(tmp_path):
+    """The first of a Barrett's two was to be left out, and then the second."""
+
+    def off(log):
+        for table in log.tables.values():
+            kept = np.arange(len(table["t"])) < 0.7 * len(table["t"])
+            table |= {name: kept * x for name, x in table.items() if name[:3] == "tau"}
+
+    text, checks = refused(strangers_log(tmp_path, "barrett_wam_2dof", (100, False, False, False), off))
+    assert checks == {"dead_channel"} and "tau_m1, tau_m2 stand still at 0" in text
+    assert text.endswith("leave the stretch out with from: and to:")
