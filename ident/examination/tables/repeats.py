@@ -307,13 +307,15 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
 
 def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Check]:
     """Positions of whose acceleration noise makes more than the motion does: half of its mean square. Not of
-    others, which are told to be held or coarse. (Of a UR10e's first with noise of 0.01 rad a contact at the
-    fifth current was told; of eleven measured robots' noise makes at most a quarter, and of the noise of
-    1 mrad two thirds.)"""
+    others, which are told to be held or coarse, nor of a joint that hardly moves. (Of a UR10e's first with
+    noise of 0.01 rad a contact at the fifth current was told; of eleven measured robots' noise makes at most
+    a quarter, and of the noise of 1 mrad two thirds.)"""
     shares = {
         name: share
         for k, name in enumerate(columns.signals[: columns.n])
-        if k not in others and (share := _share_of_noise(excerpt, k, columns.cutoff_hz)) ** 2 > 0.5
+        if k not in others
+        and np.ptp(excerpt.column(k)) > TRAVELLED
+        and (share := _share_of_noise(excerpt, k, columns.cutoff_hz)) ** 2 > 0.5
     }
     if shares:
         yield Check(
