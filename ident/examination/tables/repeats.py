@@ -29,6 +29,7 @@ FEWEST_STEPS, FEWEST_SCALES = 16, 4  # of means of one length, and lengths
 WHITE = 4.5  # standard deviations between scatter at one length and at the shortest
 LEVELS, TORQUE_LEVELS = 250, 6  # steps of its resolution that a signal's range holds
 STEPS_SHARE = 0.25  # of a position's acceleration, from which its resolution is said to make it
+NOISY = 0.8  # of the mean square of an acceleration: noise is then twice as large as the motion
 SHORTEST, FEWEST_HIGH = 256, 20  # rows of a piece whose spectrum is looked at; frequencies that show noise
 
 
@@ -306,16 +307,16 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
 
 
 def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Check]:
-    """Positions of whose acceleration noise makes more than the motion does: half of its mean square. Not of
-    others, which are told to be held or coarse, nor of a joint that hardly moves. (Of a UR10e's first with
-    noise of 0.01 rad a contact at the fifth current was told; of eleven measured robots' noise makes at most
-    a quarter, and of the noise of 1 mrad two thirds.)"""
+    """Positions of whose acceleration noise makes twice as much as the motion does. Not of others, which are
+    told to be held or coarse, nor of a joint that hardly moves. (Of a UR10e's first with noise of 0.01 rad a
+    contact at the fifth current was told; of eleven measured robots' noise makes at most a quarter of the
+    mean square, and half where an AIRBOT's last joint turns by 8 mrad.)"""
     shares = {
         name: share
         for k, name in enumerate(columns.signals[: columns.n])
         if k not in others
         and np.ptp(excerpt.column(k)) > TRAVELLED
-        and (share := _share_of_noise(excerpt, k, columns.cutoff_hz)) ** 2 > 0.5
+        and (share := _share_of_noise(excerpt, k, columns.cutoff_hz)) ** 2 > NOISY
     }
     if shares:
         yield Check(
