@@ -103,6 +103,7 @@ def halves_apart(asked: Asked) -> Iterator[Check]:
     for apart in recordings_apart(parts.quick, asked.how):
         rate, against = RARE / (apart.error.size * len(each)), _contradicted(parts, apart)
         odd = [c for c in apart.odd if against[c] and _beyond_chance(apart, c, rate)]
+        odd = [c for c in odd if asked.name(c) not in asked.clipped]  # of which a part is left
         if odd:
             most = odd[int(np.argmax((apart.error / apart.expected)[odd]))]
             names, k = asked.names(odd), [s.label for s in each].index(apart.sample.label)

@@ -322,8 +322,9 @@ def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Chec
         yield Check(
             "noisy_position",
             tuple(shares),
-            f"{listed(shares)} {'is' if len(shares) == 1 else 'are'} noisy: behind a filter of "
-            f"{columns.cutoff_hz:g} Hz noise makes {'up to ' if len(shares) > 1 else ''}"
+            f"{listed(shares)} {'is' if len(shares) == 1 else 'are'} noisy, or no position (a velocity or "
+            f"a torque in its place): behind a filter of {columns.cutoff_hz:g} Hz noise makes "
+            f"{'up to ' if len(shares) > 1 else ''}"
             f"{100 * max(shares.values()) ** 2:.0f} % of the mean square of the acceleration, which errors "
             "and inertias feel",
             "look at its plot; record it with less noise, or fit with a lower filter: "

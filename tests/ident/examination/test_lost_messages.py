@@ -22,13 +22,18 @@ def _lost(columns, first, values):
     return out
 
 
+def _said(prepared):
+    """Checks and what came of them, but for the clock of a robot as it is."""
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    return {(c.check, c.outcome) for c in said if c.check != "time_stamps"}
+
+
 @pytest.mark.long
 def test_zeros_in_all_signals(tmp_path):
     """A load of 4.6 kg was told, and a torque that the others contradict."""
     zeros = lambda c: _lost(c, range(900, len(c["t"]) - 900, 700), lambda x, k: 0.0)  # noqa: E731
     prepared = prepare_study(planted(tmp_path, zeros, measured("kuka_lwr4plus")))
-    said = [*examine_tables(prepared), *examine_fit(prepared)]
-    assert {(c.check, c.outcome) for c in said} == {("missing_values", "mended")}
+    assert _said(prepared) == {("missing_values", "mended")}
     clean = prepare_study(measured("kuka_lwr4plus"))
     for lost, whole in zip(prepared.streams, clean.streams):
         assert np.allclose(lost.survey.lowest, whole.survey.lowest, rtol=0.02, atol=0.02)
@@ -47,8 +52,7 @@ def test_zeros_in_some_signals(tmp_path, robot, lost):
         return c | {name: gone[name] for name in c if name.startswith(lost)}
 
     prepared = prepare_study(planted(tmp_path, change, measured(robot)))
-    said = [*examine_tables(prepared), *examine_fit(prepared)]
-    assert {(c.check, c.outcome) for c in said} == {("missing_values", "mended")}
+    assert _said(prepared) == {("missing_values", "mended")}
 
 
 @pytest.mark.long

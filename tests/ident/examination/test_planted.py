@@ -567,8 +567,9 @@ def test_a_position_that_is_a_velocity(tmp_path):
     def change(c):
         return {name: x for name, x in (c | {"q2": c["dq2"]}).items() if name != "dq2"}
 
-    (check,) = examine_fit(prepare_study(planted(tmp_path, change, measured("airbot_play"))))
-    assert check.check == "wrong_robot" and "a position that is another signal" in check.message
+    prepared = prepare_study(planted(tmp_path, change, measured("airbot_play")))
+    (check,) = (*examine_tables(prepared), *examine_fit(prepared))
+    assert check.signals == ("q2",) and "no position (a velocity" in check.message
 
 
 @pytest.mark.long
