@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from recordings import motion, recording, write_parquet, write_study
 
-from ident.diagnosis import diagnosis
+from ident.diagnosis import diagnosis, working
 from ident.equations.prepared import prepare_study
 from ident.errors import RecordingError
 from ident.examination.examine import examine_fit
@@ -160,7 +160,7 @@ def test_a_position_is_turned_with_its_velocity(tmp_path):
 def test_a_remedy_that_leads_to_a_refusal_is_not_taken(tmp_path, monkeypatch):
     """The diagnosis refused a study for what it had written into it itself."""
     monkeypatch.setattr(
-        diagnosis, "mended_study", lambda study, checks: study.with_(columns={"q3": {"sign": -1}})
+        working, "mended_study", lambda study, checks: study.with_(columns={"q3": {"sign": -1}})
     )
     found = diagnosis.diagnose_study(_logged(tmp_path, lambda c: c))
     assert any("not applied" in note and "dq3" in note for note in found.notes)
