@@ -7,7 +7,7 @@ counts, slow turns) is told from what a logger repeats by the spacing of its cha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -290,20 +290,27 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
             yield Check(
                 "coarse_signal",
                 tuple(its),
-                f"{listed(its)} move{'s' if len(its) == 1 else ''} in steps of {max(its.values()):.3g}, few "
+                f"{listed(its)} move{'s' if len(its) == 1 else ''} in steps of {_largest(columns, its)}, few "
                 f"of which fit into the whole motion: {what} mostly those steps",
                 finer + also,
             )
     if shares:
-        step, share = (max(values) for values in zip(*shares.values()))
+        largest = _largest(columns, {name: step for name, (step, _) in shares.items()})
+        share = max(share for _, share in shares.values())
         yield Check(
             "coarse_signal",
             tuple(shares),
-            f"{listed(shares)} move{'s' if len(shares) == 1 else ''} in steps of {step:.3g}: behind a filter "
+            f"{listed(shares)} move{'s' if len(shares) == 1 else ''} in steps of {largest}: behind a filter "
             f"of {columns.cutoff_hz:g} Hz they make {'up to ' if len(shares) > 1 else ''}{100 * share:.0f} % "
             "of the acceleration, which errors and inertias feel",
             finer + lower,
         )
+
+
+def _largest(columns: Columns, steps: Mapping[str, float]) -> str:
+    """The largest step of some signals, with its unit."""
+    name = max(steps, key=lambda its: steps[its])
+    return columns.sized(columns.signals.index(name), steps[name])
 
 
 def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Check]:

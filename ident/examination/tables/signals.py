@@ -42,10 +42,18 @@ class Columns:
     channels: tuple[str, ...]  # torques in use
     prismatic: np.ndarray  # (n,) bool
     cutoff_hz: float = 10.0  # of the filter that positions go through
+    own_units: bool = False  # whether motor signals stay in a unit of their own, as currents without gains do
 
     @property
     def n(self) -> int:
         return len(self.labels)
+
+    def sized(self, k: int, x: float, digits: int = 3) -> str:
+        """A number of a signal in the unit in which it is read: of a current N m, which no log says."""
+        position, slides = k < self.n, bool(self.prismatic[self.joint[k]])
+        unit = (("rad", "m") if position else ("N m", "N"))[slides]
+        own = self.own_units and not position and not self.signals[k].startswith("tau_l")
+        return f"{x:.{digits}g}" + ("" if own else f" {unit}")
 
     def without(self, dead: Sequence[str]) -> str:
         """The `channels:` line that leaves torques out."""
@@ -347,8 +355,9 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                 yield Check(
                     "saturation",
                     (columns.signals[k],),
-                    f"{columns.signals[k]} stays exactly at its {word} value {sign * y.max():.4g} "
-                    f"for {100 * count / len(x):.2g} % of the samples, as a signal that is clipped",
+                    f"{columns.signals[k]} stays exactly at its {word} value "
+                    f"{columns.sized(k, sign * y.max(), 4)} for {100 * count / len(x):.2g} % of the samples, "
+                    "as a signal that is clipped",
                     "record with a wider range, or a slower motion",
                 )
                 break

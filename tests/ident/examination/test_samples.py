@@ -1,5 +1,7 @@
 """Wraps and spikes of long tables, block by block: whole turns are counted once, spikes are not lost rows."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -174,3 +176,17 @@ def test_spikes_of_few_rows_are_neither_degrees_nor_turns(size, said):
     checks = [*units(columns, mender, excerpt, *ends), *wraps(columns, mender)]
     assert {c.check for c in checks} == said
     assert all("leaps by whole turns and back 6 times" in c.message for c in checks)
+
+
+def test_sizes_of_signals_are_told_in_the_unit_they_are_read_in():
+    """Steps of 0.39 A were told as 4.24, which are N m and stand in no log."""
+    names, joint, slides = (
+        ("q1", "q2", "i1", "i2", "tau_l2"),
+        np.array([0, 1, 0, 1, 1]),
+        np.array([False, True]),
+    )
+    columns = Columns("run", names, joint, ("1", "2"), {}, names[2:], slides)
+    told = [columns.sized(k, 4.2419) for k in range(5)]
+    assert told == ["4.24 rad", "4.24 m", "4.24 N m", "4.24 N", "4.24 N"]
+    own = replace(columns, own_units=True)  # currents whose gains are not known
+    assert [own.sized(k, 4.2419) for k in (2, 4)] == ["4.24", "4.24 N"]
