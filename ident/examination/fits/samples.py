@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from ident.equations.columns import Columns
 from ident.recordings.recording import RecordingStream
@@ -116,6 +115,8 @@ class Sample:
         gaps = np.flatnonzero(np.abs(np.diff(its.t) - step) > 0.5 * step) + 1
         if width < SMOOTHED or min(len(part) for part in np.split(its.t, gaps)) < width:
             return None
+        from scipy.signal import savgol_filter  # a fit does without SciPy
+
         own = np.split(its.q[:, joint], gaps)
         made = [[savgol_filter(x, width, 3, order, step) for x in own] for order in range(3)]
         motion = [x.copy() for x in (its.q, its.dq, its.ddq)]
