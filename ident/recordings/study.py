@@ -510,7 +510,6 @@ _ITEMS = {  # of such a key one entry
 _EXPECTED = {
     "joints": "a list such as [1, 2, 3]",
     "coupled_drives": "a list of pairs such as [[5, 6]]",
-    "columns": "{q1: position_1} or {q1: {column: position_1, scale: 0.001}}",
     "drive_gains": "a list of N m/A, one per joint, or identify",
     "recordings": "a list of {file: ..., use: ...}",
     "stiffness": "a list of N m/rad, one per joint",

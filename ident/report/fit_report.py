@@ -135,12 +135,7 @@ def _facts(document: Mapping[str, Any], held_out: str | None) -> list[Fact]:
     facts = []
     for role in errors:
         facts.append(Fact(percent(errors[role]["total"]), f"relative error, {ROLES[role]}"))
-    facts.append(
-        Fact(
-            essential(document),
-            "essential of all base parameters",
-        )
-    )
+    facts.append(Fact(essential(document), "essential of all base parameters"))
     for row in document["parameters"]:
         if meaning(row["name"]).startswith("mass, payload"):
             facts.append(Fact(with_deviation(row["value"], row["std"], row["unit"]), meaning(row["name"])))
