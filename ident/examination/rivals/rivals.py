@@ -271,14 +271,9 @@ def _drifting(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
     """Each position with counts that are lost, or another clock's, all along each recording. (Of an LWR4+'s
     third one it was told to be swapped with the sixth.)"""
     for j, label in enumerate(whole.columns.need.joints):
-        its = np.arange(len(whole.columns.need.joints)) == j
         if not any(np.ptp(s.q[:, j]) for s in whole.samples):
             continue
-
-        def drift(x: float, its: np.ndarray = its) -> Quick:
-            each = ((s, x * (s.t - s.t[0])[:, None] * its) for s in whole.samples)
-            return whole.of([s.moved(whole.columns, offset=off) for s, off in each])
-
+        drift = _behind(whole, j, [s.t[0] - s.t for s in whole.samples])
         unit = "m" if str(label) in whole.columns.model.prismatic else "rad"
         longest = max(float(np.ptp(s.t)) for s in whole.samples)
         x, explained, settled = _solved(whole, fit, how, drift, (-np.pi / longest, np.pi / longest))

@@ -188,7 +188,7 @@ def position_steps(
     if not steps:
         return
     row, k, size = steps[0]
-    unit = "m" if columns.prismatic[k] else "rad"
+    leap = columns.sized(k, size)
     names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
     at_once = tuple(dict.fromkeys(columns.signals[j] for its, j, _ in steps if its == row))
     first = _held_until(excerpt, row, k, size)
@@ -197,15 +197,15 @@ def position_steps(
         said = (
             f"{columns.signals[k]} stands still in rows {rows[0]} to {rows[1]}, in which others change, and "
         )
-        said += f"then leaps by {size:.3g} {unit}: an encoder or a message that was held"
+        said += f"then leaps by {leap}: an encoder or a message that was held"
         remedy = "leave these rows out with from: and to:"
     else:
         rows = row + 1, row + 1
         remedy = "use the part before or after it with from: and to:"
-        said = f"{columns.signals[k]} leaps by {size:.3g} {unit} in row {row + 1} and stays there, as when "
+        said = f"{columns.signals[k]} leaps by {leap} in row {row + 1} and stays there, as when "
         said += "an encoder slips or rows were cut out"
         if len(at_once) > max(1, columns.n / 2):
-            said = f"{listed(at_once)} leap in row {row + 1}, {columns.signals[k]} by {size:.3g} {unit}, and "
+            said = f"{listed(at_once)} leap in row {row + 1}, {columns.signals[k]} by {leap}, and "
             said += "stay there: rows were cut out, or recordings were put together"
     yield Check("position_step", names, said, remedy, outcome="refused", rows=rows)
 
