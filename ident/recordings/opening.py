@@ -29,6 +29,7 @@ from ident.examination.tables.clock import (
     uniform_clock,
 )
 from ident.examination.tables.of_table import more_joints, of_table
+from ident.examination.tables.shared_stamps import Spread, spread, spread_stamps
 from ident.examination.tables.signals import Columns, frozen_throughout
 from ident.examination.tables.stopped import stopped_positions
 from ident.examination.tables.ticks import ticks
@@ -115,6 +116,7 @@ def open_recording(
     )
     seen, checks = surveyed(stream, study), []
     mended: Check | None = None
+    followed: Spread | None = None
     uneven = uneven_steps(seen.excerpt, len(need.joints))
     even = "" if seen.survey.uniform else even_samples(seen.excerpt, len(need.joints))
     late = uneven or even
@@ -127,11 +129,20 @@ def open_recording(
         if seen.grid.holds:
             mended = rounded_stamps(stream.label, clock, seen.grid, seen.survey.rows)
         if mended is None and seen.bursts:
+            followed = spread(stamps)
+            followed = followed if followed and followed.is_followed(seen.excerpt, len(need.joints)) else None
+        if mended is None and seen.bursts and not followed:
             mended = time_stamps(stream.label, clock, seen.bursts, seen.survey.rows)
-        if mended is None and ((uneven and clock.believable) or (even and clock.unbroken)):
+        if mended is None and not followed and ((uneven and clock.believable) or (even and clock.unbroken)):
             mended = late_stamps(stream.label, clock, late, seen.survey.rows)
-    placed = ticks(stamps, window) if mended is None and even and stream.counted_rate_hz is None else None
-    if placed is not None:
+    placed = None
+    if mended is None and not followed and even and stream.counted_rate_hz is None:
+        placed = ticks(stamps, window)
+    if followed is not None:
+        checks.append(spread_stamps(stream.label, seen.bursts, seen.survey.rows))
+        stream = replace(stream, spread=followed)
+        seen = surveyed(stream, study)
+    elif placed is not None:
         checks.append(stamps_on_ticks(stream.label, placed, even))
         stream = replace(stream, ticks=placed)
         seen = surveyed(stream, study)

@@ -13,6 +13,7 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.tables.mending import NOTHING, Mending
+from ident.examination.tables.shared_stamps import Spread
 from ident.examination.tables.signals import MOVED
 from ident.examination.tables.ticks import Ticks
 from ident.recordings.held import Held
@@ -77,6 +78,7 @@ class RecordingStream:
     checks: tuple[Check, ...] = ()
     counted_from_s: float = 0.0
     ticks: Ticks | None = None  # of the clock on which its rows were taken, where its stamps are not those
+    spread: Spread | None = None  # when its rows were taken, where they share stamps
     held: Held = field(default_factory=Held, init=False, repr=False, compare=False)  # by filters
 
     @property
@@ -93,6 +95,8 @@ class RecordingStream:
         """(N,) [s] when rows of the table were taken; plain: their columns in SI units, as in `names`."""
         if self.counted_rate_hz is not None:
             return np.asarray(self.counted_from_s + rows / self.counted_rate_hz)
+        if self.spread is not None:
+            return self.spread.of(rows)
         return plain[:, 0] if self.ticks is None else self.ticks.of(plain[:, 0])
 
     @property

@@ -31,7 +31,7 @@ from ident.examination.fits.hypothesis import (
 from ident.examination.fits.quick import FLOOR, Quick, gain_of, gains_of
 from ident.examination.fits.stretches import HALF, RARE, Explained, all_rows, steadily
 from ident.examination.fits.unexplained import apart_by_one_fit, odd_beside
-from ident.examination.one_recording.another_clock import clocks
+from ident.examination.one_recording.another_clock import beside_noise, clocks
 from ident.examination.one_recording.changed import Changed, positions_in_all, torques_in_all
 from ident.examination.one_recording.changed_in_one import positions_in_one, torques_in_one, weightless_in_one
 from ident.examination.rivals.recordings_apart import thinned
@@ -70,10 +70,12 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     torques = chain(
         torques_in_one(asked, whole, before), weightless_in_one(asked, whole), torques_in_all(asked, whole)
     )
-    found = better(chain(torques, clocks(asked.how, whole)))
+    found = better(chain(torques, clocks(asked, whole)))
     if positions or bad(before.fit) or any(_explains(its, before) for its in found):
         moved = better(chain(positions_in_one(asked, whole), positions_in_all(asked, whole)))
         found += [_moving(asked, its) for its in moved]
+    noisy = [its for its in found if its.check == "noisy_position"]
+    found = [its for its in found if its.signals != ("t",) or beside_noise(its, noisy)]
 
     owns = [Explained.by(whole.of([s]), asked.how) for s in whole.samples]
     best = _best(before, owns, sorted(found, key=gain, reverse=True))

@@ -12,6 +12,8 @@ Franka, or by nothing, 0.000 of 1 % with an LWR4+.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from ident.examination.check import Check
@@ -49,9 +51,27 @@ def uneven_steps(excerpt: Excerpt, joints: int) -> str:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """By how much of what the steps of stamps differ by joints go further in the longer ones, its standard
+    deviation, and how much these differ."""
+
+    share: float
+    spread: float
+    scatter: float
+
+
 def even_samples(excerpt: Excerpt, joints: int) -> str:
     """In words where joints go, but for chance, by less than half of what the steps differ by further in the
     longer of them: the samples are nearer to a uniform clock than to their stamps. Nothing elsewhere."""
+    its = followed(excerpt, joints)
+    if its is None or not its.share + CLEAR * its.spread < 0.5:
+        return ""
+    return f"the steps of t scatter by {100 * its.scatter:.2g} %, and joints go as if none did"
+
+
+def followed(excerpt: Excerpt, joints: int) -> Followed | None:
+    """None where no stamps differ, or nothing moves."""
     steps, pairs = [], []
     for _, t, values in excerpt.pieces:
         if len(t) < 4 * SIDE or not (np.diff(t) > 0).all():
@@ -63,21 +83,17 @@ def even_samples(excerpt: Excerpt, joints: int) -> str:
         steps.append(longer[usual])
         pairs.append(((pace * longer[:, None])[usual], (went - pace)[usual]))
     if not sum(map(len, steps)):
-        return ""
+        return None
     asked, gone = (np.concatenate([pair[k] for pair in pairs]) for k in (0, 1))
     weight = 1.0 / np.maximum(gone.var(axis=0), 1e-300)
     parts = np.array_split(np.arange(len(asked)), BLOCKS)
     own = np.array([((asked[rows] ** 2) @ weight).sum() for rows in parts])
     both = np.array([((asked[rows] * gone[rows]) @ weight).sum() for rows in parts])
     if not own.sum() > 0:
-        return ""
+        return None
     share = both.sum() / own.sum()
     spread = np.sqrt(((both - share * own) ** 2).sum()) / own.sum()
-    if not share + CLEAR * spread < 0.5:
-        return ""
-    return (
-        f"the steps of t scatter by {100 * np.std(np.concatenate(steps)):.2g} %, and joints go as if none did"
-    )
+    return Followed(float(share), float(spread), float(np.std(np.concatenate(steps))))
 
 
 def _steps(t: np.ndarray, q: np.ndarray) -> tuple[tuple[np.ndarray, np.ndarray], ...]:

@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import pytest
 import yaml
-from planted import ON_RECORDINGS, measured, parted, planted, refused, ur10e
+from planted import ON_RECORDINGS, measured, parted, planted, refused, strangers_log, ur10e
 
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
@@ -88,3 +88,17 @@ def test_a_clock_by_which_little_more_is_explained(tmp_path, factor, told):
     if told:
         least, most = map(float, re.search(r"clock, ([\d.]+) to ([\d.]+) by", checks[0].message).groups())
         assert least < max(factor, 1 / factor) < most and "robot file's lengths are" in checks[0].message
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("rates", [True, False])
+def test_a_position_behind_noise_is_no_clock(tmp_path, rates):
+    """Of an LWR4+'s third one it was told that t may be 17.6 times too small."""
+
+    def noisy(log):
+        q = log.tables["run1"]["q3"]
+        log.tables["run1"]["q3"] = q + 0.03 * log.rng.standard_normal(len(q))
+
+    study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, rates, True), noisy)
+    checks = examine_fit(prepare_study(study))
+    assert "noisy_position" in {c.check for c in checks} and "its clock" not in str(checks)

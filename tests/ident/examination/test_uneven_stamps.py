@@ -8,6 +8,7 @@ import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.shared_stamps import spread
 from ident.examination.tables.ticks import ticks
 from ident.examination.tables.uneven_stamps import even_samples, uneven_stamps, uneven_steps
 
@@ -179,3 +180,41 @@ def test_stamps_taken_late_are_no_clock_at_another_rate(tmp_path):
     study = study.with_(recordings=tuple(runs), filter=type(study.filter)())
     checks = examine_fit(prepare_study(planted(tmp_path, change, study)))
     assert "clock_rate" not in {c.check for c in checks}
+
+
+def _spread(instants, stamps):
+    q = np.stack([np.sin(0.9 * instants), 0.4 * np.cos(1.7 * instants)], 1)
+    q += 1e-5 * np.random.default_rng(1).normal(size=q.shape)
+    excerpt, rows = Excerpt(), np.arange(len(stamps))
+    excerpt.take((rows, stamps, q))
+    its = spread(lambda: np.array_split(stamps, 7))
+    return its.of(rows), its.is_followed(excerpt, 2)
+
+
+@pytest.mark.parametrize("burst", [2, 5])
+def test_rows_that_share_stamps_are_spread_where_joints_go_by_them(burst):
+    """Of even samples that come in bursts, at even times or not, a uniform clock is the better one."""
+    rng, n = np.random.default_rng(2), 6000
+    first = np.arange(n) // burst * burst
+    even = 17.0 + np.arange(n) / 100
+    uneven = 17.0 + np.cumsum(rng.choice([0.010, 0.012], size=n, p=[0.7, 0.3]))
+    late = np.repeat(rng.uniform(0, 0.004, size=n // burst), burst)
+    made, taken = _spread(uneven, uneven[first])
+    assert taken and np.abs(made - uneven)[: n - burst].max() < 0.0025
+    assert not any(_spread(even, stamps)[1] for stamps in (even[first], even[first] + late))
+    assert not _spread(uneven, uneven[first] + 2 * late)[1]  # whose stamps say less than no stamps
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_stamps_that_two_rows_share_each(tmp_path):
+    """Of a UR10e, whose stamps are 10 and 12 ms apart, the nearest uniform clock was told and used."""
+
+    def twice(columns):
+        t, pairs = columns["t"].copy(), len(columns["t"]) // 2 * 2
+        t[1:pairs:2] = t[:pairs:2]
+        return columns | {"t": t}
+
+    for stream in prepare_study(planted(tmp_path, twice, ur10e())).streams:
+        (said, *_) = stream.checks
+        assert said.check == "time_stamps" and "spread evenly up to the next stamp" in said.message
