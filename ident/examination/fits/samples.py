@@ -96,6 +96,10 @@ class Sample:
         """(N, C) N m of parameters chi (b,)."""
         return np.stack([W @ chi for W in self.W], axis=1)
 
+    def _along(self, columns: Columns, thin: FilteredBlock) -> Sample:
+        """The same torques along another motion."""
+        return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
+
     def moved(
         self, columns: Columns, order: Sequence[int] | None = None, factor: Any = 1.0, offset: Any = 0.0
     ) -> Sample:
@@ -105,7 +109,7 @@ class Sample:
         q, dq, ddq = (x[:, joints] * factor for x in (its.q, its.dq, its.ddq))
         sign = its.sign_dq[:, joints] * np.sign(factor)
         thin = replace(its, q=q + offset, dq=dq, ddq=ddq, sign_dq=sign)
-        return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
+        return self._along(columns, thin)
 
     def smoothed(self, columns: Columns, joint: int, seconds: float) -> Sample | None:
         """With one position by cubics over so many seconds about each sample; None: these hold too few."""
@@ -126,13 +130,13 @@ class Sample:
         sign = its.sign_dq.copy()
         sign[:, joint] = np.sign(dq[:, joint])
         thin = replace(its, q=q, dq=dq, ddq=ddq, sign_dq=sign)
-        return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
+        return self._along(columns, thin)
 
     def timed(self, columns: Columns, factor: float) -> Sample:
         """The same with stamps times a factor."""
         its = self.thin
         thin = replace(its, t=factor * its.t, dq=its.dq / factor, ddq=its.ddq / factor**2)
-        return replace(self, thin=thin, W=_observation(columns, self.payload, thin, self.weightless))
+        return self._along(columns, thin)
 
     def read(self, order: Sequence[int], factor: Any) -> Sample:
         """With recorded torque k taken as that of order[k], times its factor (C,)."""
@@ -158,8 +162,7 @@ class Sample:
         q, dq, ddq = (x @ positions.T for x in (its.q, its.dq, its.ddq))
         plain = (positions == np.eye(len(positions))).all(axis=1)
         thin = replace(its, q=q, dq=dq, ddq=ddq, sign_dq=np.where(plain, its.sign_dq, np.sign(dq)))
-        W = _observation(columns, self.payload, thin, self.weightless)
-        return replace(self, thin=thin, W=W, Y=self.Y @ torques, late=self.late @ torques)
+        return replace(self._along(columns, thin), Y=self.Y @ torques, late=self.late @ torques)
 
 
 def take(
