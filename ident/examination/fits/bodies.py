@@ -8,8 +8,9 @@ new regressor each.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import groupby
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from modelgen.geometry.names import INERTIAL, ParameterName
 SAMPLES = 260
 AS_OTHERS, ENOUGH = 1.7, 0.15  # what agrees leaves the usual error times this, or this
 RIDGE = 1e-9
+TOGETHER = 2400  # samples whose regressors are evaluated at once: arrays that a core's cache holds
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,15 +60,38 @@ def parts_of(
 
     free: gravity taken apart; else the table's own, and one block instead of four.
     """
-    own = own_columns(columns)
-    total = sum(len(s.q) for s in samples)
-    if not total:
+    thin = _thin(samples, most)
+    if thin is None:
         return None
-    stride, K = max(1, total // most), 4 if free else 1
-    bodies = 10 * len(table.rows)
-    p, C = bodies + len(own), len(columns.channels)
-    thin = slice(None, None, stride)
     made = [standard(table, s.q[thin], s.dq[thin], s.ddq[thin], free) for s in samples]
+    return _summed(columns, samples, how, thin, made)
+
+
+def parts_of_each(
+    tables: Sequence[Any], columns: Columns, samples: Sequence[Sample], how: Assignment, most: int = SAMPLES
+) -> Iterator[Parts]:
+    """Those of several tables, each with its own gravity. Of 60 tables and 160 samples nearly all of the time
+    is that of calls, not of numbers: some tables together take a third of it."""
+    thin = _thin(samples, most)
+    assert thin is not None
+    for some in _alike(tables, max(1, TOGETHER // sum(len(s.q[thin]) for s in samples))):
+        made = [_standard_of_each(some, s.q[thin], s.dq[thin], s.ddq[thin]) for s in samples]
+        for its in zip(*made):
+            yield _summed(columns, samples, how, thin, its)
+
+
+def _thin(samples: Sequence[Sample], most: int) -> slice | None:
+    """So that some `most` remain of all; None: there is none."""
+    total = sum(len(s.q) for s in samples)
+    return slice(None, None, max(1, total // most)) if total else None
+
+
+def _summed(
+    columns: Columns, samples: Sequence[Sample], how: Assignment, thin: slice, made: Sequence[np.ndarray]
+) -> Parts:
+    """made: of the thinned samples of each recording (K, n, N, 10 L)."""
+    own, K, bodies = own_columns(columns), made[0].shape[0], made[0].shape[-1]
+    p, C = bodies + len(own), len(columns.channels)
     seen, G, v, yy = [], [], [], np.zeros(C)
     for c in range(C):
         weight = np.concatenate([s.weight[thin, c] for s in samples])
@@ -105,6 +130,8 @@ def own_columns(columns: Columns) -> np.ndarray:
 def standard(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, free: bool = True) -> np.ndarray:
     """(4, n, N, 10 L): W_0 without gravity, then by each component of gravity, of every body's parameters;
     (1, n, N, 10 L) with the table's gravity where it is not free."""
+    if not free:
+        return np.asarray(_standard_of_each([table], q, dq, ddq)[0])
     from modelgen.dynamics.newton_euler import regressor_of_samples
     from modelgen.geometry.kinematics import State
 
@@ -112,13 +139,46 @@ def standard(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, free: b
     out = []
     shift = _constant_angles(table)
     c, s = np.cos(q + shift), np.sin(q + shift)
-    for part in range(4 if free else 1):
-        gravity = tuple(1.0 if part == k + 1 else 0 for k in range(3)) if free else table.gravity
+    for part in range(4):
+        gravity = tuple(1.0 if part == k + 1 else 0 for k in range(3))
         rest = (0,) * n  # structural zeros, which nothing is multiplied with
         motion = (tuple(dq.T), tuple(ddq.T)) if part == 0 else (rest, rest)
         state = State(tuple(c.T), tuple(s.T), tuple(q.T), *motion)
         out.append(regressor_of_samples(replace(table, gravity=gravity), state, N))
     return np.array(out).swapaxes(2, 3)
+
+
+def _alike(tables: Sequence[Any], most: int) -> Iterator[list[Any]]:
+    """Neighbouring ones whose rows stand on the same ones and move alike, so many at most."""
+    for _, its in groupby(tables, lambda table: [(row.antecedent, row.sigma) for row in table.rows]):
+        alike = list(its)
+        yield from (alike[k : k + most] for k in range(0, len(alike), most))
+
+
+def _standard_of_each(tables: Sequence[Any], q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+    """(T, 1, n, N, 10 L), `standard` of tables that are alike: entries in which they differ are arrays."""
+    from modelgen.dynamics.newton_euler import regressor_of_samples
+    from modelgen.geometry.kinematics import Geometry, Row, State
+
+    T, N = len(tables), len(q)
+
+    def together(values: Sequence[Any]) -> Any:
+        one = values[0]
+        if all(type(value) is type(one) and value == one for value in values):
+            return one
+        return np.repeat(np.array(values, float), N)
+
+    def of_rows(rows: Sequence[Row]) -> Row:
+        numbers = (together([getattr(row, f.name) for row in rows]) for f in fields(Row)[2:])
+        return Row(rows[0].antecedent, rows[0].sigma, *numbers)
+
+    rows = tuple(of_rows(its) for its in zip(*(table.rows for table in tables)))
+    x, y, z = (together(its) for its in zip(*(table.gravity for table in tables)))
+    angle = np.concatenate([q + _constant_angles(table) for table in tables])
+    q, dq, ddq = (np.tile(its, (T, 1)) for its in (q, dq, ddq))
+    state = State(tuple(np.cos(angle).T), tuple(np.sin(angle).T), tuple(q.T), tuple(dq.T), tuple(ddq.T))
+    made = regressor_of_samples(Geometry(rows, (x, y, z)), state, T * N)
+    return made.reshape(*made.shape[:2], T, N).transpose(2, 0, 3, 1)[:, None]
 
 
 def torques(table: Any, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, bodies: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from ident.examination.fits.bodies import (
     errors,
     gain,
     parts_of,
+    parts_of_each,
     with_bodies,
 )
 from ident.examination.fits.halves import of_either_half
@@ -78,8 +79,11 @@ class OtherTables:
     def found(self) -> list[Table]:
         plain, held = self.error, self._judged(self.table, self._as_told)
         found, moved = [], dict(_moved(self.table.rows))
-        for text, other in self._others():
-            identify = self._parts(other)
+        others = list(self._others())
+        each = parts_of_each(
+            [table for _, table in others], self.quick.columns, self.quick.fitted, self.how, AXES_SAMPLES
+        )
+        for (text, other), identify in zip(others, each):
             now = errors(identify, None, self.gravity)[0]
             if not gain(plain, now) > CLEARLY or not _by_several(plain, now):
                 continue
@@ -174,8 +178,7 @@ class OtherTables:
         return all(one == its or (one.antecedent == -1 and one.sigma == its.sigma) for one, its in pairs)
 
     def _parts(self, table: Any, most: int = AXES_SAMPLES) -> Parts:
-        fitted = [s for s in self.quick.samples if s.role == "identify"]
-        its = parts_of(table, self.quick.columns, fitted, self.how, most, False)
+        its = parts_of(table, self.quick.columns, self.quick.fitted, self.how, most, False)
         assert its is not None
         return its
 
