@@ -136,6 +136,7 @@ class Examined:
 def examined(study: Study, progress: Progress = silent) -> Examined:
     """Open the recordings, and hold a quick fit against physics. Raises IdentError and its relatives."""
     prepared = prepare_study(study, progress)
+    declared(prepared)  # an entry that is none is told before minutes of work
     progress("examining the recordings")
     return Examined(prepared, examine_fit(prepared))
 

@@ -194,6 +194,7 @@ def test_the_link_that_carries_the_weight_is_told_where_motions_are_alike(tmp_pa
     assert my == pytest.approx(1.1, abs=0.15) and abs(mx) < 0.05
 
 
+@pytest.mark.long
 @pytest.mark.skipif(
     not (DATA / "barrett_wam_2dof").is_dir(), reason="the recordings of measured robots are not here"
 )

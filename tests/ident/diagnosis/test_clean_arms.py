@@ -35,6 +35,7 @@ def test_nothing_is_told(tmp_path, seed):
     assert not found.findings and not found.unexplained
 
 
+@pytest.mark.long
 def test_turns_that_steps_of_the_positions_hide_are_no_late_torque(tmp_path):
     """Two slow runs of 50 Hz in steps of 84 urad: one torque was 20 ms late, by 250 nats of rows that turn.
     Each turn comes by as much too late as its steps hid, and beside that no delay is left."""

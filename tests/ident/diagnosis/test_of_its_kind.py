@@ -93,6 +93,7 @@ def test_a_wave_is_there_though_the_parameters_change(tiny):
         assert beside.of_its_kind and beside.kappa < 2 and beside.log_e > TAU
 
 
+@pytest.mark.long
 def test_one_of_many_waves_that_change_is_none(tiny):
     told = passed = 0
     for seed in range(15):

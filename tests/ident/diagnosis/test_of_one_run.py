@@ -16,7 +16,7 @@ def told(study):
     return diagnosis, finding
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("zero", "recording"), [(0.03, "run1"), (-0.03, "run2"), (0.35, "run2")])
 def test_another_zero_of_a_joint_in_one_run(arm, zero, recording):
     diagnosis, finding = told(arm(f"position_zero:2:zero={zero},recording={recording}"))

@@ -35,6 +35,7 @@ def test_a_resting_joint_is_no_end(tmp_path, noise):
     assert not any(f.effect in ("stribeck_friction", "hysteresis") and f.joints == (3,) for f in d.findings)
 
 
+@pytest.mark.long
 def test_a_resting_joint_hides_nothing_of_the_others(tmp_path):
     """A channel without rows said minus infinity of every hypothesis: nothing was found on any joint."""
     d = diagnose_study(resting(tmp_path, 0.0).with_(without=("viscous_friction",)))

@@ -57,6 +57,7 @@ def test_an_offset_behind_the_teeth_is_no_second_friction(loaded):
     assert d.findings[0].parameters["mu"]["value"] == pytest.approx(0.3, abs=0.02)
 
 
+@pytest.mark.long
 def test_all_that_steps_with_a_sign_turns_over_at_once(loaded):
     """The width was sought beside the load's friction as it had turned over before: 0.16 mrad/s, then 9, then
     0.16 again."""

@@ -33,6 +33,7 @@ def test_a_study_without_a_fit_is_that_of_what_its_checks_propose(monkeypatch, l
     assert its.notes == ("as it is the study has no fit: errors before are those without its faults",)
 
 
+@pytest.mark.long
 @pytest.mark.real_data
 @ON_RECORDINGS[1]
 def test_a_sign_is_undone_and_the_errors_before_are_those_with_it(tmp_path):

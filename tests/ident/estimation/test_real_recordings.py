@@ -93,6 +93,7 @@ def test_xmate_four_models():
         assert np.ptp(values) < 0.05 * abs(np.mean(values)), (name, values)
 
 
+@pytest.mark.long
 def test_a_delay_comes_to_rest(tmp_path):
     """Its columns read the model that it changes: it went to and fro by five standard deviations."""
     study = yaml.safe_load((DATA / "airbot_play" / "study.yaml").read_text())

@@ -34,7 +34,7 @@ def test_a_recording_in_ms_beside_one_in_s(role):
     assert checks == {"time_unit"} and "t looks recorded in ms" in message
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("role", "factor"), [("validate", 2.0), ("identify", 1.25)])
 def test_a_recording_whose_clock_runs_at_another_rate(role, factor):
     (said,) = examine_fit(prepare_study(_run_at(factor, role)))
@@ -77,6 +77,7 @@ def test_two_rows_of_a_table_exchanged_are_no_clock(tmp_path):
     assert "clock_rate" not in {c.check for c in checks}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("factor", "told"), [(2.0, True), (0.5, True), (1.0, False)])
 def test_a_clock_by_which_little_more_is_explained(tmp_path, factor, told):
     """Of a UR10e's nothing was said: 7 % were left for 5, and inertias came out four times too large."""

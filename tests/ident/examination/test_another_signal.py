@@ -131,6 +131,7 @@ def _other_torques(its, factors, order, label="run1"):
     return dict(its.columns) | (named if its.label == label else {})
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("factors", "order", "check", "names"),
     [
@@ -153,6 +154,7 @@ def test_other_torques_in_the_only_fitted_run(tmp_path, factors, order, check, n
     assert "a load" not in told[0].message and (told[0].recording == "run1" or "in run1" in told[0].message)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "request_", ["payload_change:link=2,m=2,recording=run1", "payload_change:m=2,recording=run2"]
 )
@@ -188,6 +190,7 @@ def test_of_a_measured_robot_two_torques_swapped_in_the_run_that_is_fitted(tmp_p
     assert told == [("swapped_signals", (a, b), "identify")]
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(("robot", "signal", "factor"), [("ur10e", "i3", 0.7)])
@@ -245,6 +248,7 @@ def test_a_position_that_was_not_recorded_is_no_other_one(tmp_path):
     assert set(signals) <= {"q4"}
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_position_that_one_recording_lacks_is_no_other_one(tmp_path):

@@ -50,6 +50,7 @@ def _a_row_higher(*keys):
     return change
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("robot", "keys", "words"),
     [

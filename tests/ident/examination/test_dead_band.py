@@ -37,6 +37,7 @@ def test_lost_messages_and_whole_steps_are_none(middle, length):
     assert not dead_band(np.maximum(x, 0.0), 0.0)
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_of_a_measured_robot(tmp_path):

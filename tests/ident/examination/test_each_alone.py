@@ -30,6 +30,7 @@ FILES = [
 ]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("robot", "path"), FILES, ids=[f"{robot}-{path.stem}" for robot, path in FILES])
 def test_a_recording_alone_is_not_blamed(robot, path):
     study = measured(robot).with_(recordings=(RecordingEntry(file=str(path)),))

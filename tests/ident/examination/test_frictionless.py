@@ -32,6 +32,7 @@ def _said(folder, share):
     return [c.check for c in examine_fit(prepare_study(study)) if c.check != "poor_excitation"]
 
 
+@pytest.mark.long
 def test_friction_that_was_taken_off_is_missed(tmp_path):
     assert _said(tmp_path, 1.0) == ["friction_compensated"]
     assert not _said(tmp_path, 0.0)

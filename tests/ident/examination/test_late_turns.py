@@ -48,6 +48,7 @@ def test_presliding_is_no_delay(tmp_path, top):
     assert "channel_delay" not in said(tmp_path, top, 0)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("seed", [96, 441, 3208, 3179])
 def test_slow_turns_of_joints_in_coarse_steps_and_starts_from_rest(tmp_path, seed):
     """Clean arms of the rate's benchmark, of which all torques were told to be 0.05 or 0.02 s early, 0.03 s
@@ -100,6 +101,7 @@ def test_a_late_torque_is_not_those_that_gain_by_themselves(tmp_path):
     assert [c.signals for c in told] == [("tau_l3",)] and ", or tau" not in told[0].message
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_torque_of_a_fast_arm_that_is_a_little_late(tmp_path):

@@ -57,6 +57,7 @@ def test_a_zero_by_which_stretches_gain_unlike_amounts(tmp_path):
     assert told.check == "position_zero" and "q3 starts from another zero, 0.53 rad off" in told.message
 
 
+@pytest.mark.long
 def test_a_zero_of_a_radian(tmp_path):
     """0.82 rad were told: no step went beyond 0.9."""
     change = lambda c: {k: (x + (k == "q3"))[::5] for k, x in c.items()}  # noqa: E731
@@ -73,6 +74,7 @@ def test_a_number_that_steps_did_not_come_to_is_none():
     assert not next(its for its in each if its.check == "position_zero").settled
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("j", [2, 3])
 def test_a_zero_of_which_one_torque_says_most(tmp_path, j):
     """17 % were left of an AIRBOT's fifth torque for 8, and nothing was said; nor is the second position told
@@ -109,6 +111,7 @@ links:
 """
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("gear", ["joint_elasticity", "hysteretic_gear"])
 def test_a_gear_that_bends_is_no_other_position(tmp_path, gear):
     """(q1 was told to be 1.05 to 1.1 times too small in 8 of 12 such cases.)"""

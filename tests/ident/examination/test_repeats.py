@@ -177,6 +177,7 @@ def test_one_joint_in_degrees_is_that_joint_alone(tmp_path):
     assert "q1" not in str(caught.value)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("size", "told"), [(0.0, False), (0.01, True)])
 def test_a_position_whose_acceleration_is_mostly_noise(tmp_path, size, told):
     """Of a UR10e's first one a contact was told, which the fifth current was to feel for four seconds."""

@@ -57,9 +57,8 @@ def _coarse(c):
     return out
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(("share", "recorder"), [(0.25, dict), (0.2, _coarse)])
-@pytest.mark.first_case
 def test_what_drifts_in_one_run_alone_is_no_factor(tmp_path, share, recorder):
     """A Franka's sixth torque was told to be 1.2 times too large, which explains half as much."""
 

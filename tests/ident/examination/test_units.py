@@ -28,6 +28,7 @@ def _checks(arm, effect):
     return [c for c in ident.fit(study).checks if c.check == "angle_unit"]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("stiffness", [1.0, 5.0, 20.0])
 @pytest.mark.parametrize("joint", [1, 2])
 def test_a_spring_is_no_position_in_another_unit(arm, joint, stiffness):

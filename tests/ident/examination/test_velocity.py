@@ -132,6 +132,7 @@ def test_a_joint_that_rests_for_half_of_a_run_is_not_blamed(tmp_path, noise):
     assert _opened(tmp_path, lambda c: c | {"q2": q, "dq2": dq}) == ()
 
 
+@pytest.mark.long
 def test_a_position_in_degrees_is_told_beside_a_torque_that_it_does_not_explain(tmp_path):
     """Of an LWR the last torque's error stayed where it was, and two positions were said to be swapped. What
     is done to the position is done to its velocity, which would contradict it."""

@@ -23,6 +23,7 @@ def _off(name, size, how):
     return change
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("name", "size", "how"),
     [("i1", 0.6, lambda over: over > 0.45), ("i3", 1.0, lambda over: over), ("i3", 0.0, lambda over: over)],
@@ -64,6 +65,7 @@ def test_a_load_on_one_recording_is_no_zero_that_wanders(tmp_path):
     assert not list(wandering(asked_of(study)))
 
 
+@pytest.mark.long
 def test_torques_that_lost_their_averages_in_each_recording_do_not_drift_within_them(tmp_path):
     """Of an AIRBOT's third one 0.03 N m within recordings was told, and 0.6 between them was not."""
 

@@ -55,6 +55,7 @@ def test_a_measured_robot_s_poses_are_nobody_s_fault():
     assert fit.error_percent["validate"]["total"] < 5.2  # at the full rate; 5.9 beside them
 
 
+@pytest.mark.long
 def test_a_stretch_of_milliseconds_stands_nowhere():
     """At 4 kHz two lost messages leave 27 ms between them, of which nobody knows whether a joint moved: with
     no position of the survey's in it, it was a traceback; with one, all joints rested."""
