@@ -21,7 +21,7 @@ from ident.examination.fits.bodies import AS_OTHERS, beyond_own
 from ident.examination.fits.hypothesis import EXPLAINED, Asked
 from ident.examination.fits.quick import Assignment, Normal, Quick, added, solve
 from ident.examination.fits.samples import Sample
-from ident.examination.fits.stretches import RARE, Explained, all_rows, steadily
+from ident.examination.fits.stretches import HALF, RARE, Explained, all_rows, steadily
 from ident.examination.fits.unexplained import ODD, TIMES, by_each_recording, odd_one
 from ident.examination.rivals.rivals import rivals
 from ident.examination.tables.repeats import TRAVELLED
@@ -107,8 +107,12 @@ def halves_apart(asked: Asked) -> Iterator[Check]:
         if odd:
             most = odd[int(np.argmax((apart.error / apart.expected)[odd]))]
             names, k = asked.names(odd), [s.label for s in each].index(apart.sample.label)
-            half = _itself_odd(parts.quick, asked.how, k, odd)
-            if not half and (k // 2, names) in told:
+            half, both = _itself_odd(parts.quick, asked.how, k, odd)
+            which = f": {OF_HALF}" if half > both else f", and the other half goes with it: {OF_WHOLE}"
+            sure = both < HALF * half
+            if half > both and not sure:
+                which = f", and these do not tell whether the other half goes with it: {OF_WHOLE}"
+            if half <= both and (k // 2, names) in told:
                 continue  # both halves, which go with each other
             told.add((k // 2, names))
             yield Check(
@@ -116,17 +120,17 @@ def halves_apart(asked: Asked) -> Iterator[Check]:
                 names,
                 f"in the {apart.sample.label} {listed(names)} {'is' if len(odd) == 1 else 'are'} foretold by "
                 f"all the rest worse than its motion leaves unsure ({asked.name(most)} to "
-                f"{100 * apart.error[most]:.0f} %, not {100 * apart.expected[most]:.0f} %"
-                f"{'): ' + OF_HALF if half else '), and the other half goes with it: ' + OF_WHOLE}",
-                "look at its plot, and use the other half with from: or to:" if half else HOW,
+                f"{100 * apart.error[most]:.0f} %, not {100 * apart.expected[most]:.0f} %){which}",
+                "look at its plot, and use the other half with from: or to:" if sure else HOW,
                 recording=whole[k // 2].label,
             )
 
 
-def _itself_odd(quick: Quick, how: Assignment, k: int, channels: Sequence[int]) -> bool:
-    """Whether less of these torques is left where half k of a recording has a robot of its own, and the other
-    half that of all the rest, than where both halves have one. (Of a TX40 whose last torques were 1.7 times
-    too large in the run that judges the half that does not show it was to be used.)"""
+def _itself_odd(quick: Quick, how: Assignment, k: int, channels: Sequence[int]) -> tuple[float, float]:
+    """How much less of these torques is left, by its logarithm, where half k of a recording has a robot of
+    its own, and where both of its halves have one, than where one robot is that of all. (Of a TX40 whose last
+    torques were 1.7 times too large in the run that judges the half that does not show it was to be used; of
+    a KR 300 with another torque in its fifth one in all of that run the half that shows it less.)"""
     other = k ^ 1
     rest = [its for i, its in enumerate(quick.each) if i not in (k, other)]
 
@@ -137,7 +141,8 @@ def _itself_odd(quick: Quick, how: Assignment, k: int, channels: Sequence[int]) 
         return float(np.log(np.fmax(chi2[list(channels)], 1e-300)).sum())
 
     one, two = quick.each[k], quick.each[other]
-    return left([*rest, two], [one]) < left(rest, [one, two])
+    whole = left([*rest, one, two])
+    return whole - left([*rest, two], [one]), whole - left(rest, [one, two])
 
 
 def foretold_badly(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:

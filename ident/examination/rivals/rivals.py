@@ -135,6 +135,16 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
                 also = f" or a load is carried {'in one of the two' if two else 'there'}" if share < 1 else ""
                 words = f"{name} of {sample.label} is {_times(share)}{also}"
                 yield replace(rival, words=words, recording=sample.label)
+            most = float(np.abs(sample.Y[:, own]).max())
+
+            def bent(i: int, s: Sample, r: int = r, most: float = most) -> np.ndarray:
+                return (i == r) * s.Y[:, own] * np.abs(s.Y[:, own]) / max(most, 1e-300)
+
+            share, rival = found(bent, True)
+            if rival:
+                so = "large where it is large" if share > 0 else "small where it is large (it saturates)"
+                words = f"{name} of {sample.label} is recorded too {so}"
+                yield replace(rival, words=words, recording=sample.label)
             zero, rival = found(_after(r, -np.inf, None))
             if rival:
                 words = f"{name} of {sample.label} starts from another zero, {zero:.2g} {unit} off"

@@ -1,4 +1,5 @@
-"""A torque that does not keep its zero: a drive that warms up, is reset, or zeroed anew in each recording.
+"""A torque that does not keep its zero: a drive that warms up, is reset, or zeroed anew in each recording;
+or one in which its joint's friction, or what its bodies weigh, is another one at the end.
 
 Its zero may then go on straight lines between knots, so far apart that all joints go to and fro between two:
 what a spring, a cable or a load adds comes back with positions, and no such line follows it. Half of the
@@ -7,23 +8,37 @@ stretches are fitted, the others, which lie between them, say whether it is so.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from ident.examination.check import Check, instead
+from ident.examination.check import Check, instead, listed
 from ident.examination.fits.halves import by_halves
 from ident.examination.fits.hypothesis import SAME, Asked
-from ident.examination.fits.quick import CLUSTERS, Assignment, Quick
-from ident.examination.fits.samples import Sample
+from ident.examination.fits.quick import CLUSTERS, Assignment, Fit, Quick
+from ident.examination.fits.samples import Sample, at_rest
 from ident.examination.fits.stretches import all_rows
 from ident.examination.fits.unexplained import by_each_recording
-from ident.examination.rivals.rivals import rivals, unit_of
+from ident.examination.rivals.rivals import Rival, rivals, unit_of
 from ident.examination.tables.signals import MOVED
 from ident.examination.torques.believed import FALLEN
+from modelgen.geometry.names import ParameterName
 
 MOST = 8  # lines in a recording
+FRICTION, WEIGHT = "friction", "weight"
+RUBS = ("Fcm", "Fvm", "Fcl", "Fvl")
+CHANGED = {
+    FRICTION: (
+        "another friction",
+        "a gear that warms up, a brake that drags for a time, or something else that comes or goes there",
+    ),
+    WEIGHT: (
+        "other weights",
+        "a load that is taken up or set down, a position that drifts, a base that tilts, or something else "
+        "that comes or goes there",
+    ),
+}
 LEFT = 0.05  # of a torque, below which nobody asks why (of a clean arm's random walk, 1 % of it, it was told)
 
 
@@ -75,6 +90,28 @@ def _zeros(s: Sample) -> np.ndarray:
     return np.ones((len(s.t), 1))
 
 
+def _frictions(whole: Quick, c: int) -> tuple[np.ndarray, ...]:
+    """(N, p) of each recording: its joint's friction in a torque, times the share of it that is over; none
+    where no joint comes back."""
+    names = [ParameterName.of(name) for name in whole.columns.parameters]
+    label = str(whole.columns.need.joints[int(whole.columns.joint_of[c])])
+    its = [k for k, x in enumerate(names) if x and x.kind in RUBS and str(x.label) == label]
+    its = [k for k in its if any(s.W[c][:, k].any() for s in whole.samples)]
+    return tuple(_over(s, s.W[c][:, its]) for s in whole.samples)
+
+
+def _weights(whole: Quick, c: int) -> tuple[np.ndarray, ...]:
+    """The same of what its bodies weigh."""
+    each = [at_rest(whole.columns, s.payload, s.q)[c] for s in whole.samples]
+    its = np.any([x.any(axis=0) for x in each], axis=0)
+    return tuple(_over(s, x[:, its]) for s, x in zip(whole.samples, each))
+
+
+def _over(s: Sample, columns: np.ndarray) -> np.ndarray:
+    over = (s.t - s.t[0]) / max(float(np.ptp(s.t)), 1e-300)
+    return np.asarray(over[:, None] * columns[:, : columns.shape[1] if _returns(s) else 0])
+
+
 def wandering(asked: Asked) -> Iterator[Check]:
     """Of each torque whose zero, so moved, leaves clearly less of what did not fit it. (Of a UR10e whose
     first current jumps half way 25 % were left for 8, and nothing was said. Of eleven robots as they are it
@@ -87,21 +124,27 @@ def wandering(asked: Asked) -> Iterator[Check]:
     before, lines = whole.fit(how).error, tuple(map(_lines, whole.samples))
     zeros = tuple(map(_zeros, whole.samples)) if len(whole.samples) > 2 else ()
     each = by_each_recording(whole, how)
+    changed: dict[str, list[tuple[int, Wandering]]] = {kind: [] for kind in CHANGED}
     for c in (c for c in asked.seen if before[c] > LEFT):
         apart = _moving(whole, how, c, zeros, before[c], SAME * each[c])
-        its = apart or _moving(whole, how, c, lines, before[c], each[c])
-        if its is None:
+        ways = {"": _moving(whole, how, c, lines, before[c], each[c])} if apart is None else {}
+        for kind, over in ((FRICTION, _frictions), (WEIGHT, _weights)) if apart is None else ():
+            ways[kind] = _moving(whole, how, c, over(whole, c), before[c], each[c], both=True)
+        found = {kind: its for kind, its in ways.items() if its is not None}
+        if apart is None and not found:
             continue
+        kind = min(found, key=lambda kind: found[kind].quick.fit(how).error[c], default="")
+        if kind:
+            changed[kind].append((c, found[kind]))
+            continue
+        its = apart or found[kind]
         fit, name = its.quick.fit(how), asked.name(c)
-        near = [
-            r for r in rivals(whole, how, asked.currents) if r.explained.fit.error[c] < SAME * fit.error[c]
-        ]
+        near = [r for r in rivals(whole, how, asked.currents) if _as_well(r, [(c, fit)])]
         if apart and any(r.zero for r in near):
             continue  # of one recording alone, as it is told elsewhere
-        left = {r.words: float(r.explained.fit.error[c]) for r in near}
-        told = sorted(left, key=lambda words: left[words])
-        where = f", as where {told[0]}{instead(told[1:])}" if told else ""
-        fallen = f"its error falls from {100 * before[c]:.0f} to {100 * fit.error[c]:.0f} %{where}"
+        fallen = (
+            f"its error falls from {100 * before[c]:.0f} to {100 * fit.error[c]:.0f} %{_where(near, [c])}"
+        )
         if apart:
             yield Check(
                 "torque_zero",
@@ -120,13 +163,54 @@ def wandering(asked: Asked) -> Iterator[Check]:
             "a sensor or a drive that warms up or is reset, or for a time a load, a contact or another zero",
             "look at its plot, or use a part of the recording with from: and to:",
         )
+    for kind, its_own in changed.items():
+        if its_own:
+            yield _changes(asked, whole, kind, before, [(c, its.quick.fit(how)) for c, its in its_own])
+
+
+def _changes(
+    asked: Asked, whole: Quick, kind: str, before: np.ndarray, its: Sequence[tuple[int, Fit]]
+) -> Check:
+    """Torques of which so much less is left by a friction or weights that change."""
+    channels = [c for c, _ in its]
+    names, words = asked.names(channels), CHANGED[kind]
+    near = [r for r in rivals(whole, asked.how, asked.currents) if _as_well(r, its)]
+    then, now = (
+        listed(f"{100 * x:.0f} %" for x in e) for e in (before[channels], [f.error[c] for c, f in its])
+    )
+    error = "their errors fall" if its[1:] else "its error falls"
+    return Check(
+        "changes_meanwhile",
+        names,
+        f"{listed(names)} {'ask' if its[1:] else 'asks'} for {words[0]} at the end of a recording than at "
+        f"its start: where that may change evenly meanwhile, {error} from {then} to {now}"
+        f"{_where(near, channels)}: {words[1]}",
+        "look at what is left over time, or use a part of the recording with from: and to:",
+    )
+
+
+def _as_well(r: Rival, its: Sequence[tuple[int, Fit]]) -> bool:
+    """Whether it explains each of these torques about as well as this fit does."""
+    return all(r.explained.fit.error[c] < SAME * fit.error[c] for c, fit in its)
+
+
+def _where(near: Sequence[Rival], channels: Sequence[int]) -> str:
+    left = {r.words: float(r.explained.fit.error[channels].sum()) for r in near}
+    told = sorted(left, key=lambda words: left[words])
+    return f", as where {told[0]}{instead(told[1:])}" if told else ""
 
 
 def _moving(
-    whole: Quick, how: Assignment, c: int, lines: tuple[np.ndarray, ...], before: float, least: float
+    whole: Quick,
+    how: Assignment,
+    c: int,
+    lines: tuple[np.ndarray, ...],
+    before: float,
+    least: float,
+    both: bool = False,
 ) -> Wandering | None:
     """Recordings with these zeros of torque c, where all along they leave clearly less of it than before, and
-    less than `least`."""
+    less than `least`; in the mean of the two halves, or in both."""
     if not any(x.shape[1] for x in lines):
         return None
     its = Wandering.of(whole, c, lines)
@@ -135,5 +219,6 @@ def _moving(
     ):  # as most: halves cost four times as much
         return None
     held = [gain for _, gain in by_halves(whole, how, its.quick, how, CLUSTERS, c)]
-    known = min(held) > 0 and np.mean(held) >= -np.log(FALLEN)  # half of the rows knows a robot worse
+    told = min(held) if both else np.mean(held)
+    known = min(held) > 0 and told >= -np.log(FALLEN)  # half of the rows knows a robot worse
     return its if known else None

@@ -9,7 +9,7 @@ from itertools import chain
 import numpy as np
 
 from ident.examination.check import Check
-from ident.examination.tables import repeats
+from ident.examination.tables import processed, repeats
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.lost_rows import lost_rows
 from ident.examination.tables.mending import Mender
@@ -65,6 +65,8 @@ def of_table(
         limits_hit(columns, excerpt, slow | few | gone),
         bands,
         said,
+        processed.interpolated(columns, excerpt, slow | few),
+        processed.scaled(columns, excerpt),
         stopped_at_once(columns, excerpt, slow | gone),
         torque_leaps(columns, excerpt),
         repeats.copies(columns, excerpt),

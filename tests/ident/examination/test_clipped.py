@@ -72,3 +72,15 @@ def test_a_dead_band_is_no_lost_message(tmp_path, size):
     prepared = prepare_study(planted(tmp_path, band, measured("kuka_kr300")))
     said = {(check.check, check.signals) for check in examine_tables(prepared)}
     assert ("dead_band", ("tau_m2",)) in said and "missing_values" not in {check for check, _ in said}
+
+
+def test_a_torque_that_saturates_softly_in_what_judges(tmp_path):
+    """Of a Barrett a factor of 0.15 or a load was told of it."""
+
+    def soft(log):
+        tau = log.tables["run3"]["tau_m2"]
+        log.tables["run3"]["tau_m2"] = tau.std() * np.tanh(tau / tau.std())
+
+    study = strangers_log(tmp_path, "barrett_wam_2dof", (100, False, False, True), soft)
+    (check,) = examine_fit(prepare_study(study))
+    assert "tau_m2 of run3 is recorded too small where it is large (it saturates)" in check.message

@@ -72,3 +72,15 @@ def test_a_half_that_goes_with_the_other_is_not_alone(tmp_path):
     study = strangers_log(tmp_path, "staubli_tx40", (0, False, False, True), change)
     for check in halves_apart(asked_of(study)):
         assert "the other half goes with it: a load" in check.message and "other half" not in check.remedy
+
+
+def test_a_half_that_may_go_with_the_other(tmp_path):
+    """Of a KR 300 with its last torque in the fifth one in all of a run the other half was to be used."""
+
+    def change(log):
+        table = log.tables["run2"]
+        table["tau_m5"] = table["tau_m5"] - table["tau_m6"]
+
+    (told,) = halves_apart(asked_of(strangers_log(tmp_path, "kuka_kr300", (100, False, True, False), change)))
+    assert told.signals == ("tau_m5",) and "do not tell whether the other half" in told.message
+    assert "from:" not in told.remedy

@@ -1,0 +1,126 @@
+"""Columns that are no longer what was recorded: straight between a slower log's samples, or scaled for
+learning.
+
+What is measured lies on no line, has no mean of exactly nothing, and its largest values are no ones. (Of a
+UR10e's positions of 5 Hz, interpolated to 94, 16 % were left for 5, and nothing was said; of a Franka whose
+torques had their means taken off, a zero of one of them.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from ident.examination.check import Check, listed
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.repeats import HELD_ALIKE, HELD_ROWS, HELD_S, SAME, runs_of_equals
+from ident.examination.tables.signals import MOVED, Columns
+from ident.signals.resolution import in_steps
+
+EXACTLY = 1e-6  # of its size, to which a number that was made is what it was to be, in single precision too
+FEWEST = 2  # columns, of which chance makes none so
+
+
+def interpolated(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
+    """Signals that bend only every so many rows; slow: held."""
+    found: dict[int, tuple[float, int]] = {}
+    for k in range(len(columns.signals)):
+        x = excerpt.column(k)
+        if k in slow or not np.ptp(x) > 0:
+            continue
+        least = SAME * float(np.ptp(x)) + 2 * _rounded_to(x)
+        gaps, steps = [], []
+        for _, t, values in excerpt.pieces:
+            if len(t) < 3 or not (np.diff(t) > 0).all():
+                continue
+            begin, length = _straight(t, values[:, k], least)
+            gaps.append(np.diff(begin[length > 1]))
+            steps.append(float(np.median(np.diff(t))))
+        every = np.concatenate(gaps) if gaps else np.zeros(0)
+        if len(every) < 10:
+            continue
+        usual = float(np.median(every))
+        alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
+        seconds = usual * float(np.median(steps))
+        if usual >= HELD_ROWS and seconds > HELD_S and alike > HELD_ALIKE:
+            found[k] = seconds, int(usual)
+    if found:
+        names, (seconds, rows) = [columns.signals[k] for k in found], max(found.values())
+        does = "goes straight and bends" if len(names) == 1 else "go straight and bend"
+        yield Check(
+            "held_signal",
+            tuple(names),
+            f"{listed(names)} {does} only every {rows} rows ({seconds:.3g} s): recorded at "
+            f"{1 / seconds:.3g} Hz and interpolated, which leaves out what is faster",
+            "record them at the rate of the others",
+        )
+
+
+def _rounded_to(x: np.ndarray) -> float:
+    """The step of what is written with so many digits, or in single precision; 0 elsewhere."""
+    steps = np.abs(np.diff(x))
+    step = float(steps[steps > 0].min())
+    if in_steps(x, step):
+        return step
+    return float(np.spacing(np.float32(np.abs(x).max()))) if (x.astype(np.float32) == x).all() else 0.0
+
+
+def _straight(t: np.ndarray, x: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
+    """Begin (K,) and length (K,) of the runs of rows that lie on the line through their neighbours."""
+    before, behind = np.diff(t)[:-1], np.diff(t)[1:]
+    bend = np.abs(x[1:-1] - (x[:-2] * behind + x[2:] * before) / (before + behind))
+    rounded = np.spacing(np.abs(t).max()) * np.abs(np.diff(x) / np.diff(t)).max()
+    on = bend <= least + 4 * rounded
+    begin, length = runs_of_equals(on)
+    return begin[on[begin]], length[on[begin]]
+
+
+def scaled(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Columns of mean 0 and deviation 1, torques of mean 0, torques whose largest value is 1."""
+    if excerpt.every > 1 or not excerpt.pieces:  # these are of the whole
+        return
+    moving = [k for k in range(len(columns.signals)) if np.ptp(excerpt.column(int(columns.joint[k]))) > MOVED]
+    moving = [k for k in moving if np.ptp(excerpt.column(k)) > 0]
+    each = {k: excerpt.column(k) for k in moving}
+    centred = {k: abs(x.mean()) < EXACTLY * x.std() for k, x in each.items()}
+    ones = [k for k, x in each.items() if centred[k] and _is_one(x.std(), len(x))]
+    if len(ones) >= FEWEST:
+        names = [columns.signals[k] for k in ones]
+        yield Check(
+            "scaled_columns",
+            tuple(names),
+            f"{listed(names)} have mean 0 and deviation 1 each, as nothing that is measured: they were "
+            "standardised, and neither their units nor their zeros are known any more",
+            "use the log from before that, or give each its scale and offset with columns:",
+            outcome="refused",
+        )
+        return
+    torques = [k for k in moving if k >= columns.n]
+    least = max(FEWEST, len(torques) // 2 + 1)  # some of which a spike was taken from
+    for which, words, what in (
+        (
+            [k for k in torques if centred[k]],
+            "have mean 0 each, as nothing that is measured: their means were taken off, and what gravity and "
+            "friction make of these is gone",
+            "zeros",
+        ),
+        (
+            [k for k in torques if abs(np.abs(each[k]).max() - 1) < EXACTLY],
+            "are 1 each where they are largest: a limit of theirs, or they were scaled to that, and what "
+            "they are to each other is gone",
+            "scales",
+        ),
+    ):
+        if len(which) >= least:
+            yield _lost([columns.signals[k] for k in which], words, what)
+
+
+def _lost(names: Sequence[str], words: str, what: str) -> Check:
+    remedy = f"use the log from before that: without their {what} the torques mean little"
+    return Check("scaled_columns", tuple(names), f"{listed(names)} {words}", remedy, hint=True)
+
+
+def _is_one(deviation: float, rows: int) -> bool:
+    """Of all rows, or of all but one, as some programs have it."""
+    return bool(min(abs(deviation - 1), abs(deviation * np.sqrt(rows / max(rows - 1, 1)) - 1)) < EXACTLY)
