@@ -330,7 +330,9 @@ def _switch(values: np.ndarray) -> bool:
 
 def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -> Iterator[Check]:
     """Torques that stay exactly at their extreme while the joint moves; slow: those that are held anyway.
-    What is recorded late begins with one value. (Of a rokae's torques, 0.03 s late, one was told.)"""
+    What is recorded late begins with one value. (Of a rokae's torques, 0.03 s late, one was told.)
+    What stands still as much at other values is not clipped. (Of an LWR4+'s sixth sensor with play a wider
+    range was to be.)"""
     for k in range(columns.n, len(columns.signals)):
         if k in slow:
             continue
@@ -352,6 +354,10 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                 continue
             edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
             if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
+                still = _stands(x, moving)
+                if still > 2 * count:
+                    yield _with_play(columns.signals[k], still / len(x))
+                    break
                 yield Check(
                     "saturation",
                     (columns.signals[k],),
@@ -361,6 +367,28 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                     "record with a wider range, or a slower motion",
                 )
                 break
+
+
+def _stands(x: np.ndarray, moving: np.ndarray) -> int:
+    """Rows of a torque (N,) in which it keeps a value as long as one that is clipped has to; none of one that
+    moves in steps, whose slow motion does that."""
+    from ident.signals.resolution import in_steps, resolution
+
+    if in_steps(x, resolution(x)):
+        return 0
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
+    long = np.repeat(np.diff(edges) >= CLIPPED_RUN, np.diff(edges))
+    return int((long & moving).sum())
+
+
+def _with_play(name: str, share: float) -> Check:
+    return Check(
+        "held_signal",
+        (name,),
+        f"{name} stands still at its largest value and at others, for {100 * share:.2g} % of the samples "
+        "while its joint moves: play or friction in the sensor or before it, or values that are held",
+        "look at its plot against the position; where it turns back it tells less than it seems to",
+    )
 
 
 def dead_bands(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]:

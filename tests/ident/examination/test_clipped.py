@@ -84,3 +84,21 @@ def test_a_torque_that_saturates_softly_in_what_judges(tmp_path):
     study = strangers_log(tmp_path, "barrett_wam_2dof", (100, False, False, True), soft)
     (check,) = examine_fit(prepare_study(study))
     assert "tau_m2 of run3 is recorded too small where it is large (it saturates)" in check.message
+
+
+def test_a_sensor_with_play_is_not_clipped(tmp_path):
+    """Of an LWR4+'s sixth, which stands still wherever it turns back, a wider range was asked for."""
+
+    def with_play(log):
+        for table in log.tables.values():
+            x = table["tau_l6"]
+            half, out = 0.4 * x.std(), x.copy()
+            for i in range(1, len(x)):
+                out[i] = min(max(out[i - 1], x[i] - half), x[i] + half)
+            table["tau_l6"] = out
+
+    streams = prepare_study(
+        strangers_log(tmp_path, "kuka_lwr4plus", (0, False, False, False), with_play)
+    ).streams
+    said = {c.check for s in streams for c in s.checks if c.signals == ("tau_l6",)}
+    assert said == {"held_signal"}
