@@ -62,7 +62,7 @@ def of_table(
         dead_and_resting(columns, lowest, highest),
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
-        limits_hit(columns, excerpt, slow | few | gone),
+        limits_hit(columns, excerpt, slow | few | gone, repeats.stepped),
         bands,
         said,
         processed.interpolated(columns, excerpt, slow | few),

@@ -251,6 +251,11 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
     return [Check("held_signal", names, text, remedy)], set(slow)
 
 
+def stepped(x: np.ndarray) -> bool:
+    """Whether a signal (N,) moves in steps of its resolution."""
+    return in_steps(x, resolution(x))
+
+
 def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
     """Signals whose range holds few steps of their resolution, and positions of whose acceleration the steps
     make much."""

@@ -5,7 +5,7 @@ Every function is pure: what one pass counted goes in, checks come out.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -328,8 +328,14 @@ def _switch(values: np.ndarray) -> bool:
     return bool((values == np.rint(values)).all() or np.ptp(values) > 0.5)
 
 
-def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -> Iterator[Check]:
-    """Torques that stay exactly at their extreme while the joint moves; slow: those that are held anyway.
+def limits_hit(
+    columns: Columns,
+    excerpt: Excerpt,
+    slow: Collection[int] = (),
+    in_steps: Callable[[np.ndarray], bool] = lambda x: False,
+) -> Iterator[Check]:
+    """Torques that stay exactly at their extreme while the joint moves; slow: those that are held anyway;
+    in_steps: whether one moves in steps, so that it stands still where it is slow.
     What is recorded late begins with one value. (Of a rokae's torques, 0.03 s late, one was told.)
     What stands still as much at other values is not clipped. (Of an LWR4+'s sixth sensor with play a wider
     range was to be.)"""
@@ -354,7 +360,7 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
                 continue
             edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
             if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
-                still = _stands(x, moving)
+                still = 0 if in_steps(x) else _stands(x, moving)
                 if still > 2 * count:
                     yield _with_play(columns.signals[k], still / len(x))
                     break
@@ -370,12 +376,7 @@ def limits_hit(columns: Columns, excerpt: Excerpt, slow: Collection[int] = ()) -
 
 
 def _stands(x: np.ndarray, moving: np.ndarray) -> int:
-    """Rows of a torque (N,) in which it keeps a value as long as one that is clipped has to; none of one that
-    moves in steps, whose slow motion does that."""
-    from ident.signals.resolution import in_steps, resolution
-
-    if in_steps(x, resolution(x)):
-        return 0
+    """Rows of a torque (N,) in which it keeps a value as long as one that is clipped has to."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
     long = np.repeat(np.diff(edges) >= CLIPPED_RUN, np.diff(edges))
     return int((long & moving).sum())
