@@ -112,17 +112,17 @@ def in_doubt(findings: Sequence[Finding], checks: Sequence[Check]) -> tuple[Find
     asked, out = [check for check in checks if check.open], []
     for f in findings:
         told_of = {its for check in asked if f.joints for its in _told_of(f, check)}
-        others = told_of - _torques_of(f)
+        others = told_of - _signals_of(f)
         told = (Alternative(f.effect, (joint,), None, None) for _, joint in sorted(others))
         out.append(replace(f, equivalent=(*f.equivalent, *told)))
     return tuple(out)
 
 
 def _told_of(f: Finding, check: Check) -> set[tuple[str, int]]:
-    """The torques of a check that tells a finding's effect, of one of its own or of all, too; of other checks
+    """The signals of a check that tells a finding's effect, of one of its own or of all, too; of other checks
     none."""
     signals = {_read(name) for name in check.signals}
-    of_it = not f.joints or bool(signals & _torques_of(f))
+    of_it = not f.joints or bool(signals & _signals_of(f))
     return signals if of_it and check.check in catalogue()[f.effect].told_by else set()
 
 
@@ -131,9 +131,9 @@ def _effects_of(check: Check) -> list[Effect]:
     return [effect for effect in catalogue().values() if check.check in effect.told_by]
 
 
-def _torques_of(f: Finding) -> set[tuple[str, int]]:
-    """Side and joint of each."""
-    return {(f.channel, joint) for joint in f.joints}
+def _signals_of(f: Finding) -> set[tuple[str, int]]:
+    """Side and joint of each torque, and the positions of the joints."""
+    return {(kind, joint) for joint in f.joints for kind in (f.channel, "q")}
 
 
 def _read(signal: str) -> tuple[str, int]:

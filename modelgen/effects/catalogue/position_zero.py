@@ -23,6 +23,7 @@ class PositionZero(MotionEffect):
     """
 
     name = "position_zero"
+    told_by = ("position_zero",)  # checks of a recording that are this effect
     summary = "a joint's position counts from another zero in one recording"
     signature = "gravity and inertia of one recording are those of another pose of one joint"
     source = (

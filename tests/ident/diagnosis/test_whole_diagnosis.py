@@ -310,6 +310,17 @@ def test_a_delay_that_was_not_found_stands():
     assert [f.grade for f in beside_faults([gain, alone], [late])] == [PARTLY, ESTABLISHED]
 
 
+def test_a_zero_of_a_position_that_was_not_found_stands():
+    """Of a UR10e whose second position is 1.6 rad off in one run friction was told of its first joint, as if
+    nothing were wrong with the recordings."""
+    drag = Finding("quadratic_friction", (1,), "tau_m", {}, {}, 0, 19.0, 30.0, 80.0, (), "", ESTABLISHED, "")
+    zero = replace(drag, effect="position_zero", joints=(2,), channel="link")
+    off = Check("position_zero", ("q2",), "", "give this recording a columns: of its own", recording="run1")
+    assert not_found([off], [drag]) == (off,) and not_found([off], [drag, zero]) == ()
+    assert [f.grade for f in beside_faults([drag, zero], [off])] == [PARTLY, ESTABLISHED]
+    assert in_doubt([zero], [replace(off, open=True)]) == (zero,)
+
+
 @pytest.mark.long
 @pytest.mark.skipif(not DATA.exists(), reason="the recordings of measured robots are not here")
 def test_what_is_found_in_the_equations_of_another_robot_is_no_effect_that_the_model_lacks(tmp_path):
