@@ -43,8 +43,8 @@ SLOW = ("kuka_lwr4plus", "kuka_kr300", "rokae_xmate3pro")
 MISSED = {
     ("franka_panda", 5): 10.3,
     ("rokae_xmate3pro", 2): 1.1,
-    ("kuka_lwr4plus", 1): 34.8,
-    ("kuka_lwr4plus", 5): 57.4,
+    ("kuka_lwr4plus", 1): 33.7,
+    ("kuka_lwr4plus", 5): 57.7,  # 57.4 by stamps whose steps its joints do not follow
 }
 
 
