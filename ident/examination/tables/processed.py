@@ -23,27 +23,33 @@ FEWEST = 2  # columns, of which chance makes none so
 
 
 def interpolated(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
-    """Signals that bend only every so many rows; slow: held."""
+    """Signals that bend only every so many rows; slow: held. But not by the same angle each time, as rates
+    that hold do in steps, or where they are turned."""
     found: dict[int, tuple[float, int]] = {}
     for k in range(len(columns.signals)):
         x = excerpt.column(k)
         if k in slow or not np.ptp(x) > 0:
             continue
         least = SAME * float(np.ptp(x)) + 2 * _rounded_to(x)
-        gaps, steps = [], []
+        gaps, steps, bends = [], [], []
         for _, t, values in excerpt.pieces:
             if len(t) < 3 or not (np.diff(t) > 0).all():
                 continue
             begin, length = _straight(t, values[:, k], least)
-            gaps.append(np.diff(begin[length > 1]))
+            begin, length = begin[length > 1], length[length > 1]
+            gaps.append(np.diff(begin))
+            slopes = (values[begin + length, k] - values[begin, k]) / (t[begin + length] - t[begin])
+            bends.append(np.abs(np.diff(slopes)))
             steps.append(float(np.median(np.diff(t))))
         every = np.concatenate(gaps) if gaps else np.zeros(0)
         if len(every) < 10:
             continue
         usual = float(np.median(every))
+        bend = np.concatenate(bends)
         alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
         seconds = usual * float(np.median(steps))
-        if usual >= HELD_ROWS and seconds > HELD_S and alike > HELD_ALIKE:
+        again = np.mean(np.abs(bend - np.median(bend)) <= 0.1 * np.median(bend) + least / seconds)
+        if usual >= HELD_ROWS and seconds > HELD_S and alike > HELD_ALIKE and not again > HELD_ALIKE:
             found[k] = seconds, int(usual)
     if found:
         names, (seconds, rows) = [columns.signals[k] for k in found], max(found.values())

@@ -42,6 +42,20 @@ def test_signals_that_go_straight_between_the_samples_of_a_slower_log(digits):
     assert not _said(interpolated, np.round(q, 3), np.round(tau, 1))
 
 
+@pytest.mark.parametrize("ramp", [1, 60])
+@pytest.mark.parametrize("bits", [None, 12, 16, 20])
+def test_rates_that_hold_are_straight_too(bits, ramp):
+    """Of steps that a rate crosses so many at a time, and one more every so many rows, a line of a slower
+    log was made, and of strokes to and fro at one rate."""
+    t, step = np.arange(8000) / 200.0, 2 * np.pi / 2 ** (bits or 60)
+    to_and_fro = [
+        np.where(t / period % 1 < 0.5, 1.0, -1.0) * 4 * a / period for a, period in ((0.8, 3), (0.7, 4.1))
+    ]
+    dq = [np.convolve(np.pad(x, (ramp - 1, 0), "edge"), np.ones(ramp) / ramp, "valid") for x in to_and_fro]
+    q = np.cumsum(dq, axis=1).T / 200.0
+    assert not _said(interpolated, step * np.rint(q / step) if bits else q, _motion(t)[1], t)
+
+
 def test_columns_that_were_scaled():
     t = np.arange(4000) / 200.0
     q, tau = _motion(t)
