@@ -20,29 +20,32 @@ from ident.signals.resolution import in_steps
 
 EXACTLY = 1e-6  # of its size, to which a number that was made is what it was to be, in single precision too
 FEWEST = 2  # columns, of which chance makes none so
+KNOT = 2.5  # rows about a slower log's sample, one or two, that are on no line
 
 
 def interpolated(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
     """Signals that bend only every so many rows; slow: held. But not by the same angle each time, as rates
-    that hold do in steps, or where they are turned."""
+    that hold do in steps, or where they are turned; and what turns over is straight but for its steps about
+    the middle, and curved elsewhere."""
     found: dict[int, tuple[float, int]] = {}
     for k in range(len(columns.signals)):
         x = excerpt.column(k)
         if k in slow or not np.ptp(x) > 0:
             continue
         least = SAME * float(np.ptp(x)) + 2 * _rounded_to(x)
-        gaps, steps, bends = [], [], []
+        gaps, steps, bends, bent = [], [], [], 0
         for _, t, values in excerpt.pieces:
             if len(t) < 3 or not (np.diff(t) > 0).all():
                 continue
             begin, length = _straight(t, values[:, k], least)
             begin, length = begin[length > 1], length[length > 1]
+            bent += len(t) - 2 - int(length.sum())
             gaps.append(np.diff(begin))
             slopes = (values[begin + length, k] - values[begin, k]) / (t[begin + length] - t[begin])
             bends.append(np.abs(np.diff(slopes)))
             steps.append(float(np.median(np.diff(t))))
         every = np.concatenate(gaps) if gaps else np.zeros(0)
-        if len(every) < 10:
+        if len(every) < 10 or bent > KNOT * len(every):
             continue
         usual = float(np.median(every))
         bend = np.concatenate(bends)

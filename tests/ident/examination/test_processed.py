@@ -56,6 +56,13 @@ def test_rates_that_hold_are_straight_too(bits, ramp):
     assert not _said(interpolated, step * np.rint(q / step) if bits else q, _motion(t)[1], t)
 
 
+@pytest.mark.parametrize("bits", [16, 18])
+def test_a_sine_is_straight_about_its_middle_alone(bits):
+    t, step = np.arange(2850) / 50.0, 2 * np.pi / 2**bits
+    q = 0.14 * (1 + 0.6 * np.sin(0.4 * t[:, None])) * np.sin(np.pi * t[:, None] / [1.03, 1.4])
+    assert not _said(interpolated, step * np.rint(q / step), _motion(t)[1], t)
+
+
 def test_columns_that_were_scaled():
     t = np.arange(4000) / 200.0
     q, tau = _motion(t)
