@@ -11,7 +11,7 @@ from ident.errors import RecordingError, StudyError
 from ident.examination.check import Check  # noqa: F401  types of inherited fields, which pdoc looks up here
 from ident.recordings.need import Need
 from ident.recordings.opening import open_recording
-from ident.recordings.recording import RecordingStream, Survey  # noqa: F401
+from ident.recordings.recording import Mending, RecordingStream, Spread, Survey, Ticks  # noqa: F401
 from ident.recordings.signal_columns import signal_columns
 from ident.recordings.study import RecordingEntry, Role, Study  # noqa: F401
 from ident.recordings.tables import Table, one_episode, open_table
