@@ -338,7 +338,7 @@ def limits_hit(
     in_steps: whether one moves in steps, so that it stands still where it is slow.
     What is recorded late begins with one value. (Of a rokae's torques, 0.03 s late, one was told.)
     What stands still as much at other values is not clipped. (Of an LWR4+'s sixth sensor with play a wider
-    range was to be.)"""
+    range was to be; of a slide whose force was little else than dry friction and weight, in 120 steps.)"""
     for k in range(columns.n, len(columns.signals)):
         if k in slow:
             continue
@@ -360,9 +360,11 @@ def limits_hit(
                 continue
             edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
             if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
-                still = 0 if in_steps(x) else _stands(x, moving)
-                if still > 2 * count:
-                    yield _with_play(columns.signals[k], still / len(x))
+                coarse = in_steps(x)
+                still = _rests(x, moving) if coarse else _stands(x, moving)
+                if still >= count:
+                    if not coarse:
+                        yield _with_play(columns.signals[k], still / len(x))
                     break
                 yield Check(
                     "saturation",
@@ -380,6 +382,16 @@ def _stands(x: np.ndarray, moving: np.ndarray) -> int:
     edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
     long = np.repeat(np.diff(edges) >= CLIPPED_RUN, np.diff(edges))
     return int((long & moving).sum())
+
+
+def _rests(x: np.ndarray, moving: np.ndarray) -> int:
+    """Rows of a torque (N,) in steps in which it is at a value between others as it has to be at the limit of
+    one that is clipped: many times as often as beside it."""
+    steps = np.abs(np.diff(x))
+    level = np.rint((x - x.min()) / steps[steps > 0].min()).astype(int)
+    count = np.bincount(level[moving], minlength=level.max() + 1)
+    beside = np.maximum(count[:-2], count[2:])
+    return int(count[1:-1][count[1:-1] > CLIPPED_EXCESS * np.maximum(beside, 1)].sum())
 
 
 def _with_play(name: str, share: float) -> Check:

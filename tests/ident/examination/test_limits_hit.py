@@ -1,0 +1,26 @@
+"""Torques that stay at their largest value, of which some are clipped."""
+
+import numpy as np
+import pytest
+
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.repeats import stepped
+from ident.examination.tables.signals import Columns, limits_hit
+
+
+@pytest.mark.parametrize("clipped", [False, True])
+def test_a_coarse_torque_of_dry_friction_and_weight_is_not_clipped(clipped):
+    """Of a slide in 120 steps of force three torques were told as clipped."""
+    t = np.arange(30000) / 500.0
+    q = 0.3 * np.sin(0.9 * t) + 0.1 * np.sin(2.3 * t)
+    dq = 0.27 * np.cos(0.9 * t) + 0.23 * np.cos(2.3 * t)
+    tau = 40 + 40 * np.tanh(dq / 0.004) + 8 * np.tanh((q - 0.1) / 0.002)
+    if clipped:
+        tau = np.minimum(30 * q + 60 * dq, 14)
+    step = np.ptp(tau) / 120
+    tau = step * np.rint(tau / step)
+    excerpt = Excerpt()
+    for part in np.array_split(np.arange(len(t)), 3):
+        excerpt.take((part, t[part], np.stack([q, tau], 1)[part]))
+    columns = Columns("run", ("q1", "tau_m1"), np.zeros(2, int), ("1",), {}, ("tau_m1",), np.ones(1, bool))
+    assert [c.check for c in limits_hit(columns, excerpt, (), stepped)] == ["saturation"] * clipped
