@@ -47,7 +47,6 @@ from ident.examination.robot.geometry import unseen_base
 from ident.examination.robot.left_out import asked_for
 from ident.examination.robot.lengths import lengths
 from ident.examination.robot.tilted import tilted
-from ident.examination.tables.from_start import from_start
 from ident.examination.tables.limits import beyond_limits
 from ident.examination.tables.same_samples import same_samples
 from ident.examination.torques.currents import motor_signs
@@ -68,17 +67,9 @@ def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
 
 
 def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
-    """What a quick fit shows, and where it does not tell what is wrong, positions that may count from the
-    start. Raises RecordingError where no number would mean anything (positions in degrees)."""
-    told = _of_fit(prepared)
-    unsure = any(c.open or c.check in ("unrelated_torque", "wrong_robot") for c in told)
-    return tuple(dict.fromkeys((*told, *from_start(prepared.streams)))) if unsure else told
-
-
-def _of_fit(prepared: Prepared) -> tuple[Check, ...]:
     """What a quick fit shows of signs, scales, places, gravity and axes, with the terms that the study leaves
     out: a torque that misses one looks scaled, or turned. (Of a KR 300 without its viscous friction two were
-    told as turned.)"""
+    told as turned.) Raises RecordingError where no number would mean anything (positions in degrees)."""
     study = prepared.study
     whole_model = not study.effects  # which may stand in the place of what is left out
     if study.without and whole_model:
@@ -152,7 +143,6 @@ def _beside(prepared: Prepared, its: InTurn, found: Sequence[Check]) -> list[Che
             (True, lambda: foretold_badly(asked, apart)),
             (True, lambda: contradicting(asked)),
             (clean, lambda: halves_apart(asked)),
-            (clean and bad(asked.fit), lambda: from_start(prepared.streams)),
             (clean, lambda: badly_explained(asked)),
             (clean and not bad(asked.fit), lambda: unfelt(asked)),
         )
