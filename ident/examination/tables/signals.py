@@ -361,7 +361,7 @@ def limits_hit(
             edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
             if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
                 coarse = in_steps(x)
-                still = _rests(x, moving) if coarse else _stands(x, moving)
+                still = _rests(x, moving, smallest) if coarse else _stands(x, moving)
                 if still >= count:
                     if not coarse:
                         yield _with_play(columns.signals[k], still / len(x))
@@ -384,14 +384,13 @@ def _stands(x: np.ndarray, moving: np.ndarray) -> int:
     return int((long & moving).sum())
 
 
-def _rests(x: np.ndarray, moving: np.ndarray) -> int:
-    """Rows of a torque (N,) in steps in which it is at a value between others as it has to be at the limit of
-    one that is clipped: many times as often as beside it."""
-    steps = np.abs(np.diff(x))
-    level = np.rint((x - x.min()) / steps[steps > 0].min()).astype(int)
-    count = np.bincount(level[moving], minlength=level.max() + 1)
-    beside = np.maximum(count[:-2], count[2:])
-    return int(count[1:-1][count[1:-1] > CLIPPED_EXCESS * np.maximum(beside, 1)].sum())
+def _rests(x: np.ndarray, moving: np.ndarray, step: float) -> int:
+    """Rows of a torque (N,) in such steps in which it is at a value between others as it has to be at the
+    limit of one that is clipped: many times as often as beside it."""
+    level, count = np.unique(np.rint((x[moving] - x.min()) / step), return_counts=True)
+    apart = np.diff(level)
+    below, above = (np.where(its == 1, n, 1) for its, n in ((apart[:-1], count[:-2]), (apart[1:], count[2:])))
+    return int(count[1:-1][count[1:-1] > CLIPPED_EXCESS * np.maximum(below, above)].sum())
 
 
 def _with_play(name: str, share: float) -> Check:
