@@ -190,8 +190,8 @@ def compare_torques(
                 at_full_rate.add(stream.label, measured, modelled, lost)
                 t = tap.start + (k + np.arange(len(both))) / stream.rate_hz
                 seen = np.where(lost < LOST, measured, np.nan) if holes else measured
-                first = -k % stride
-                kept.append(np.column_stack([t, seen, modelled])[first::stride])
+                drawn = slice(-k % stride, None, stride)
+                kept.append(np.column_stack([t[drawn], seen[drawn], modelled[drawn]]))
                 done += len(both)
                 progress("comparing measured and modelled torque", min(done / total, 1.0))
                 for part in tap.taken():
