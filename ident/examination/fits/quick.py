@@ -112,6 +112,12 @@ class Normal:
             v[c][:, live] = (W @ (s.Y * root[:, c : c + 1])).T
         return cls(G, v, s.weight.T @ s.Y**2, s.weight.sum(axis=0))
 
+    def partly(self, other: Normal, channels: Sequence[int]) -> Normal:
+        """With the other's sums of some channels, of the same torques."""
+        G, v = self.G.copy(), self.v.copy()
+        G[channels], v[channels] = other.G[channels], other.v[channels]
+        return replace(self, G=G, v=v)
+
     def right(self, how: Assignment) -> tuple[np.ndarray, np.ndarray]:
         """(C,) |Y|^2 and (C, b) W' Y of the torques that the channels then have."""
         each, factor = (np.arange(len(how.order)), list(how.order)), np.array(how.factor)
@@ -182,6 +188,12 @@ class Quick:
         """Other samples; most hypotheses change one, and the sums of the others are known."""
         return _summed(self.columns, samples, list(zip(self.samples, self.each)))
 
+    def partly(self, other: Quick, channels: Sequence[int]) -> Quick:
+        """With what the other, of the same torques, has of the model in some channels."""
+        samples = [a.partly(b, channels) for a, b in zip(self.samples, other.samples)]
+        each = [a.partly(b, channels) for a, b in zip(self.each, other.each)]
+        return _together(self.columns, samples, each)
+
     def moved(self, order: Sequence[int] | None = None, factor: Any = 1.0, offset: Any = 0.0) -> Quick:
         """Along other positions: `Sample.moved`."""
         return self.of([s.moved(self.columns, order, factor, offset) for s in self.samples])
@@ -193,6 +205,10 @@ def quick_of(columns: Columns, samples: Sequence[Sample]) -> Quick:
 
 def _summed(columns: Columns, samples: Sequence[Sample], known: Sequence[tuple[Sample, Normal]]) -> Quick:
     each = [next((sums for its, sums in known if s.is_summed_as(its)), None) or Normal.of(s) for s in samples]
+    return _together(columns, samples, each)
+
+
+def _together(columns: Columns, samples: Sequence[Sample], each: Sequence[Normal]) -> Quick:
     of = {role: [n for s, n in zip(samples, each) if s.role == role] for role in ("identify", "validate")}
     judged = added(of["validate"]) if of["validate"] else None
     return Quick(columns, tuple(samples), tuple(each), added(of["identify"]), judged)

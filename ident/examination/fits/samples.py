@@ -150,6 +150,14 @@ class Sample:
         W[more] -= at_rest(columns, self.payload, self.thin.q)[more]
         return replace(self, W=W, weightless=self.weightless.union(more))
 
+    def partly(self, other: Sample, channels: Iterable[int]) -> Sample:
+        """With what the other has of the model in some channels."""
+        which = sorted(channels)
+        W = self.W.copy()
+        W[which] = other.W[which]
+        weightless = (self.weightless - {*which}) | (other.weightless & {*which})
+        return replace(self, W=W, weightless=weightless)
+
     def lacking(self, which: np.ndarray, channels: Sequence[int] | None = None) -> Sample:
         """Without parameters which (b,) bool in these channels, or in all."""
         W, rows = self.W.copy(), slice(None) if channels is None else list(channels)

@@ -9,6 +9,7 @@ torques had their means taken off, a zero of one of them.)
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from ident.signals.resolution import in_steps
 EXACTLY = 1e-6  # of its size, to which a number that was made is what it was to be, in single precision too
 FEWEST = 2  # columns, of which chance makes none so
 KNOT = 2.5  # rows about a slower log's sample, one or two, that are on no line
+SOME = 0.25  # of the rows, which are on lines where hardly more than those are on none
 
 
 def interpolated(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
@@ -28,16 +30,19 @@ def interpolated(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator
     that hold do in steps, or where they are turned; and what turns over is straight but for its steps about
     the middle, and curved elsewhere."""
     found: dict[int, tuple[float, int]] = {}
+    each = [_Piece.of(t, values) for _, t, values in excerpt.pieces if len(t) > 2 and (np.diff(t) > 0).all()]
+    rows = sum(len(piece.t) for piece in each)
     for k in range(len(columns.signals)):
         x = excerpt.column(k)
         if k in slow or not np.ptp(x) > 0:
             continue
         least = SAME * float(np.ptp(x)) + 2 * _rounded_to(x)
+        on = [piece.on_lines(k, least) for piece in each]
+        if sum(int(np.count_nonzero(its)) for its in on) < SOME * rows:
+            continue
         gaps, steps, bends, bent = [], [], [], 0
-        for _, t, values in excerpt.pieces:
-            if len(t) < 3 or not (np.diff(t) > 0).all():
-                continue
-            begin, length = _straight(t, values[:, k], least)
+        for (t, values), its in zip(((piece.t, piece.values) for piece in each), on):
+            begin, length = _runs(its)
             begin, length = begin[length > 1], length[length > 1]
             bent += len(t) - 2 - int(length.sum())
             gaps.append(np.diff(begin))
@@ -75,12 +80,33 @@ def _rounded_to(x: np.ndarray) -> float:
     return float(np.spacing(np.float32(np.abs(x).max()))) if (x.astype(np.float32) == x).all() else 0.0
 
 
-def _straight(t: np.ndarray, x: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Begin (K,) and length (K,) of the runs of rows that lie on the line through their neighbours."""
-    before, behind = np.diff(t)[:-1], np.diff(t)[1:]
-    bend = np.abs(x[1:-1] - (x[:-2] * behind + x[2:] * before) / (before + behind))
-    rounded = np.spacing(np.abs(t).max()) * np.abs(np.diff(x) / np.diff(t)).max()
-    on = bend <= least + 4 * rounded
+@dataclass(frozen=True, slots=True)
+class _Piece:
+    """Rows of a table, t (N,), values (N, m), with what every column is asked with: weight (N - 2,) of the
+    row before in a line through both neighbours, rate (N - 1,) of the stamps, and their rounding in s."""
+
+    t: np.ndarray
+    values: np.ndarray
+    weight: np.ndarray
+    rate: np.ndarray
+    rounding: float
+
+    @classmethod
+    def of(cls, t: np.ndarray, values: np.ndarray) -> _Piece:
+        step = np.diff(t)
+        weight = step[1:] / (step[:-1] + step[1:])
+        return cls(t, values, weight, 1.0 / step, float(np.spacing(np.abs(t).max())))
+
+    def on_lines(self, k: int, least: float) -> np.ndarray:
+        """(N - 2,) which rows of column k lie on the line through their neighbours."""
+        x = self.values[:, k]
+        bend = np.abs(x[1:-1] - x[2:] - (x[:-2] - x[2:]) * self.weight)
+        fastest = float(np.abs(np.diff(x) * self.rate).max())
+        return np.asarray(bend <= least + 4 * self.rounding * fastest)
+
+
+def _runs(on: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Begin (K,) and length (K,) of the runs of rows that are."""
     begin, length = runs_of_equals(on)
     return begin[on[begin]], length[on[begin]]
 

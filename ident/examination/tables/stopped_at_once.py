@@ -61,8 +61,9 @@ def _at_once(pieces: list, rows: np.ndarray, x: np.ndarray, begin: int, end: int
 def _still(t: np.ndarray, x: np.ndarray) -> list[tuple[int, int]]:
     """First and last place of the runs of equal values that are long."""
     begin, length = runs_of_equals(x)
-    ends = begin + length - 1
-    return [(a, b) for a, b in zip(begin, ends) if a > 0 and b - a >= STILL_ROWS and t[b] - t[a] > STILL_S]
+    end = begin + length - 1
+    long = (begin > 0) & (length > STILL_ROWS) & (t[end] - t[begin] > STILL_S)
+    return list(zip(begin[long].tolist(), end[long].tolist()))
 
 
 def _most(pieces: list, w: int, begin: int, end: int) -> float:

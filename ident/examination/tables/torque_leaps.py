@@ -8,6 +8,7 @@ of its deviations in the middle of each run half of it was left, and nothing was
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -32,13 +33,13 @@ def torque_leaps(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         if len(t) < 4 * AROUND or not (np.diff(t) > 0).all():
             continue
         even = np.diff(t) < 2 * np.median(np.diff(t))
-        for k in range(columns.n, values.shape[1]):
-            for at in _leaps(values[:, k]):
-                near, joint = slice(max(at - BESIDE, 0), at + BESIDE + 1), int(columns.joint[k])
-                size = float(values[at + 1, k] - values[at, k])
-                goes_on = even[near].all() and _goes_on(values[:, : columns.n], at, joint)
-                if goes_on and not _turns_late(t, values[:, joint], at, size):
-                    found.setdefault(k, []).append((int(rows[at + 1]) + 1, float(t[at + 1]), size))
+        for at, c in _leaps(values[:, columns.n :].T):
+            k = columns.n + c
+            near, joint = slice(max(at - BESIDE, 0), at + BESIDE + 1), int(columns.joint[k])
+            size = float(values[at + 1, k] - values[at, k])
+            goes_on = even[near].all() and _goes_on(values[:, : columns.n], at, joint)
+            if goes_on and not _turns_late(t, values[:, joint], at, size):
+                found.setdefault(k, []).append((int(rows[at + 1]) + 1, float(t[at + 1]), size))
     its = {k: leaps for k, leaps in found.items() if len(leaps) <= MOST and not _back([x for *_, x in leaps])}
     if not its:
         return
@@ -64,23 +65,32 @@ def _back(sizes: list[float]) -> bool:
     return any(abs(a + b) < KEPT * max(abs(a), abs(b)) for a, b in pairwise(sizes))
 
 
-def _leaps(x: np.ndarray) -> list[int]:
-    """Rows of a torque (N,) behind which it leaps, and stays."""
-    d = np.diff(x)
-    around = np.pad(d, 2, mode="edge")
-    off = np.abs(d - median_of_four(around[:-4], around[1:-3], around[3:-1], around[4:]))
-    low, high = np.quantile(x, [0.05, 0.95])
-    out = []
-    for at in np.flatnonzero(off > max(STEP * np.quantile(off, 0.9), SHARE * (high - low))).tolist():
-        if not AROUND <= at < len(d) - AROUND:
+def _leaps(x: np.ndarray) -> list[tuple[int, int]]:
+    """Rows of torques (C, N) behind which one leaps, and stays, and which one does."""
+    d = np.diff(x, axis=1)
+    around = np.pad(d, ((0, 0), (2, 2)), mode="edge")
+    off = np.abs(d - median_of_four(around[:, :-4], around[:, 1:-3], around[:, 3:-1], around[:, 4:]))
+    inner, most = off[:, AROUND:-AROUND], np.zeros(1)
+    for k in (2, -2, 3, -3, 4, -4, 5, -5):
+        most = np.maximum(most, off[:, AROUND + k : off.shape[1] - AROUND + k])
+    out, least = [], cache(lambda c: _least(x[c], off[c]))
+    for at, c in np.argwhere((inner > STEP * most).T).tolist():
+        at += AROUND
+        near = max(off[c, at - AROUND : at - 1].max(), off[c, at + 2 : at + AROUND + 1].max())
+        if not off[c, at] > max(STEP * near, least(c)):
             continue
-        near = np.concatenate([off[at - AROUND : at - 1], off[at + 2 : at + AROUND + 1]])
-        before, after = x[at - BESIDE : at + 1], x[at + 1 : at + 2 + BESIDE]
+        before, after = x[c, at - BESIDE : at + 1], x[c, at + 1 : at + 2 + BESIDE]
         held = (np.diff(before) == 0).any() or (np.diff(after) == 0).any()
-        stays = (np.median(after) - np.median(before)) * np.sign(d[at]) > KEPT * abs(d[at])
-        if off[at] > STEP * near.max() and stays and not held:
-            out.append(at)
+        stays = (np.median(after) - np.median(before)) * np.sign(d[c, at]) > KEPT * abs(d[c, at])
+        if stays and not held:
+            out.append((at, c))
     return out
+
+
+def _least(x: np.ndarray, off: np.ndarray) -> float:
+    """What a leap is larger than: beside the torque's range, and what it leaps by elsewhere."""
+    low, high = np.quantile(x, [0.05, 0.95])
+    return float(max(STEP * np.quantile(off, 0.9), SHARE * (high - low)))
 
 
 def _goes_on(q: np.ndarray, at: int, joint: int) -> bool:

@@ -26,10 +26,10 @@ def weightless(asked: Asked) -> Iterator[Hypothesis]:
     """One torque without gravity, or all that feel it."""
     quick, how = asked.quick, asked.how
     heavy = [c for c in felt(quick) if c in asked.seen]
-    plain = None
+    plain, bare = None, without_gravity(quick, heavy)
     for which in every(heavy):
         least = CLEARLY if len(which) == 1 else 0.0
-        taken = without_gravity(quick, which)
+        taken = quick.partly(bare, which)
         if _most_gain(asked, taken, which) < least or not asked.better(taken.fit(how), least):
             continue
         plain, explained = plain or Explained.by(all_rows(quick), how), Explained.by(all_rows(taken), how)
