@@ -21,6 +21,7 @@ from ident.recordings.need import Need
 from ident.recordings.resampling import resample
 from ident.recordings.study import Role
 from ident.recordings.tables import Table
+from ident.signals.runs import runs_of
 
 MIN_SAMPLES = 50
 Block = tuple[np.ndarray, np.ndarray]  # t (N,), values (N, m): q, then motor, then sensor signals
@@ -186,9 +187,8 @@ def _clean(stream: RecordingStream, gap_s: float, drop_repeats: bool) -> Iterato
 
 def single_repeats(same: np.ndarray) -> np.ndarray:
     """Runs of at most two repeated rows: a state read again. Longer runs are rest."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], same.view(np.int8), [0]])))
     out = np.zeros(len(same), bool)
-    for start, end in edges.reshape(-1, 2):
+    for start, end in runs_of(same):
         if end - start <= 2:
             out[start:end] = True
     return out

@@ -18,6 +18,7 @@ from ident.examination.fits.hypothesis import Asked
 from ident.examination.fits.samples import Sample
 from ident.examination.rivals.recordings_apart import recordings_apart
 from ident.examination.tables.repeats import STILL_S, TRAVELLED
+from ident.signals.runs import runs_of
 
 NONE, GOES = 1e-6, 0.1  # of a joint's fastest: a rate that is none, and one with which it goes on
 LEAST = 60  # samples
@@ -63,10 +64,10 @@ def _parted(s: Sample, joint: int, rates: np.ndarray) -> list[Sample]:
     """A recording without the longest stretch in which the joint stands still, and that stretch, which may be
     all of it. (Of a UR10e's third, not recorded in one of two fitted runs, 19 % were left for 4.)"""
     still = np.abs(s.dq[:, joint]) < NONE * rates[joint]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], still.view(np.int8), [0]]))).reshape(-1, 2)
-    if not len(edges):
+    runs = runs_of(still)
+    if not len(runs):
         return [s]
-    begin, stop = edges[np.argmax(edges[:, 1] - edges[:, 0])]
+    begin, stop = runs[np.argmax(runs[:, 1] - runs[:, 0])]
     goes = np.delete(np.abs(s.dq[begin:stop]).max(axis=0) > GOES * rates, joint)
     seconds = float(s.t[stop - 1] - s.t[begin])
     others = len(s.t) - (stop - begin)

@@ -20,6 +20,7 @@ from ident.examination.tables.spikes import (
     no_measurement,
 )
 from ident.recordings.resampling import cubic_at
+from ident.signals.runs import runs_of
 
 CONTEXT = 64  # rows carried over from block to block
 STEP = 10.0  # in what else changes from row to row; 4.8 is the most on the measured robots
@@ -352,8 +353,7 @@ def _long_gaps(t: np.ndarray, bad: np.ndarray) -> np.ndarray:
     """(N,) bool: rows of runs in which a position is unknown for longer than motion can be interpolated."""
     out = np.zeros(len(t), bool)
     for column in bad.T:
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], column.view(np.int8), [0]])))
-        for start, stop in edges.reshape(-1, 2):
+        for start, stop in runs_of(column):
             if stop - start > 8:
                 out[start:stop] = True
     return out

@@ -15,9 +15,10 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.tables.excerpt import Excerpt
-from ident.examination.tables.repeats import HELD_ALIKE, HELD_ROWS, HELD_S, SAME, runs_of_equals
+from ident.examination.tables.repeats import HELD_ALIKE, HELD_ROWS, HELD_S, SAME
 from ident.examination.tables.signals import MOVED, Columns
 from ident.signals.resolution import in_steps
+from ident.signals.runs import runs_of_equals
 
 EXACTLY = 1e-6  # of its size, to which a number that was made is what it was to be, in single precision too
 FEWEST = 2  # columns, of which chance makes none so

@@ -16,6 +16,7 @@ from ident.examination.check import Check, Outcome, listed
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.signals import MOVED, Columns
 from ident.signals.resolution import in_steps, resolution
+from ident.signals.runs import runs_of_equals
 
 SAME = 1e-9  # of a signal's range
 STILL_S, STILL_ROWS, STILL_TIMES = 0.3, 30, 10.0  # s, rows, times the longest usual run of equal values
@@ -59,12 +60,6 @@ def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             + (f", or leave it out with {columns.without([names[1]])}" if m >= columns.n else ""),
             outcome=outcome,
         )
-
-
-def runs_of_equals(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Begin (K,) and length (K,) of the runs of equal values of x (N,)."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
-    return edges[:-1], np.diff(edges)
 
 
 def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:

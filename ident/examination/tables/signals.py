@@ -14,6 +14,7 @@ import numpy as np
 from ident.examination.check import Check, column_line, listed
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.mending import Mender
+from ident.signals.runs import runs_of, runs_of_equals
 
 MOST_MISSING = 0.05
 MOST_SPIKES = 0.01
@@ -358,8 +359,7 @@ def limits_hit(
             below = (y >= min(y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x)), beside)) & ~top
             if count < CLIPPED_EXCESS * max(below.sum(), 1):
                 continue
-            edges = np.flatnonzero(np.diff(np.concatenate([[0], top.view(np.int8), [0]])))
-            if np.max(edges[1::2] - edges[::2]) >= CLIPPED_RUN:
+            if np.diff(runs_of(top)).max() >= CLIPPED_RUN:
                 coarse = in_steps(x)
                 still = _rests(x, moving, smallest) if coarse else _stands(x, moving)
                 if still >= count:
@@ -379,8 +379,8 @@ def limits_hit(
 
 def _stands(x: np.ndarray, moving: np.ndarray) -> int:
     """Rows of a torque (N,) in which it keeps a value as long as one that is clipped has to."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [len(x)]])
-    long = np.repeat(np.diff(edges) >= CLIPPED_RUN, np.diff(edges))
+    _, length = runs_of_equals(x)
+    long = np.repeat(length >= CLIPPED_RUN, length)
     return int((long & moving).sum())
 
 

@@ -22,6 +22,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from ident.signals.runs import runs_of
+
 SPIKE = 15.0  # in the local scale; 9 is the most on eleven measured robots' positions
 TORQUE_SPIKE = 12.0
 TORQUE_RANGE = 0.9  # of the signal's range; 0.67 is the most on the measured robots
@@ -122,7 +124,7 @@ def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
         if not np.isfinite(usual):
             continue
         least = max(DROPOUT * usual, LEAST_LEAP)
-        for start, stop in _runs(zero[:, k]):
+        for start, stop in runs_of(zero[:, k]):
             ends = [at for at in (start - 1, stop) if 0 <= at < len(x)]
             leap = np.abs(x[ends, k] - offset[k])
             if k < n:  # a whole turn is none
@@ -135,7 +137,7 @@ def emptied(x: np.ndarray, n: int, offset: np.ndarray) -> np.ndarray:
     for kind in (range(n), range(n, x.shape[1])):
         lost = np.asarray(out[:, kind].any(axis=1))
         for j in kind if lost.any() else ():
-            for start, stop in _runs(zero[:, j]):
+            for start, stop in runs_of(zero[:, j]):
                 out[start:stop, j] |= np.all(lost[start:stop])  # else it rests at zero
     return out
 
@@ -145,11 +147,6 @@ def _usual(steps: np.ndarray, share: float) -> float:
     an AIRBOT whose torques were new every fourth row two were told to be no value where they passed zero.)"""
     steps = steps[steps > 0]
     return float(np.quantile(steps, share)) if len(steps) else np.inf
-
-
-def _runs(mine: np.ndarray) -> np.ndarray:
-    """(K, 2) where runs of these (N,) bool begin and have ended."""
-    return np.flatnonzero(np.diff(np.concatenate([[0], mine.view(np.int8), [0]]))).reshape(-1, 2)
 
 
 def dead_band(x: np.ndarray, zero: float) -> float:
@@ -192,7 +189,7 @@ def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:
     out = np.zeros(len(x), bool)
     finite = x[np.isfinite(x)]
     middle = float(np.median(finite)) if far.any() and len(finite) else 0.0
-    for start, stop in _runs(far):
+    for start, stop in runs_of(far):
         before, after = max(start - 1, 0), min(stop, len(x) - 1)
         with np.errstate(all="ignore"):
             leaps = np.abs([x[start] - x[before], x[stop - 1] - x[after]])

@@ -17,6 +17,7 @@ from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.repeats import MOST_STILL, STILL_ROWS, STILL_S, TRAVELLED, resolution
 from ident.examination.tables.signals import Columns
 from ident.examination.tables.velocity import logged_velocities, with_velocities
+from ident.signals.runs import runs_of_equals
 
 if TYPE_CHECKING:
     from ident.recordings.recording import RecordingStream
@@ -87,11 +88,11 @@ class _Joint:
         dt = np.where(dt > BREAK * np.median(dt), 0.0, dt)
         gone = self.integral + np.cumsum((dq - 0.5 * change) * dt)
         each = np.stack([np.ones(len(t)), dq, dq**2, change**2])
-        begin = np.concatenate([[0], np.flatnonzero(np.diff(q)) + 1])
-        stop = np.append(begin[1:], len(t)) - 1
+        begin, length = runs_of_equals(q)
+        stop = begin + length - 1
         sums = np.add.reduceat(each, begin, axis=1).T
         lowest, highest = np.minimum.reduceat(gone, begin), np.maximum.reduceat(gone, begin)
-        long = np.flatnonzero(stop - begin + 1 >= STILL_ROWS)
+        long = np.flatnonzero(length >= STILL_ROWS)
         for k in sorted({0, *long.tolist(), len(begin) - 1}):
             a, b = begin[k], stop[k]
             run = Run(
@@ -178,11 +179,10 @@ def _ends(stream: RecordingStream) -> tuple[float, float]:
 def _stands(excerpt: Excerpt, k: int) -> bool:
     """Whether a position keeps one value for long in one of the pieces."""
     for _, t, values in excerpt.pieces:
-        edges = np.concatenate([[0], np.flatnonzero(np.diff(values[:, k])) + 1, [len(t)]])
-        length = np.diff(edges)
-        for at in np.flatnonzero(length >= STILL_ROWS):
-            if t[edges[at + 1] - 1] - t[edges[at]] > STILL_S:
-                return True
+        begin, length = runs_of_equals(values[:, k])
+        begin, length = begin[length >= STILL_ROWS], length[length >= STILL_ROWS]
+        if (t[begin + length - 1] - t[begin] > STILL_S).any():
+            return True
     return False
 
 

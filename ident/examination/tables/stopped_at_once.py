@@ -14,8 +14,9 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.examination.tables.excerpt import Excerpt
-from ident.examination.tables.repeats import STILL_ROWS, STILL_S, TRAVELLED, runs_of_equals
+from ident.examination.tables.repeats import STILL_ROWS, STILL_S, TRAVELLED
 from ident.examination.tables.signals import Columns
+from ident.signals.runs import runs_of_equals
 
 ROWS = (1, 2, 4, 8, 16)  # over which rates are taken: of a fine encoder few, of a coarse one more
 TIMES = 3.0  # what a rate changes by elsewhere
