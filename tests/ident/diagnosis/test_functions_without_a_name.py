@@ -265,3 +265,19 @@ def test_a_function_that_blocks_hardly_carry_over_is_neither_noise_nor_a_contact
     assert ((1,), frozenset(("q1", "q3"))) in told
     left = diagnosis.last.full_rate_error["identify"]["tau_m1"]
     assert diagnosis.noise_floor_percent["tau_m1"] < 0.7 * left
+
+
+def pulled(columns):
+    """A cable between the first two joints, whose torque no effect of the catalogue has."""
+    pull = 0.4 * np.tanh((columns["q2"] - 0.77 * columns["q1"]) / 0.3)
+    columns["tau_m2"] = columns["tau_m2"] + pull
+
+
+def test_a_gain_says_no_less_than_functions_of_everything(arm):
+    """It reads no signals of its own, and a cable's torque was told as 0.45 of a drive's."""
+    begun = opened(prepare_study(arm(change=pulled)))
+    state, effect = begun.state, catalogue()["drive_gain_error"]
+    place = next(place for place in effect.places(begun.layout) if place.joint == 1)
+    r = refine(state.metric, state.scene, Term(effect, place, {}), turns=2)
+    short = short_of(state, state.metric, r, weigh(state.metric, r.columns), 1, threshold(0.01))
+    assert short is not None and set(short.flex.variables) == {"q1", "q2"}
