@@ -50,7 +50,6 @@ class Definition:
     size_aliases: tuple[str, ...] = ()  # reported ones that follow from these, and fix them in a request
     typical: Mapping[str, float] = {}  # reported values of a usual robot
     shared: bool = False  # all joints may have it with one value (joints [])
-    torque_terms: tuple[str, ...] = ()  # of a motion effect: terms that are torques, not displacements
     common: bool = True  # False: rarer than its rivals, to be preferred only when it fits clearly better
     told_by: tuple[str, ...] = ()  # checks of a recording that are this effect
     replaces: tuple[str, ...] = ()  # kinds of the model's own parameters that it is, ("Fcm", "Fcl")

@@ -11,8 +11,8 @@ Expressions use only + - * / exp sin cos tanh sign abs sqrt pow, so that CasADi 
 
 Kinds of effect, and what their terms mean:
     column       the term is added to a torque
-    motion       the term is the change of the link's position, q_link = q + sum p term_p  [rad], but
-                 for `torque_terms`, which are torques as of a column
+    motion       the term is the change of the link's position, q_link = q + sum p term_p  [rad]; a class
+                 may make torques of some in its `columns`, as of a backlash's crossing
     measurement  the term is added to what is recorded; `tau` is the undisturbed channel, `dtau` its rate
     load         the term is a dimensionless gate; :mod:`modelgen.effects.loads` makes torques of it
 """

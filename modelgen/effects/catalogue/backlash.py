@@ -44,7 +44,6 @@ class Backlash(MotionEffect):
         "gap": -SIGNALS.z / 2,  # q_link - q
         "drop": -SIGNALS.tau_link * crossing,  # share of the link's torque not passed on meanwhile
     }
-    torque_terms = ("drop",)
     linear = (
         LinearParameter("gap", "rad", 0.0, 0.1, "positive"),
         LinearParameter("drop", "-", 0.0, 1.2, "positive", optional=True),
