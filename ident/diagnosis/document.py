@@ -138,6 +138,7 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
         "channel": u.channel,
         **({} if u.stretch is None else dict(zip(("recording", "from", "to"), u.stretch))),
         "depends_on": list(u.depends_on),
+        "oscillates": u.oscillates,
         "or_on": list(u.alike),
         "share_of_residual_percent": u.share_of_residual_percent,
         "log_e": u.log_e,

@@ -40,7 +40,7 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
             "alone, and no load or contact of the catalogue explains it: something happened there; look at "
             "that stretch, or leave it out."
         )
-    if item["depends_on"] == ["t"] and item.get("carries_over") is False:
+    if item.get("oscillates"):
         return (
             f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there "
             "oscillates: its past foretells it, and no function of the robot's signals was found that does "

@@ -53,7 +53,8 @@ def beyond_noise(
             nats = 0.5 * float(fitted.sum()) * float(np.log(noise / new))
             share = 100.0 * float(1.0 - new / noise)
             shown = picture(state, None, c, ("t",))
-            out.append(Unexplained((joint,), kind, ("t",), share, nats, None, False, shown))
+            swings = Unexplained((joint,), kind, ("t",), share, nats, None, False, shown, oscillates=True)
+            out.append(swings)
         else:
             quiet.append(c)
     stretches = loud_stretches(state, quiet, away)

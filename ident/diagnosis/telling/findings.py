@@ -94,6 +94,7 @@ class Unexplained:
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
     unseen: bool = False  # the judged rows do not go where it acts: they could not show it
     stretch: tuple[str, float, float] | None = None  # recording, from, to [s]: there alone
+    oscillates: bool = False  # of its own: its past foretells it, not a function of time
 
 
 @dataclass(frozen=True, slots=True)

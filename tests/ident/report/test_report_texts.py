@@ -225,6 +225,15 @@ def test_unexplained_structure_names_its_signals_and_what_speaks_against_the_nea
     )
 
 
+def test_what_goes_with_time_alone_does_not_oscillate():
+    """A Barrett that was touched for half a second in a fitted run: 62 % of its second torque's residual was
+    a function of time, and told as a vibration or a slosh."""
+    item = DIAGNOSIS["unexplained"][0] | {"depends_on": ["t"], "carries_over": False, "nearest": None}
+    text = unexplained_sentence(item)
+    assert "depends on t" in text and "does not carry over to the judged runs" in text
+    assert "oscillates" in unexplained_sentence(item | {"oscillates": True})
+
+
 def test_stretches_of_a_recording_that_stands_alone_are_no_runs():
     judged = {"recordings": ["run1"], "apart": False}
     text = told(DIAGNOSIS | {"judged": judged})[-1]
