@@ -109,7 +109,8 @@ def for_a_time(asked: Asked) -> Iterator[Check]:
         f"from {first.t[0]:.3g} to {last.t[-1]:.3g} s {listed(names)} {'are' if len(odd) > 1 else 'is'} not "
         f"what all the rest says of this motion ({asked.name(most)} is off by {100 * here[most]:.0f} % of "
         f"its size, elsewhere by {100 * there[most]:.0f} % at most): for that time a load, a contact, a "
-        "hand, or a signal that is not as it is told (its zero, its sign)",
+        "hand, a signal that is not as it is told (its zero, its sign), or something that the model lacks "
+        "and that this part of the motion shows alone (a spring, a gear that yields)",
         "look at its plot, and leave the stretch out with from: and to:; ident diagnose asks for contacts",
         recording=first.label,
     )
