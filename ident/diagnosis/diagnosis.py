@@ -22,11 +22,13 @@ from ident.diagnosis.rows.room import thrifty
 from ident.diagnosis.search.candidates import Library
 from ident.diagnosis.search.searched import searched
 from ident.diagnosis.telling.beside_checks import (
+    beside_doubts,
     beside_faults,
     in_doubt,
     not_found,
     told_by_checks,
     told_once,
+    unanswered,
 )
 from ident.diagnosis.telling.beyond_noise import beyond_noise
 from ident.diagnosis.telling.findings import (
@@ -74,6 +76,7 @@ class Diagnosis:
     visible: tuple[Visible, ...] = ()  # the smallest effects that would have been seen
     hints: tuple[Hint, ...] = ()  # where nothing is told: what too few blocks confirm
     unsettled: tuple[Check, ...] = ()  # faults that nothing undid: all else is told with them in it
+    unanswered: tuple[Check, ...] = ()  # what was found explains less than half of these
 
     @property
     def robot(self) -> str:
@@ -124,10 +127,11 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     """What is said of what was traced, beside what the checks say."""
     outcome, last = traced.outcome, traced.last
     found = findings_of(outcome, last, moved(its.known, outcome.last, its.base, last))
-    standing = tuple(dict.fromkeys((*unsettled(its.known.checks), *not_found(its.known.checks, found))))
-    findings = told_once(
-        told_by_checks(study, its.mended, its.checks), in_doubt(beside_faults(found, standing), its.checks)
-    )
+    standing = tuple(dict.fromkeys((*unsettled(its.base.checks), *not_found(its.known.checks, found))))
+    errors = (fit.errors.full_rate.by_recording() for fit in (its.base, last))
+    doubts = unanswered(its.known.checks, *errors)
+    found = beside_doubts(beside_faults(found, standing), doubts)
+    findings = told_once(told_by_checks(study, its.mended, its.checks), in_doubt(found, its.checks))
     unexplained = _unexplained(its.checks, traced, findings, standing)
     white = white_at_most(last, outcome.last) | white_noise(last)
     in_part = tuple(f for f in findings if f.grade == PARTLY)
@@ -137,7 +141,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         study,
         its.before,
         last,
-        "effect" if findings else "unexplained" if unexplained or standing else "none",
+        "effect" if findings else "unexplained" if unexplained or standing or doubts else "none",
         findings,
         unexplained,
         its.checks,
@@ -150,6 +154,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         smallest_visible(outcome.last, library, outcome.tau, alpha, closed),
         () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
         standing,
+        doubts,
     )
 
 

@@ -31,8 +31,9 @@ def verdict(document: Mapping[str, Any]) -> str:
             if fault["robot_file"]
             else "Settle first what was recorded, as all else is told with it in the data"
         )
-        where = f"{fault['recording']}: " if fault["recording"] else ""
-        sentences.append(f"{first}: {where}{fault['message'].rstrip('.')}.")
+        sentences.append(f"{first}: {_fault(fault)}")
+    if not sentences:
+        sentences += [f"Nothing found explains this: {_fault(x)}" for x in document.get("unanswered", ())[:1]]
     if told:
         sentences.append(f"The data are not what the study says: {_named(told)}.")
     if sure:
@@ -52,6 +53,11 @@ def verdict(document: Mapping[str, Any]) -> str:
     elif above := _above_noise(document):
         sentences.append(_beyond_noise(document, above))
     return " ".join([*sentences, *worse])
+
+
+def _fault(fault: Mapping[str, Any]) -> str:
+    where = f"{fault['recording']}: " if fault["recording"] else ""
+    return f"{where}{fault['message'].rstrip('.')}."
 
 
 def hint_sentence(document: Mapping[str, Any], hint: Mapping[str, Any]) -> str:

@@ -154,7 +154,7 @@ def scaled(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
 
 def _lost(names: Sequence[str], words: str, what: str) -> Check:
     remedy = f"use the log from before that: without their {what} the torques mean little"
-    return Check("scaled_columns", tuple(names), f"{listed(names)} {words}", remedy, hint=True)
+    return Check("scaled_columns", tuple(names), f"{listed(names)} {words}", remedy, hint=True, open=True)
 
 
 def _is_one(deviation: float, rows: int) -> bool:

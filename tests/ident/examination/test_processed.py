@@ -7,6 +7,7 @@ from planted import ON_RECORDINGS, planted, refused, tables, ur10e
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.processed import interpolated, scaled
 from ident.examination.tables.signals import Columns
+from ident.examination.undone import unsettled
 
 
 def _said(check, q, tau, t=None, rows=4000):
@@ -72,6 +73,7 @@ def test_columns_that_were_scaled():
     assert said.outcome == "refused" and "mean 0 and deviation 1" in said.message
     (said,) = _said(scaled, q, tau - tau.mean(axis=0))
     assert said.signals == ("tau_m1", "tau_m2") and "mean 0" in said.message
+    assert unsettled([said]) == (said,)  # no effect is told as if these were torques
     (said,) = _said(scaled, q, tau / np.abs(tau).max(axis=0))
     assert "are 1 each where they are largest" in said.message
     assert not _said(scaled, q, tau) and not _said(scaled, q - q.mean(axis=0), tau)

@@ -269,6 +269,17 @@ def test_a_load_that_no_fit_can_hold_is_no_share_of_what_is_left():
     assert "%" not in text
 
 
+def test_what_nothing_found_explains_is_said_first():
+    message = "in this recording tau_m3 is foretold badly"
+    said = diagnosis_verdict(DIAGNOSIS | {"unanswered": [{"recording": "run2", "message": message}]})
+    assert said.startswith(f"Nothing found explains this: run2: {message}. The model lacks")
+    first = {"robot_file": False, "recording": "", "message": "a clock is wrong"}
+    said = diagnosis_verdict(
+        DIAGNOSIS | {"unanswered": [{"recording": "", "message": message}], "unsettled": [first]}
+    )
+    assert said.startswith("Settle first") and message not in said
+
+
 def test_many_findings_are_grouped_by_effect():
     def found(name, *joints):
         return DIAGNOSIS["findings"][1] | {"effect": name, "joints": list(joints)}
