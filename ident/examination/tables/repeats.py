@@ -337,6 +337,7 @@ def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Chec
             "look at its plot; record it with less noise, or fit with a lower filter: "
             "{position_cutoff_hz: ...}",
             hint=True,
+            open=True,
         )
 
 
