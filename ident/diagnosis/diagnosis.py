@@ -129,7 +129,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     found = findings_of(outcome, last, moved(its.known, outcome.last, its.base, last))
     standing = tuple(dict.fromkeys((*unsettled(its.base.checks), *not_found(its.known.checks, found))))
     errors = (fit.errors.full_rate.by_recording() for fit in (its.base, last))
-    doubts = unanswered(its.known.checks, *errors)
+    doubts = unanswered(its.base.checks, *errors)
     found = beside_doubts(beside_faults(found, standing), doubts)
     findings = told_once(told_by_checks(study, its.mended, its.checks), in_doubt(found, its.checks))
     unexplained = _unexplained(its.checks, traced, findings, standing)
