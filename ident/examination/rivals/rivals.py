@@ -31,6 +31,8 @@ STEPS, SMALL = 6, 1e-4  # of Gauss-Newton, and its difference
 ENOUGH = 1e-3  # gain of a step, below which it is the last
 LEAST, MOST = -0.9, 1.2  # how far from one a factor may go by them; a zero up to half a turn
 STARTS = (-0.5, 1.0, 2 * np.pi - 1)  # twice or half as large, or in turns: far from where steps lead to
+PHASES = (0.0, np.pi / 4, np.pi / 2, 3 * np.pi / 4)  # rad, of a wave over a turn
+MOST_OFF = 0.03  # rad: more error than an encoder or a gear has over a turn
 POWERS = {0.5: "the square", 2.0: "the root"}  # by which it is what it should be
 INSTANTS = 8  # parts of a recording at whose ends a torque may have changed
 Motion = Callable[[float], Quick]  # the recordings with another one, by a number
@@ -91,6 +93,7 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     yield from _units(whole, how, currents)
     yield from of_positions(whole, fit, how)
     yield from _drifting(whole, fit, how)
+    yield from _eccentric(whole, fit, how)
     yield from _yielding(whole, fit, how)
     for words, recording, moved in held_too(whole):
         yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
@@ -289,6 +292,21 @@ def _drifting(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         x, explained, settled = _solved(whole, fit, how, drift, (-np.pi / longest, np.pi / longest))
         words = f"q{label} drifts by {-60 * x:.2g} {unit} a minute"
         yield Rival(words, explained, joint=j, settled=settled)
+
+
+def _eccentric(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
+    """Each angle with an error that is a wave over a turn, at the best of some phases: over a part of a turn
+    it is a zero and a scale. (Of an arm with an eccentric encoder q1 was told to be 1.02 times too large.)"""
+    for j, label in enumerate(whole.columns.need.joints):
+        if str(label) in whole.columns.model.prismatic or not any(np.ptp(s.q[:, j]) for s in whole.samples):
+            continue
+        waves: list[Rival] = []
+        for phase in PHASES:
+            wave = _behind(whole, j, [np.sin(s.q[:, j] + phase) for s in whole.samples])
+            x, explained, settled = _solved(whole, fit, how, wave, (-MOST_OFF, MOST_OFF))
+            words = f"q{label} is off by {abs(x):.2g} rad once a turn, as an eccentric encoder is"
+            waves.append(Rival(words, explained, joint=j, settled=settled))
+        yield max(waves, key=lambda its: its.explained.fit.gain_over(fit))
 
 
 def _yielding(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
