@@ -138,7 +138,8 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
     rate = 1.0 / mean if uniform else settings.resample_hz or _round_rate(1.0 / first_interval)
     marks = sorted(marks + mender.gaps)
     edges = [begin, *[edge for mark in marks for edge in mark], last_t]
-    segments = _segments(edges, np.concatenate(coarse_t), np.concatenate(coarse_q), study.trim_rest, rate)
+    often = (rows - 1) / max(last_t - begin, first_interval) if 2 * same_stamp > rows else rate
+    segments = _segments(edges, np.concatenate(coarse_t), np.concatenate(coarse_q), study.trim_rest, often)
     if not segments:
         raise RecordingError(
             stream.file, "has no stretch without gaps that is long enough to filter; record again"
@@ -181,9 +182,17 @@ def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, 
         if (steps > 0).any():
             own = [e.columns for e in study.recordings if e.label == stream.label]  # none: a log to predict
             maps = {**study.columns, **(own[0] if own else {})}
-            check = time_unit(stream.label, float(np.median(steps[steps > 0])), maps)
+            check = time_unit(stream.label, _step(steps), maps)
             refuse(stream.file, [check] if check else [])
     yield from raw_blocks(stream)
+
+
+def _step(steps: np.ndarray) -> float:
+    """From one sample to the next as stamps tell it: the usual step, or the mean where most rows share a
+    stamp, whose steps are what it resolves. (Of a Franka's in whole seconds milliseconds were told.)"""
+    known = steps[np.isfinite(steps)]
+    own = known[known > 0]
+    return float(np.median(own) if 2 * len(own) > len(known) else known.mean())
 
 
 def _refuse_time(stream: RecordingStream, t: np.ndarray, dt: np.ndarray, rows: np.ndarray) -> None:

@@ -114,6 +114,7 @@ def _standing_still(
     joints = listed(dict.fromkeys(columns.labels[columns.joint[k]] for k, _ in its))
     moving = f"joint {joints} moves" if "," not in joints else f"joints {joints} move"
     values = listed(f"{x:.4g}" for x in dict.fromkeys(x for _, x in its))
+    zero, other = (any((x == 0) is wanted for _, x in its) for wanted in (True, False))
     left = len(names) < len(columns.signals) - columns.n
     torques = f", or the torque{'s' * (not one)} with {columns.without(names)}" if left else ""
     return Check(
@@ -121,7 +122,7 @@ def _standing_still(
         names,
         f"{listed(names)} {'stands' if one else 'stand'} still at {values} for {100 * share:.3g} % of the "
         f"samples while {moving} (rows {runs[0][0]} to {runs[0][1]}{' and others' * (len(runs) > 1)}): "
-        f"a drive that was off, a cable, a value held{', a dead band' * any(x == 0 for _, x in its)}",
+        f"a drive that was off{' or at its limit' * other}, a cable, a value held{', a dead band' * zero}",
         f"leave the stretch out with from: and to:{torques}",
         outcome="refused" if share > MOST_STILL else "warned",
         rows=(runs[0][0], runs[-1][1]),

@@ -24,6 +24,7 @@ def test_a_torque_that_dies_on_the_way(tmp_path, value):
         planted(tmp_path, changed("i2", lambda x: rows(x, slice(len(x) // 2, None), value)))
     )
     assert checks == {"dead_channel"} and "i2 stands still" in text and "channels: [tau_m1, tau_m3" in text
+    assert ("at its limit" in text) is (value != 0)
 
 
 def test_a_torque_that_stands_still_for_a_second_is_warned_of(tmp_path):

@@ -102,6 +102,15 @@ class TestOnRecordings:
         assert [s.rate_hz for s in fit.recordings] == pytest.approx([1 / 0.0105] * 2, rel=1e-4)
         assert {c.check for c in fit.checks if c.outcome == "mended"} == {"time_stamps"}
 
+    def test_stamps_in_whole_seconds_are_no_milliseconds(self, tmp_path):
+        """Of a Franka's, in one recording, t was to be taken times 0.001, or no stretch was long enough."""
+        study = planted(tmp_path, lambda c: {**c, "t": np.floor(0.0105 * np.arange(len(c["t"])))})
+        streams = prepare_study(study).streams
+        assert [s.rate_hz for s in streams] == pytest.approx([1 / 0.0105] * 2, rel=0.02)
+        assert [check.check for s in streams for check in s.checks if check.outcome == "mended"] == [
+            "time_stamps"
+        ] * 2
+
 
 @pytest.mark.parametrize("braked", [False, True])
 def test_a_joint_that_rests_keeps_its_load(tmp_path, braked):
