@@ -10,7 +10,7 @@ import yaml
 
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.diagnosis import _doubted
+from ident.diagnosis.diagnosis import _doubted, _of_signals
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.evidence.sufficiency import signals_read
 from ident.diagnosis.outcome import BUDGET, threshold
@@ -289,6 +289,9 @@ def test_what_a_standing_fault_makes_of_its_signals_is_not_told_once_more():
     assert _doubted(judged, [late])
     assert not _doubted(replace(judged, carries_over=True), [late])
     assert not _doubted(replace(judged, joints=(3,)), [late])
+    swings = replace(judged, depends_on=("t",))
+    assert _of_signals(swings) and not _of_signals(replace(swings, oscillates=True))
+    assert not _of_signals(judged)
 
 
 def test_beside_a_fault_that_nothing_undoes_an_effect_is_a_part_at_most():
