@@ -186,6 +186,7 @@ def _changes(
         f"its start: where that may change evenly meanwhile, {error} from {then} to {now}"
         f"{_where(near, channels)}: {words[1]}",
         "look at what is left over time, or use a part of the recording with from: and to:",
+        open=bool(near),
     )
 
 
