@@ -47,8 +47,10 @@ def unanswered(checks: Iterable[Check], before: Percents, after: Percents) -> tu
 
 def _answered(check: Check, before: Percents, after: Percents) -> bool:
     """By the error of its signals, in their geometric mean and in their median."""
-    names = [f"{kind}{joint}" for kind, joint in map(_read, check.signals)]
     runs = [check.recording] if check.recording in before else list(before)
+    names = [name for signal in check.signals for name in _compared(signal, before[runs[0]])]
+    if not names:
+        return False
     had, left = (
         np.array([np.sqrt(np.nanmean(np.square([its[run][name] for run in runs]))) for name in names])
         for its in (before, after)
@@ -56,6 +58,13 @@ def _answered(check: Check, before: Percents, after: Percents) -> bool:
     known = (had > 0) & (left > 0)
     share = np.exp(np.mean(np.log(left[known] / had[known]))) if known.any() else 1.0
     return bool(share < ANSWERED and np.median(left) < 100 * BAD)
+
+
+def _compared(signal: str, channels: Iterable[str]) -> list[str]:
+    """Channels that a recorded signal is in: its own, or of its joint where that is the difference of two."""
+    kind, joint = _read(signal)
+    mine = [name for name in channels if _read(name)[1] == joint]
+    return [name for name in mine if name == f"{kind}{joint}"] or mine
 
 
 def beside_doubts(findings: Sequence[Finding], doubts: Sequence[Check]) -> tuple[Finding, ...]:

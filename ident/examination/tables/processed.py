@@ -42,7 +42,8 @@ def interpolated(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator
         if sum(int(np.count_nonzero(its)) for its in on) < SOME * rows:
             continue
         gaps, steps, bends, bent = [], [], [], 0
-        for (t, values), its in zip(((piece.t, piece.values) for piece in each), on):
+        for piece, its in zip(each, on):
+            t, values = piece.t, piece.values
             begin, length = _runs(its)
             begin, length = begin[length > 1], length[length > 1]
             bent += len(t) - 2 - int(length.sum())

@@ -26,6 +26,8 @@ def weightless(asked: Asked) -> Iterator[Hypothesis]:
     """One torque without gravity, or all that feel it."""
     quick, how = asked.quick, asked.how
     heavy = [c for c in felt(quick) if c in asked.seen]
+    if not heavy:
+        return
     plain, bare = None, without_gravity(quick, heavy)
     for which in every(heavy):
         least = CLEARLY if len(which) == 1 else 0.0

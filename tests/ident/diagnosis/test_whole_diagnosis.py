@@ -377,3 +377,11 @@ def test_what_is_found_in_the_equations_of_another_robot_is_no_effect_that_the_m
     assert all(f.grade == PARTLY for f in diagnosis.findings)
     told = verdict(diagnosis_document(diagnosis))
     assert told.startswith("Correct the robot file first") and "The model lacks" not in told
+
+
+def test_a_torque_that_is_recorded_is_in_the_difference_of_model_d():
+    """A leap of tau_m2 ended a diagnosis of model D in a traceback: it has no channel of its own there."""
+    doubt = Check("torque_step", ("tau_m2",), "tau_m2 leaps", hint=True)
+    before = {"run1": {"total": 70.0, "tau_d1": 2.0, "tau_d2": 80.0}}
+    assert unanswered([doubt], before, before) == (doubt,)
+    assert unanswered([doubt], before, {"run1": {"total": 9.0, "tau_d1": 2.0, "tau_d2": 9.0}}) == ()
