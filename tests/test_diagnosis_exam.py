@@ -45,6 +45,15 @@ def _short_case(model: str = "A") -> Case:
     raise AssertionError("no short case could be drawn")
 
 
+@pytest.mark.parametrize("width", [1e-5, 1e-4, 1e-3])
+def test_the_exams_dry_friction_turns_where_the_joint_does(width: float) -> None:
+    """At 100 Hz as it is at 5 kHz: at the sample that follows, a clean robot's friction is late."""
+    fine = np.arange(50_000) / 5000.0
+    q = 0.3 * np.sin(3.3 * fine) + 0.2 * np.sin(1.7 * fine + 1)
+    coarse = physics.dahl(q[::50], 1.0, width)
+    np.testing.assert_allclose(coarse, physics.dahl(q, 1.0, width)[::50], atol=0.02)
+
+
 @pytest.mark.parametrize("name", COLUMNS)
 def test_catalogue_columns_explain_what_the_exam_puts_in(name: str) -> None:
     """Least squares of the exam's torque on the catalogue's columns at the true nonlinear parameters.

@@ -68,19 +68,34 @@ class Plant:
 
 
 def dahl(x: np.ndarray, Fc: float, width: float) -> np.ndarray:
-    """Dahl friction along the path x: between reversals F = s Fc + (F0 - s Fc) exp(-|x - x0| / width)."""
+    """Dahl friction along the path x: between reversals F = s Fc + (F0 - s Fc) exp(-|x - x0| / width).
+
+    A path turns between two samples, at the vertex of the parabola through the three around it: at the sample
+    itself the friction of a slow recording would be late by half a sample, which no robot is.
+    """
     step = np.sign(np.diff(x, prepend=x[0]))
     moving = np.flatnonzero(step)
     out = np.zeros_like(x)
     if len(moving) == 0:
         return out
     turns = moving[np.flatnonzero(np.diff(step[moving], prepend=0.0) != 0)]
-    force = 0.0
-    for first, last in zip(turns, [*turns[1:], len(x)]):
-        s, x0 = step[first], x[first - 1] if first else x[0]
-        out[first:last] = s * Fc + (force - s * Fc) * np.exp(-np.abs(x[first:last] - x0) / width)
-        force = out[last - 1]
+    vertices = [_vertex(x, first) for first in turns]
+    force, (begin, x0) = 0.0, vertices[0]
+    for first, (end, at) in zip(turns, [*vertices[1:], (len(x), x[-1])]):
+        s = step[first]
+        out[begin:end] = s * Fc + (force - s * Fc) * np.exp(-np.abs(x[begin:end] - x0) / width)
+        force = s * Fc + (force - s * Fc) * np.exp(-np.abs(at - x0) / width)
+        begin, x0 = end, at
     return out
+
+
+def _vertex(x: np.ndarray, first: int) -> tuple[int, float]:
+    """First sample behind a turn that the difference of x shows at sample ``first``, and where x turned."""
+    k = first - 1  # the outermost sample
+    if k < 1 or (bend := x[k - 1] - 2 * x[k] + x[k + 1]) == 0.0:
+        return first, x[max(k, 0)]
+    slope = (x[k + 1] - x[k - 1]) / 2
+    return (k if slope * bend > 0 else first), x[k] - slope**2 / (2 * bend)
 
 
 def play(x: np.ndarray, gap: float) -> np.ndarray:
