@@ -112,7 +112,7 @@ def extended(
             lost = _vague(told, by_chance, alpha)
             refused |= {keys[k]: Refusal(by_chance[k]) for k in lost}
         if not lost:
-            worse = _worse(last, known, declared)
+            worse = _worse(last, known, declared) or _in_vain(last, base, declared)
             refused |= {keys[k]: Refusal(errors=errors) for k, errors in worse.items() if errors is not None}
             lost = list(worse) or _above(last, base)
         if not lost:
@@ -206,6 +206,19 @@ def _worse(last: FitResult, known: Examined, declared: int) -> dict[int, tuple[f
             return {k: (before[said], after[said])}
         if place.recording is not None and spoilt(last, other):
             return {k: None}
+    return {}
+
+
+def _in_vain(last: FitResult, base: FitResult, declared: int) -> dict[int, tuple[float, float] | None]:
+    """The number of the last finding on one recording of which more is left with all that was found than by
+    the study as it came, all channels together, and these errors: it is what its recording asked for. (Of a
+    Franka whose fifth torque has another zero each way a body of 0.024 kg was told in one run, and its error
+    there as 1.9 -> 2.4 %.)"""
+    before, after = (fit.errors.full_rate.by_recording() for fit in (base, last))
+    for k in range(len(last.terms) - 1, declared - 1, -1):
+        run = last.terms[k].place.recording
+        if run is not None and after[run]["total"] > before[run]["total"]:
+            return {k: (before[run]["total"], after[run]["total"])}
     return {}
 
 

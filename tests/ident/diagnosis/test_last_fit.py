@@ -189,6 +189,21 @@ def test_what_predicts_no_better_is_told_with_both_errors(monkeypatch):
     assert last_fit._worse(fit(6.0, 1.7, on_joint), known, 0) == {}
 
 
+def test_a_load_with_which_its_own_run_is_left_worse_explained_is_not_told():
+    """Of a Franka's 0.024 kg in the run that judges the error there was told as 1.9 -> 2.4 %."""
+
+    def fit(*places, **errors):
+        by_run = {run: {"total": percent} for run, percent in errors.items()}
+        full_rate = SimpleNamespace(by_recording=lambda: by_run)
+        terms = [SimpleNamespace(place=SimpleNamespace(recording=run)) for run in places]
+        return SimpleNamespace(terms=terms, errors=SimpleNamespace(full_rate=full_rate))
+
+    base = fit(run1=1.3, run2=1.9)
+    assert last_fit._in_vain(fit("run2", None, run1=1.2, run2=2.4), base, 0) == {0: (1.9, 2.4)}
+    assert last_fit._in_vain(fit("run2", run1=1.4, run2=1.7), base, 0) == {}
+    assert last_fit._in_vain(fit("run2", run1=1.2, run2=2.4), base, 1) == {}  # the study's own
+
+
 def test_the_sentence_says_what_is_left_without_it_and_with_it():
     item = {
         "joints": [2], "channel": "tau_m", "depends_on": [], "share_of_residual_percent": 0.0, "log_e": 661.4,
