@@ -29,6 +29,7 @@ from ident.examination.tables.clock import (
     uniform_clock,
 )
 from ident.examination.tables.of_table import more_joints, of_table
+from ident.examination.tables.same_samples import fitted_twice
 from ident.examination.tables.shared_stamps import Spread, spread, spread_stamps
 from ident.examination.tables.signals import Columns, frozen_throughout
 from ident.examination.tables.stopped import stopped_positions
@@ -52,9 +53,9 @@ from ident.recordings.tables import one_episode, open_table
 
 
 def open_recordings(study: Study, need: Need, prismatic: Collection[str] = ()) -> list[RecordingStream]:
-    """Open and survey every recording of a study, in its order, but for those in which nothing changes;
-    `prismatic` joints by their label."""
-    streams = _alive([open_recording(study, entry, need, prismatic) for entry in study.recordings])
+    """Open and survey every recording of a study, in its order, but for those in which nothing changes
+    and copies of what is fitted; `prismatic` joints by their label."""
+    streams = _once(_alive([open_recording(study, entry, need, prismatic) for entry in study.recordings]))
     paces = [_pace(stream) for stream in streams]
     for stream, its in zip(streams, paces):
         if stream.counted_rate_hz is None:
@@ -77,6 +78,14 @@ def _alive(streams: Sequence[RecordingStream]) -> list[RecordingStream]:
         for stream, check in zip(frozen, said):
             refuse(stream.file, [check])
     first, *others = kept
+    return [replace(first, checks=worst_first([*first.checks, *said])), *others]
+
+
+def _once(streams: Sequence[RecordingStream]) -> list[RecordingStream]:
+    """Without copies of what is fitted, the first one with what is said of them."""
+    copies = fitted_twice(streams)
+    first, *others = (stream for stream in streams if not any(stream is its for its, _ in copies))
+    said = (check for _, check in copies)
     return [replace(first, checks=worst_first([*first.checks, *said])), *others]
 
 
