@@ -65,7 +65,7 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     whole = all_rows(asked.quick)
     plain = Explained.by(whole, how)
     told = [(allowed(whole, how, which, factor), after) for which, factor, after in found]
-    told = [(its, after) for its, after in told if agreed(plain, its.explained, ODD / len(groups))]
+    told = [(its, after) for its, after in told if _rejects(plain, its.explained, len(groups))]
     if not told:
         return
     its, after = _of_one_or_more(plain, told)
@@ -90,6 +90,15 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
         return
     words += [WORDS] if alone else []
     yield Hypothesis(gain, how.times(which, its.factor), _off(asked, after, (its, *beside), words, more))
+
+
+def _rejects(plain: Explained, told: Explained, asked: int) -> bool:
+    """Whether stretches reject that there is no factor, one of so many that are asked: by squares, or by
+    logarithms. (A torque that is far too small is explained as by itself, as it hardly moves the model: with
+    its factor squares of its own grow, in few stretches most. Of a TX40's second one, 101 times too small,
+    that the third contradicts the others was told.)"""
+    rate = ODD / (2 * asked)
+    return agreed(plain, told, rate) or steadily(plain, told, rate)
 
 
 def _of_one_or_more(plain: Explained, told: Sequence[tuple[Scale, Fit]]) -> tuple[Scale, Fit]:

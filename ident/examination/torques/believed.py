@@ -45,7 +45,7 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
         return bool(fit.error[0] < NOTHING)
     if h.quick is None and not h.own and odd_beside(fit.error, taken.alone)[its].any():
         return False
-    if not motion and 2 * len(its) <= len(asked.seen) and _a_part(asked, h):
+    if not motion and 2 * len(its) <= len(asked.seen) and _a_part(asked, h, taken):
         return False
     moved = {j for j, label in enumerate(joints) if f"q{label}" in h.check.signals}
     if motion and not of_several(asked.quick.columns, before, fit, moved):
@@ -62,15 +62,17 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
     return explained and predicted and _rms(fit) < RISEN * _rms(before)
 
 
-def _a_part(asked: Asked, h: Hypothesis) -> bool:
+def _a_part(asked: Asked, h: Hypothesis, taken: Asked) -> bool:
     """Whether a fit alone speaks for other torques, and these take off less than half of that by which the
-    torques contradict each other. (Of a dual arm with two sensors turned and two positions exchanged a third
-    sensor was told to be turned, and by it a current; of an LWR4+ whose second and third positions have other
-    zeros the fifth torque was told to show friction alone.) Not of what is said of most torques."""
+    torques contradict each other, and leave some that do. (Of a dual arm with two sensors turned and two
+    positions exchanged a third sensor was told to be turned, and by it a current; of an LWR4+ whose second
+    and third positions have other zeros the fifth torque was told to show friction alone. Of a TX40's second
+    torque, 101 times too small, which alone makes the third contradict the others, nothing was told.) Not of
+    what is said of most torques."""
     if h.own or asked.of_robot(h) or not np.isfinite(h.gain):
         return False
     apart = gain_of(asked.fit.error, asked.alone)
-    return bool(h.gain < HALF * apart and contradicted(asked).any())
+    return bool(h.gain < HALF * apart and contradicted(asked).any() and contradicted(taken).any())
 
 
 def _changed(asked: Asked, h: Hypothesis) -> tuple[str, ...]:
