@@ -35,6 +35,7 @@ from ident.diagnosis.loads.still_a_load import still_holds
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import Library, Ranked, Ranking, beside, elsewhere, ranked, short_list
+from ident.diagnosis.search.exchanged import by_exchange
 from ident.diagnosis.search.halves import by_halves
 from ident.diagnosis.search.in_common import by_common
 from ident.diagnosis.search.left_out import left_out
@@ -243,7 +244,8 @@ def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: fl
 
 def _unclear(state: State, weighed: Weighed, tau: float, alpha: float) -> Taken | None:
     """Where nothing passed as it is: what holds in other rows, or once it was settled in; None: nothing."""
-    hidden = by_halves(state, weighed, tau, alpha) or by_common(state, weighed, tau, alpha)
+    ways = (by_halves, by_common, by_exchange)
+    hidden = next((its for way in ways if (its := way(state, weighed, tau, alpha))), None)
     if hidden is not None:
         r, e, others = hidden
         step = Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others))

@@ -17,7 +17,7 @@ from ident.diagnosis.loads.still_a_load import still_holds
 from ident.diagnosis.outcome import Outcome, Step
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import SHARE, Library, Ranked, ranked
-from ident.diagnosis.search.in_common import shown_by_fitted
+from ident.diagnosis.search.exchanged import shown_by_fitted
 from ident.diagnosis.search.parameters_apart import spoken
 from ident.diagnosis.search.settling import place_of, refined_together
 from ident.diagnosis.search.weighing import Weighed, compared, main_channel, rivals_of, simplest

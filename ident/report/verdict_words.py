@@ -52,6 +52,8 @@ def verdict(document: Mapping[str, Any]) -> str:
         sentences = [nothing if quiet else unsure, *hints, left_in_words(document)]
     elif above := _above_noise(document):
         sentences.append(_beyond_noise(document, above))
+    elif resting := _mostly_at_rest(document):
+        sentences.append(resting)
     return " ".join([*sentences, *worse])
 
 
@@ -118,14 +120,36 @@ def left_in_words(document: Mapping[str, Any]) -> str:
     return f"What is left of {joined(seen)} looks like noise{resting}; for {rest} no noise can be read."
 
 
+def _mostly_at_rest(document: Mapping[str, Any]) -> str:
+    """That the errors are those of the samples at rest, of the worst channel of which no more is left than
+    that; nothing where they are not."""
+    after, left = document["error_percent"]["after"]["identify"], _left(document)
+    more = [*document["unexplained"], *(f for f in document["findings"] if f.get("grade") == "partly")]
+    lacking = {"total", *(f"{item['channel']}{joint}" for item in more for joint in item["joints"])}
+    worst = _most_at_rest(after, left, [n for n in left if n not in lacking])
+    if worst is None:
+        return ""
+    return (
+        f"The errors count samples at rest, where friction is anything: with them {percent(after[worst])} of "
+        f"{worst} is left on the fitted runs, {percent(left[worst])} where its joint moves."
+    )
+
+
+def _most_at_rest(
+    after: Mapping[str, float], left: Mapping[str, float], channels: Sequence[str]
+) -> str | None:
+    """Of the channels of which far more is left with the samples at rest that with most of it."""
+    more = [n for n in channels if after[n] > NOISY * left[n]]
+    return max(more, key=lambda n: after[n] / left[n], default=None)
+
+
 def _with_rests(document: Mapping[str, Any], channels: Sequence[str]) -> str:
     """That more is left with the samples at rest, where it is; the worst of the channels."""
     after, left = document["error_percent"]["after"]["identify"], _left(document)
     told = _told_of(document)
-    more = [n for n in channels if n not in told and after[n] > NOISY * left[n]]
-    if not more:
+    worst = _most_at_rest(after, left, [n for n in channels if n not in told])
+    if worst is None:
         return ""
-    worst = max(more, key=lambda n: after[n] / left[n])
     return (
         f", where its joint moves (with the samples at rest, where friction is anything, "
         f"{percent(after[worst])} of {worst} is left)"

@@ -16,7 +16,7 @@ from ident.diagnosis.extended.in_a_study import is_told
 from ident.diagnosis.extended.last_fit import Refusal
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.outcome import Outcome, Step
-from ident.diagnosis.search.in_common import shown_by_fitted
+from ident.diagnosis.search.exchanged import shown_by_fitted
 from ident.diagnosis.search.parameters_apart import spoken, spoken_given
 from ident.diagnosis.search.settling import place_of, refined_together, without_terms
 from ident.diagnosis.search.weighing import holds

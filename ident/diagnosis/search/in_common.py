@@ -21,7 +21,7 @@ from ident.diagnosis.evidence.metric import Columns
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.sufficiency import sufficiency, sufficient
-from ident.diagnosis.search.halves import foretells, holds_by_halves, is_left_of_a_law
+from ident.diagnosis.search.halves import foretells, is_left_of_a_law
 from ident.diagnosis.search.weighing import Weighed, best_held, holds, main_channel
 
 
@@ -45,12 +45,6 @@ def by_common(
         if sufficient(r.term, told, flex, tau):
             held.append((r, told))
     return best_held(held, tau)
-
-
-def shown_by_fitted(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:
-    """Whether what the judged rows alone do not show is asked for by both halves of the fitted rows, or by
-    the judged ones given these; state: without it."""
-    return holds_by_halves(state, columns, sizes, tau) or holds_in_common(state, columns, sizes, tau)
 
 
 def holds_in_common(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:

@@ -28,6 +28,7 @@ from ident.diagnosis.evidence.evidence import Evidence, weigh
 from ident.diagnosis.evidence.given import given_fitted
 from ident.diagnosis.evidence.metric import Columns, Metric, Side, orthonormal
 from ident.diagnosis.evidence.state import Found, State
+from ident.diagnosis.search.exchanged import exchanged, paid
 from ident.diagnosis.search.halves import on_halves
 from ident.diagnosis.search.of_its_kind import times_noise_of_its_kind
 
@@ -48,8 +49,9 @@ class Changes:
 
 def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
     """Of the judged rows, or of what shows it where they alone do not: the halves of the fitted ones, the
-    less of the two, or the judged ones given these; None where nothing shows it. Halves of one run come last:
-    what they have of it is told with parameters that they share. others: the state without it."""
+    less of the two, the judged ones given these, or these as the judged ones have it; None where nothing
+    shows it. Halves of one run come last: what they have of it is told with parameters that they share.
+    others: the state without it."""
     m = others.metric
     told = weigh(m, f.columns)
     if told.log_e > tau:
@@ -61,7 +63,9 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
         if given.log_e > tau:
             return _of(others, m, f, given)
     if not shown:
-        return None
+        m = exchanged(others).metric
+        told = paid(weigh(m, f.columns))
+        return _of(others, m, f, told) if told.log_e > tau else None
     return min((_of(others, side, f, e) for side, e in parts), key=lambda its: its.log_e)
 
 

@@ -167,6 +167,18 @@ def test_what_is_left_of_a_torque_that_nothing_is_told_of_is_said():
     assert "tau_m5" not in said
 
 
+def test_errors_of_samples_at_rest_are_called_that():
+    """Where joints stand friction is anything: an error of 3.4 % beside a floor of 0.6 looked like a lack."""
+    words = "count samples at rest"
+    assert words not in diagnosis_verdict(DIAGNOSIS)
+    after = DIAGNOSIS["error_percent"]["after"] | {"identify": {"total": 3.3, "tau_m4": 3.4}}
+    resting = DIAGNOSIS | {"error_percent": DIAGNOSIS["error_percent"] | {"after": after}}
+    said = diagnosis_verdict(resting).replace("\u00a0", " ")
+    assert f"{words}, where friction is anything: with them 3.4 % of tau_m4 is left" in said
+    lacking = [DIAGNOSIS["unexplained"][0] | {"joints": [4]}]
+    assert words not in diagnosis_verdict(resting | {"unexplained": lacking})
+
+
 def test_what_too_few_blocks_confirm_is_a_hint_and_not_nothing():
     tilt = {
         "effect": "base_tilt", "joints": [], "log_e": 44.2, "error_drop_percent": 12.0, "channel": "tau_m",

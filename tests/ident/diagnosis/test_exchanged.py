@@ -1,0 +1,58 @@
+"""What the fitted rows say of what the judged ones have chosen: each pays for the search that they were."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.stats
+from planted import ON_RECORDINGS, with_fault
+
+from ident.diagnosis import diagnose_study
+from ident.diagnosis.evidence.evidence import weigh
+from ident.diagnosis.search.exchanged import PRICE, paid
+from ident.recordings.study import load_study
+
+M, CANDIDATES = 240, 40
+
+
+def exchanged(rows):
+    return replace(rows, fitted=rows.judged, judged=rows.fitted)
+
+
+def test_false_findings_keep_to_their_rate(tiny):
+    """The best of forty candidates by the fitted rows, which then judge it: without the price they find it in
+    every third of noise."""
+    rng, told = np.random.default_rng(0), []
+    for _ in range(200):
+        X, Z = rng.normal(size=(M, 4)), rng.normal(size=(M, CANDIDATES))
+        rows = tiny["rows"](X, rng.normal(size=M))
+        m, other = tiny["metric"](rows), tiny["metric"](exchanged(rows))
+        best = max((weigh(m, {0: Z[:, [k]]}).gain, k) for k in range(CANDIDATES))[1]
+        told.append(weigh(other, {0: Z[:, [best]]}).log_e)
+    told = np.array(told)
+    alpha = 0.05
+    assert np.sum(told - PRICE > np.log(1 / alpha)) <= scipy.stats.binom.isf(1e-3, len(told), alpha)
+
+
+def test_what_few_rows_judge_many_show(tiny):
+    """A torque of 0.8 times the noise in 6 of 120 judged rows, and in 60 of 120 fitted ones."""
+    rng = np.random.default_rng(1)
+    X, late = rng.normal(size=(M, 3)), np.arange(M) >= M // 2
+    z = np.where(late & (np.arange(M) % 20 > 0), 0.0, rng.normal(size=M))[:, None]
+    rows = tiny["rows"](X, X @ np.ones(3) + rng.normal(size=M) + 0.8 * z[:, 0])
+    judged = weigh(tiny["metric"](rows), {0: z})
+    shown = paid(weigh(tiny["metric"](exchanged(rows)), {0: z}))
+    assert 0 < judged.log_e < 8 < shown.log_e
+
+
+@pytest.mark.long
+class TestOfAMeasuredRobot:
+    pytestmark = ON_RECORDINGS
+
+    def test_a_spring_of_an_airbot(self, tmp_path):
+        """Of 20 s of a validate run 8.0 nats are left beside slow noise of any size."""
+        told = diagnose_study(load_study(with_fault("airbot_play", "a spring", tmp_path)))
+        spring = next(f for f in told.findings if f.effect == "spring")
+        assert spring.joints == (3,)
+        before, after = (fit.full_rate_error["test"]["tau_m3"] for fit in (told.first, told.last))
+        assert after < 0.5 * before
