@@ -397,3 +397,17 @@ def test_a_torque_is_no_other_one_where_only_others_are_explained_better(tmp_pat
     effect = {"effect": "joint_coupling", "joint": 3, "Fv": -0.06, "Ia": -0.05}
     study = ident.simulate(robot, "A", effects=[effect], duration=30, rate_hz=100, noise=1.0, seed=3).study
     assert not list(another_signal(asked_of(study), ()))
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_of_a_measured_robot_a_run_of_a_second_whose_joint_was_homed_elsewhere(tmp_path):
+    """Each torque is explained well enough, and no torque looks another one: one robot for all leaves twice
+    what one for each does. Of a TX40's second joint, a quarter turn off, nothing was said."""
+
+    def homed(log):
+        log.tables["run2"]["q2"] = log.tables["run2"]["q2"] + np.pi / 2
+
+    study = strangers_log(tmp_path, "staubli_tx40", (0, False, False, True), homed)
+    assert said(examine_fit(prepare_study(study))) == [("position_zero", ("q2",), "run2")]
