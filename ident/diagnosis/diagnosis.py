@@ -22,6 +22,7 @@ from ident.diagnosis.rows.room import thrifty
 from ident.diagnosis.search.candidates import Library
 from ident.diagnosis.search.searched import searched
 from ident.diagnosis.telling.beside_checks import (
+    assumed,
     beside_doubts,
     beside_faults,
     in_doubt,
@@ -76,6 +77,7 @@ class Diagnosis:
     visible: tuple[Visible, ...] = ()  # the smallest effects that would have been seen
     hints: tuple[Hint, ...] = ()  # where nothing is told: what too few blocks confirm
     unsettled: tuple[Check, ...] = ()  # faults that nothing undid: all else is told with them in it
+    assumed: tuple[Check, ...] = ()  # of several causes the first, undone: all else is told with that
     unanswered: tuple[Check, ...] = ()  # what was found explains less than half of these
 
     @property
@@ -128,9 +130,10 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     outcome, last = traced.outcome, traced.last
     found = findings_of(outcome, last, moved(its.known, outcome.last, its.base, last))
     standing = tuple(dict.fromkeys((*unsettled(its.base.checks), *not_found(its.known.checks, found))))
+    taken = assumed(its.checks)
     errors = (fit.errors.full_rate.by_recording() for fit in (its.base, last))
     doubts = unanswered(its.base.checks, *errors)
-    found = beside_doubts(beside_faults(found, standing), doubts)
+    found = beside_doubts(beside_faults(found, (*standing, *taken)), doubts)
     findings = told_once(told_by_checks(study, its.mended, its.checks), in_doubt(found, its.checks))
     unexplained = _unexplained(its.checks, traced, findings, standing, doubts)
     white = white_at_most(last, outcome.last) | white_noise(last)
@@ -141,7 +144,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         study,
         its.before,
         last,
-        "effect" if findings else "unexplained" if unexplained or standing or doubts else "none",
+        "effect" if findings else "unexplained" if unexplained or standing or taken or doubts else "none",
         findings,
         unexplained,
         its.checks,
@@ -154,6 +157,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         smallest_visible(outcome.last, library, outcome.tau, alpha, closed),
         () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
         standing,
+        taken,
         doubts,
     )
 

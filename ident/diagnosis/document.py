@@ -26,6 +26,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             {"robot_file": c.robot_file, "recording": c.recording, "message": c.message}
             for c in diagnosis.unsettled
         ],
+        "assumed": [{"recording": c.recording, "message": c.message} for c in diagnosis.assumed],
         "unanswered": [{"recording": c.recording, "message": c.message} for c in diagnosis.unanswered],
         "verdict": diagnosis.verdict,
         "robot": diagnosis.robot,

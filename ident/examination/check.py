@@ -148,7 +148,7 @@ def nothing_tells(words: Sequence[str], fallen: str, recording: str = "") -> Che
         "unrelated_torque",
         (),
         f"torques and motion {whose or 'contradict each other'}, and nothing tells by what: "
-        f"{words[0]}{instead(words[1:])} are each an explanation, {fallen}",
+        f"{words[0]}{instead(words[1:])} would each explain as much, and it may be none of them: {fallen}",
         f"check that all signals are of one run and that the recordings are of one robot{file}",
         recording=recording,
         open=True,

@@ -32,6 +32,11 @@ def verdict(document: Mapping[str, Any]) -> str:
             else "Settle first what was recorded, as all else is told with it in the data"
         )
         sentences.append(f"{first}: {_fault(fault)}")
+    for fault in document.get("assumed", ())[:1]:
+        sentences.append(
+            "Settle first which of these is so, as all else is told as if the first one were: "
+            + _fault(fault)
+        )
     if not sentences:
         sentences += [f"Nothing found explains this: {_fault(x)}" for x in document.get("unanswered", ())[:1]]
     if told:

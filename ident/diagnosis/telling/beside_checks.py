@@ -35,6 +35,14 @@ def beside_faults(findings: Sequence[Finding], standing: Sequence[Check]) -> tup
     )
 
 
+def assumed(checks: Iterable[Check]) -> tuple[Check, ...]:
+    """Of several causes that the recordings do not tell apart the first is undone, and no finding says so:
+    all else is told as if it were there. (An LWR4+ whose third joint was homed 90 degrees off was read with
+    joints 3 and 6 exchanged, and its verdict was structure in joint 6.)"""
+    open_ = (c for c in checks if c.open and not c.hint and undoing(c) is not None)
+    return tuple(c for c in open_ if not _effects_of(c))
+
+
 def unanswered(checks: Iterable[Check], before: Percents, after: Percents) -> tuple[Check, ...]:
     """Checks that torques are not what motion and model ask for, of a cause that no check tells, to which all
     that was found is no answer: half of their error or more is left by it, or so much that nothing explains

@@ -24,6 +24,7 @@ from ident.diagnosis.search.candidates import (
     short_list,
 )
 from ident.diagnosis.telling.beside_checks import (
+    assumed,
     beside_doubts,
     beside_faults,
     in_doubt,
@@ -305,6 +306,15 @@ def test_beside_a_fault_that_nothing_undoes_an_effect_is_a_part_at_most():
     assert unsettled([clock, undone, replace(clock, open=False)]) == (clock,)
     assert [f.grade for f in beside_faults([load, gain], unsettled([clock, told]))] == [PARTLY, ESTABLISHED]
     assert [f.grade for f in beside_faults([load, gain], ())] == [ESTABLISHED, ESTABLISHED]
+
+
+def test_what_is_told_as_if_one_of_several_causes_were_there_is_a_part_at_most():
+    """Of an LWR4+ homed a quarter turn off: undone was another cause that explained as much."""
+    load = Finding("payload_change", (), "tau_m", {}, {}, 0, 19.0, 30.0, 80.0, (), "", ESTABLISHED, "")
+    either = Check("swapped_signals", ("q3", "q6"), "", "columns: {q3: q6, q6: q3}", open=True)
+    sign = Check("torque_sign", ("tau_m2",), "", "columns: {tau_m2: {sign: -1}}", open=True)
+    assert assumed([either, sign, replace(either, open=False), replace(either, remedy="look")]) == (either,)
+    assert [f.grade for f in beside_faults([load], assumed([either]))] == [PARTLY]
 
 
 def test_what_leaves_most_of_a_contradiction_is_a_part_at_most():

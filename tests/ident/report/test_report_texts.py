@@ -292,6 +292,15 @@ def test_what_nothing_found_explains_is_said_first():
     assert said.startswith("Settle first") and message not in said
 
 
+def test_what_is_taken_for_one_of_several_causes_is_said_first():
+    several = {"recording": "", "message": "joints 3 and 6 look swapped, or q3 starts from another zero"}
+    said = diagnosis_verdict(DIAGNOSIS | {"assumed": [several]})
+    assert said.startswith(
+        "Settle first which of these is so, as all else is told as if the first one were: j"
+    )
+    assert "The model lacks" in said
+
+
 def test_many_findings_are_grouped_by_effect():
     def found(name, *joints):
         return DIAGNOSIS["findings"][1] | {"effect": name, "joints": list(joints)}
