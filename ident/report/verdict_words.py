@@ -126,8 +126,8 @@ def left_in_words(document: Mapping[str, Any]) -> str:
 
 
 def _mostly_at_rest(document: Mapping[str, Any]) -> str:
-    """That the errors are those of the samples at rest, of the worst channel of which no more is left than
-    that; nothing where they are not."""
+    """That the errors are those of samples left out of the equations, of the worst channel of which no more
+    is left than that; nothing where they are not."""
     after, left = document["error_percent"]["after"]["identify"], _left(document)
     more = [*document["unexplained"], *(f for f in document["findings"] if f.get("grade") == "partly")]
     lacking = {"total", *(f"{item['channel']}{joint}" for item in more for joint in item["joints"])}
@@ -135,8 +135,8 @@ def _mostly_at_rest(document: Mapping[str, Any]) -> str:
     if worst is None:
         return ""
     return (
-        f"The errors count samples at rest, where friction is anything: with them {percent(after[worst])} of "
-        f"{worst} is left on the fitted runs, {percent(left[worst])} where its joint moves."
+        "The errors count samples that no equation does, as those at rest, where friction is anything: with "
+        f"them {percent(after[worst])} of {worst} is left on the fitted runs, without {percent(left[worst])}."
     )
 
 

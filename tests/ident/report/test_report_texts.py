@@ -169,12 +169,12 @@ def test_what_is_left_of_a_torque_that_nothing_is_told_of_is_said():
 
 def test_errors_of_samples_at_rest_are_called_that():
     """Where joints stand friction is anything: an error of 3.4 % beside a floor of 0.6 looked like a lack."""
-    words = "count samples at rest"
+    words = "count samples that no equation does"
     assert words not in diagnosis_verdict(DIAGNOSIS)
     after = DIAGNOSIS["error_percent"]["after"] | {"identify": {"total": 3.3, "tau_m4": 3.4}}
     resting = DIAGNOSIS | {"error_percent": DIAGNOSIS["error_percent"] | {"after": after}}
     said = diagnosis_verdict(resting).replace("\u00a0", " ")
-    assert f"{words}, where friction is anything: with them 3.4 % of tau_m4 is left" in said
+    assert f"{words}, as those at rest, where friction is anything: with them 3.4 % of tau_m4 is" in said
     lacking = [DIAGNOSIS["unexplained"][0] | {"joints": [4]}]
     assert words not in diagnosis_verdict(resting | {"unexplained": lacking})
 
