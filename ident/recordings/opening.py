@@ -12,7 +12,7 @@ one (the same state read twice: dropped where single, so that motion is interpol
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -77,15 +77,19 @@ def _alive(streams: Sequence[RecordingStream]) -> list[RecordingStream]:
     if not fitted:
         for stream, check in zip(frozen, said):
             refuse(stream.file, [check])
-    first, *others = kept
-    return [replace(first, checks=worst_first([*first.checks, *said])), *others]
+    return _saying(kept, said)
 
 
 def _once(streams: Sequence[RecordingStream]) -> list[RecordingStream]:
     """Without copies of what is fitted, the first one with what is said of them."""
     copies = fitted_twice(streams)
-    first, *others = (stream for stream in streams if not any(stream is its for its, _ in copies))
-    said = (check for _, check in copies)
+    kept = [stream for stream in streams if not any(stream is its for its, _ in copies)]
+    return _saying(kept, [check for _, check in copies])
+
+
+def _saying(streams: Sequence[RecordingStream], said: Iterable[Check]) -> list[RecordingStream]:
+    """Recordings that are kept, the first one with what is said of those that are not."""
+    first, *others = streams
     return [replace(first, checks=worst_first([*first.checks, *said])), *others]
 
 

@@ -15,14 +15,19 @@ from dataclasses import replace
 import numpy as np
 
 from ident.diagnosis.evidence.evidence import Evidence, weigh
-from ident.diagnosis.evidence.metric import Columns, metric
-from ident.diagnosis.evidence.refine import Refined, refine
+from ident.diagnosis.evidence.metric import Columns, Metric
+from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.state import State
-from ident.diagnosis.evidence.sufficiency import sufficiency, sufficient
 from ident.diagnosis.outcome import BUDGET
-from ident.diagnosis.search.halves import foretells, holds_by_halves, is_left_of_a_law
+from ident.diagnosis.search.halves import (
+    foretells,
+    holds_by_halves,
+    in_its_noise,
+    is_left_of_a_law,
+    judged_by,
+)
 from ident.diagnosis.search.in_common import holds_in_common
-from ident.diagnosis.search.weighing import Weighed, best_held, holds, main_channel
+from ident.diagnosis.search.weighing import Weighed, best_held
 
 CATALOGUE = 2000  # effects at places: of seven joints, motor and joint side, 1,500
 PRICE = float(np.log(CATALOGUE / BUDGET))  # nats
@@ -44,27 +49,21 @@ def by_exchange(
     if not likely:
         return None
     side = exchanged(state)
-    design, B = side.design
-    m, held = metric(side.rows, design, B, weighed.metric.whiteners), []
-    for r in likely:
-        own = refine(m, side.scene, r.term, turns=2)
-        if not own.columns:
-            continue
-        told = paid(weigh(m, own.columns))
-        if not holds(side, m, own, told, tau, alpha):
-            continue
-        if sufficient(
-            own.term, told, sufficiency(side, m, own, main_channel(told, own.term, side), tau), tau
-        ):
-            held.append((r, told))
-    return best_held(held, tau)
+    m = in_its_noise(side, weighed.metric)
+    told = [(r, judged_by(side, m, r, tau, alpha, PRICE)) for r in likely]
+    return best_held([(r, e) for r, e in told if e is not None], tau)
 
 
 def holds_exchanged(state: State, columns: Columns, tau: float) -> bool:
     """Whether the fitted rows ask for columns as the judged ones have them, and these do not speak against
     them as the fitted rows have them; state: without them."""
+    return by_the_fitted(state, columns)[1].log_e > tau and weigh(state.metric, columns).log_e > 0
+
+
+def by_the_fitted(state: State, columns: Columns) -> tuple[Metric, Evidence]:
+    """What the fitted rows say of columns as the judged ones have them, paid; and the metric of that."""
     m = exchanged(state).metric
-    return paid(weigh(m, columns)).log_e > tau and weigh(state.metric, columns).log_e > 0
+    return m, paid(weigh(m, columns))
 
 
 def exchanged(state: State) -> State:

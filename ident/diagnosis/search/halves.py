@@ -39,10 +39,10 @@ def by_halves(
     if not hidden:
         return None
     sides = [replace(state, rows=rows) for rows in halves(state.rows)]
-    metrics = [_in_its_noise(side, weighed.metric) for side in sides]
+    metrics = [in_its_noise(side, weighed.metric) for side in sides]
     held = []
     for r in hidden:
-        told = [_judged(side, m, r, tau, alpha) for side, m in zip(sides, metrics)]
+        told = [judged_by(side, m, r, tau, alpha) for side, m in zip(sides, metrics)]
         if all(t is not None for t in told):
             held.append((r, min((t for t in told if t is not None), key=lambda t: t.log_e)))
     return best_held(held, tau)
@@ -76,17 +76,22 @@ def halves(rows: Rows) -> tuple[Rows, Rows]:
     return replace(rows, fitted=first, judged=second), replace(rows, fitted=second, judged=first)
 
 
-def _in_its_noise(side: State, m: Metric) -> Metric:
+def in_its_noise(side: State, m: Metric) -> Metric:
+    """Of the same rows, parted in another way."""
     design, B = side.design
     return metric(side.rows, design, B, m.whiteners)
 
 
-def _judged(side: State, m: Metric, r: Refined, tau: float, alpha: float) -> Evidence | None:
-    """What one half says of it as the other has it; None where it does not hold."""
+def judged_by(
+    side: State, m: Metric, r: Refined, tau: float, alpha: float, price: float = 0.0
+) -> Evidence | None:
+    """What the judged rows of a side say of it as its fitted ones have it, less a price [nats]; None where it
+    does not hold."""
     own = refine(m, side.scene, r.term, turns=2)
     if not own.columns:
         return None
     e = weigh(m, own.columns)
+    e = replace(e, log_e=e.log_e - price)
     if not holds(side, m, own, e, tau, alpha):
         return None
     flex = sufficiency(side, m, own, main_channel(e, own.term, side), tau)

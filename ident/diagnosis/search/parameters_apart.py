@@ -28,7 +28,7 @@ from ident.diagnosis.evidence.evidence import Evidence, weigh
 from ident.diagnosis.evidence.given import given_fitted
 from ident.diagnosis.evidence.metric import Columns, Metric, Side, orthonormal
 from ident.diagnosis.evidence.state import Found, State
-from ident.diagnosis.search.exchanged import exchanged, paid
+from ident.diagnosis.search.exchanged import by_the_fitted
 from ident.diagnosis.search.halves import on_halves
 from ident.diagnosis.search.of_its_kind import times_noise_of_its_kind
 
@@ -63,8 +63,7 @@ def beside_changes(others: State, f: Found, tau: float) -> Changes | None:
         if given.log_e > tau:
             return _of(others, m, f, given)
     if not shown:
-        m = exchanged(others).metric
-        told = paid(weigh(m, f.columns))
+        m, told = by_the_fitted(others, f.columns)
         return _of(others, m, f, told) if told.log_e > tau else None
     return min((_of(others, side, f, e) for side, e in parts), key=lambda its: its.log_e)
 

@@ -51,9 +51,8 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     asked where it looks so, or where no fit of all recordings explains a torque, or not as fits of each do.
     (Each of a UR10e's, of which one had its fourth position doubled, was explained well enough by itself. Of
     a TX40 one of whose runs had its second joint homed a quarter turn off nothing was said, and 32 % were
-    left for 8.) Nothing is where what judges is
-    not foretold at all though one fit explains all as fits of each do. (Of six clean seconds of an LWR4+
-    two torques looked swapped.)"""
+    left for 8.) Nothing is where what judges is not foretold at all though one fit explains all as fits of
+    each do. (Of six clean seconds of an LWR4+ two torques looked swapped.)"""
     whole = _few(asked.quick)
     if len(whole.samples) < 2:
         return
