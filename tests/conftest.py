@@ -40,3 +40,23 @@ def _effects_of_this_module():
     yield
     registry._own.clear()
     registry._own.update(before)
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _fits_of_this_module(request):
+    """`pytestmark = pytest.mark.unexamined`: fits of this file are not held against physics first, which
+    takes ten times as long as a fit of these recordings, and is what tests/ident/examination asks."""
+    if request.node.get_closest_marker("unexamined") is None:
+        yield
+        return
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("ident.estimation.fit.examine_fit", lambda prepared: ())
+        yield
+
+
+@pytest.fixture
+def examined(monkeypatch):
+    """In such a file: of a test that asks what a fit says of its data."""
+    from ident.examination.examine import examine_fit
+
+    monkeypatch.setattr("ident.estimation.fit.examine_fit", examine_fit)

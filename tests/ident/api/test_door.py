@@ -14,6 +14,8 @@ from small_arm import ARM
 import ident
 from ident.signals.filtering import zero_phase
 
+pytestmark = pytest.mark.unexamined
+
 
 @pytest.fixture(scope="module")
 def twin(tmp_path_factory):

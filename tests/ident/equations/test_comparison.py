@@ -14,6 +14,8 @@ from ident.recordings.study import load_study
 from ident.report.numbers import finite
 from ident.report.wording import percent, worse_elsewhere
 
+pytestmark = pytest.mark.unexamined
+
 
 def _errors(folder, change):
     columns, _ = recording(seconds=40.0)

@@ -23,6 +23,8 @@ from ident.estimation.shapes import extend
 from ident.estimation.solving import estimate_all
 from ident.recordings.study import FilterSettings, RecordingEntry, Study, study_from
 
+pytestmark = pytest.mark.unexamined
+
 OWN = '''
 import sympy as sp
 from modelgen.effects import SIGNALS, Effect, LinearParameter

@@ -3,12 +3,15 @@
 import pickle
 
 import numpy as np
+import pytest
 from recordings import recording, write_parquet, write_study
 
 from ident.equations import build, observation
 from ident.equations.spilled import SpilledRows, Spool, joined
 from ident.estimation.fit import fit_study
 from ident.recordings.study import load_study
+
+pytestmark = pytest.mark.unexamined
 
 
 def test_what_is_read_is_what_was_written():

@@ -11,6 +11,8 @@ from ident.errors import StudyError
 from ident.estimation.fit import fit_study
 from ident.recordings.study import load_study
 
+pytestmark = pytest.mark.unexamined
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

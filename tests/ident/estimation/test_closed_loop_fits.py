@@ -14,6 +14,8 @@ from ident.estimation.fit import fit_study
 from ident.recordings.study import load_study
 from ident.twin.closed_loop import Gains, Motion, Plant, follow
 
+pytestmark = pytest.mark.unexamined
+
 HZ, SECONDS, RATE = 6.0, 12, 250
 TRUTH = {"Fvm": (0.8, 1.2, 0.5), "Iam": (0.1, 0.2, 0.1)}  # dry friction has its own error at reversals
 BODY = {"M": 4.0, "MX": 0.6, "MY": 0.05, "XX": 0.02, "YY": 0.15, "ZZ": 0.15}

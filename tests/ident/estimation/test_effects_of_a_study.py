@@ -15,6 +15,8 @@ from ident.recordings.study import load_study, study_from
 from ident.report.files import fit_document
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 
+pytestmark = pytest.mark.unexamined
+
 RUNS = (PlannedRun("run1", "identify", 40.0, 20), PlannedRun("run3", "validate", 30.0))
 
 

@@ -13,6 +13,8 @@ from ident.estimation.fit import fit_study
 from ident.estimation.least_squares import solve, weighted_factor
 from ident.recordings.study import load_study
 
+pytestmark = pytest.mark.unexamined
+
 
 def closed_loop(feedback, N=4000, seed=0):
     """Z, W, Y: the noise of Y reaches W through the loop."""

@@ -18,6 +18,8 @@ from ident.estimation.fit import fit_models, fit_study
 from ident.recordings.study import load_study
 from ident.report.files import comparison_table, error_table, fit_document, parameter_table, write_into
 
+pytestmark = pytest.mark.unexamined
+
 
 def run(folder, entries, **keys):
     return fit_study(load_study(write_study(folder, entries, **keys)))

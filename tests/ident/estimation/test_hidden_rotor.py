@@ -5,6 +5,8 @@ from small_arm import ARM
 
 import ident
 
+pytestmark = pytest.mark.unexamined
+
 EFFECT = "kinematic_error:1"
 
 

@@ -19,6 +19,7 @@ DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[4] / "shar
 STUDIES = files("ident").joinpath("studies")
 
 pytestmark = [
+    pytest.mark.unexamined,
     pytest.mark.real_data,
     pytest.mark.skipif(
         not DATA.is_dir(), reason=f"the recordings are not at {DATA}; set DYNIDENT_DATA to their folder"

@@ -6,6 +6,8 @@ from small_arm import ARM
 
 import ident
 
+pytestmark = pytest.mark.unexamined
+
 EFFECT = "thermal_coulomb_friction:2"  # a = aFc / Fc
 
 

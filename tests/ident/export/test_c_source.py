@@ -13,6 +13,8 @@ from ident.export.c_source import c_code
 from ident.export.combination import ExportError
 from ident.signals.dry_friction import TurnOver
 
+pytestmark = pytest.mark.unexamined
+
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-std=c99", "-Wconversion"]
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="there is no C compiler here")

@@ -21,6 +21,8 @@ from ident.report.files import write_into
 from ident.twin.parameters import random_parameters
 from modelgen.geometry.robot_file import load_robot
 
+pytestmark = pytest.mark.unexamined
+
 pytest.importorskip("cvxpy", reason="the extra dynident[export] is not installed")
 ROBOT = "kuka_lwr4p"
 

@@ -16,6 +16,8 @@ from modelgen.geometry.urdf import convert
 pin = pytest.importorskip("pinocchio")
 from pinocchio_robot import PinocchioRobot  # noqa: E402
 
+pytestmark = pytest.mark.unexamined
+
 SEEDS = range(40)
 ARM = b"""<robot name="arm">
   <link name="base"><inertial><mass value="3"/>

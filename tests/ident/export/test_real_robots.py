@@ -21,6 +21,7 @@ from ident.report.files import fit_document, write_document
 
 DATA = Path(os.environ.get("DYNIDENT_DATA") or Path(__file__).parents[4] / "shared" / "data")
 pytestmark = [
+    pytest.mark.unexamined,
     pytest.mark.real_data,
     pytest.mark.skipif(
         not DATA.is_dir(), reason=f"the recordings are not at {DATA}; set DYNIDENT_DATA to their folder"

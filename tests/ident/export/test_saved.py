@@ -8,6 +8,8 @@ import pytest
 
 from ident.export.saved import SavedFitError, load_fit
 
+pytestmark = pytest.mark.unexamined
+
 
 def test_everything_comes_back(fitted):
     result, folder = fitted

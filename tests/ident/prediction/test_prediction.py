@@ -17,6 +17,8 @@ from ident.prediction.prediction import predict
 from ident.recordings.study import load_study
 from ident.report.files import write_into
 
+pytestmark = pytest.mark.unexamined
+
 RATE, NOISE = 200.0, 0.6
 
 

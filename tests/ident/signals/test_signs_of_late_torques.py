@@ -10,6 +10,8 @@ from ident.recordings.study import load_study
 from ident.signals.filtering import filter_stream
 from ident.twin import PlannedRun, simulate, write_simulation
 
+pytestmark = pytest.mark.unexamined
+
 RATE = 250.0
 
 

@@ -13,6 +13,8 @@ from ident.summaries.file import read, together, written
 from ident.summaries.solve import fit_window, recursive
 from ident.summaries.window import SummaryError, leave_one_out, merged
 
+pytestmark = pytest.mark.unexamined
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
