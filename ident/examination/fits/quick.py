@@ -101,16 +101,21 @@ class Normal:
 
     @classmethod
     def of(cls, s: Sample) -> Normal:
-        C, _, b = s.W.shape
-        G, v = np.zeros((C, b, b)), np.zeros((C, C, b))
-        root = np.sqrt(s.weight)
+        C, N, b = s.W.shape
+        G, v, yy = np.zeros((C, b, b)), np.zeros((C, C, b)), np.zeros((C, C))
+        room, root = np.empty((b + C, N)), np.sqrt(s.weight.T)
         for c in range(C):
             columns = s.W[c].T  # (b, N), row after row in memory
             live = np.flatnonzero(columns.any(axis=1))  # a torque feels no link before its joint
-            W = columns[live] * root[:, c]
-            G[c, live[:, None], live] = W @ W.T
-            v[c][:, live] = (W @ (s.Y * root[:, c : c + 1])).T
-        return cls(G, v, s.weight.T @ s.Y**2, s.weight.sum(axis=0))
+            L = len(live)
+            seen = room[: L + C]
+            np.take(columns, live, axis=0, out=seen[:L], mode="clip")  # which copies once
+            seen[L:] = s.Y.T
+            seen *= root[c]
+            sums = seen @ seen.T
+            G[c, live[:, None], live], v[c][:, live] = sums[:L, :L], sums[L:, :L]
+            yy[c] = sums.diagonal()[L:]
+        return cls(G, v, yy, s.weight.sum(axis=0))
 
     def partly(self, other: Normal, channels: Sequence[int]) -> Normal:
         """With the other's sums of some channels, of the same torques."""

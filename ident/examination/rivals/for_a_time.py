@@ -56,12 +56,15 @@ class Stretches:
 
     def foretold(self, window: Sequence[int]) -> np.ndarray:
         """(K, C) what is left of stretches by fits of all outside a window, and without themselves."""
-        each = [self.without(window if k in window else [*window, k]) for k in range(len(self.sums))]
+        inside = self.without(window)
+        every = range(len(self.sums))
+        each = [inside if k in window else self.without([*window, k]) for k in every]
         left = [_left([its], self.how, self.size, chi)[0] for its, chi in zip(self.sums, each)]
         return np.array(left)
 
-    def window(self, first: int) -> list[int]:
-        """The stretches about one that stand out by some torque, half of them all at most."""
+    def window(self, first: int) -> tuple[list[int], np.ndarray] | None:
+        """The stretches about one that stand out by some torque, less than half of them all, and what is left
+        of all stretches by fits of those outside (`foretold`)."""
         found = [first]
         while len(found) < HALF * len(self.sums):
             left, recording = self.foretold(found), self.samples[first].label
@@ -70,9 +73,9 @@ class Stretches:
             outside = np.delete(left, [*found, *near], 0).max(axis=0)  # or one end hides the other
             near = [k for k in near if (left[k] > OPEN * outside).any()]
             if not near:
-                break
+                return found, left
             found = sorted([*found, *near])
-        return found
+        return None
 
     def moves_elsewhere(self, window: Sequence[int]) -> bool:
         """Whether every joint goes half as fast in a stretch outside as within."""
@@ -89,10 +92,10 @@ def for_a_time(asked: Asked) -> Iterator[Check]:
     alone = its.foretold([])
     told: list[tuple[float, list[int], list[int], np.ndarray, np.ndarray]] = []
     for begun in sorted({int(np.argmax(np.nan_to_num(alone[:, c]))) for c in asked.seen}):
-        window = its.window(begun)
-        if 2 * len(window) >= len(its.sums) or not its.moves_elsewhere(window):
+        about = its.window(begun)
+        if about is None or not its.moves_elsewhere(about[0]):
             continue
-        here, there = _apart(its.foretold(window), window)
+        window, here, there = about[0], *_apart(about[1], about[0])
         together = np.divide(*_apart(its.joint, window))
         odd = [c for c in asked.seen if here[c] > max(ODD, TIMES * there[c]) and there[c] < BAD]
         most = max((float(together[c]) for c in odd), default=0.0)

@@ -16,7 +16,7 @@ import numpy as np
 from ident.examination.check import Check, instead, listed
 from ident.examination.fits.halves import by_halves
 from ident.examination.fits.hypothesis import SAME, Asked
-from ident.examination.fits.quick import CLUSTERS, Assignment, Fit, Quick
+from ident.examination.fits.quick import CLUSTERS, Assignment, Fit, Quick, alone
 from ident.examination.fits.samples import Sample, at_rest
 from ident.examination.fits.stretches import all_rows
 from ident.examination.fits.unexplained import by_each_recording
@@ -214,12 +214,32 @@ def _moving(
     less than `least`; in the mean of the two halves, or in both."""
     if not any(x.shape[1] for x in lines):
         return None
+    enough = min(FALLEN * before, least)
+    if not _by_itself(whole, how, c, lines) < enough:  # as most: all torques cost many times as much
+        return None
     its = Wandering.of(whole, c, lines)
-    if not its.quick.fit(how).error[c] < min(
-        FALLEN * before, least
-    ):  # as most: halves cost four times as much
+    if not its.quick.fit(how).error[c] < enough:
         return None
     held = [gain for _, gain in by_halves(whole, how, its.quick, how, CLUSTERS, c)]
     told = min(held) if both else np.mean(held)
     known = min(held) > 0 and told >= -np.log(FALLEN)  # half of the rows knows a robot worse
     return its if known else None
+
+
+def _by_itself(whole: Quick, how: Assignment, c: int, lines: tuple[np.ndarray, ...]) -> float:
+    """Relative error of torque c with these zeros, fitted by itself: no fit of all torques leaves less."""
+    size, v = (x[c] for x in whole.identify.right(how))
+    beside, square, right = [], [], []
+    for s, its in zip(whole.samples, lines):
+        own = s.weight[:, [c]] * its
+        beside.append(own.T @ s.W[c])
+        square.append(own.T @ its)
+        right.append(own.T @ (how.factor[c] * s.Y[:, how.order[c]]))
+    ends = np.cumsum([len(v), *map(len, right)])
+    G = np.zeros((ends[-1], ends[-1]))
+    G[: len(v), : len(v)] = whole.identify.G[c]
+    for rows, its, start, end in zip(beside, square, ends, ends[1:]):
+        G[start:end, : len(v)] = rows
+        G[: len(v), start:end] = rows.T
+        G[start:end, start:end] = its
+    return float(alone(G, np.concatenate([v, *right])[:, None], np.array([size]))[0])
