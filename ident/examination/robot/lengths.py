@@ -16,7 +16,7 @@ import numpy as np
 
 from ident.equations.prepared import Prepared
 from ident.examination.check import Check
-from ident.examination.fits.bodies import with_bodies
+from ident.examination.fits.bodies import torques, with_bodies
 from ident.examination.fits.hypothesis import Asked, Hypothesis, falls, of_several
 from ident.examination.fits.quick import Assignment, Quick
 from ident.examination.fits.stretches import (
@@ -106,7 +106,7 @@ def _worth_asking(table: Any, quick: Quick, how: Assignment) -> list[tuple[int, 
     """Lengths by which to first order at least half of what the best one explains is explained, and that
     enough."""
     plain = Explained.by(with_bodies(table, quick), how)
-    found = {its: _step(table, *its, plain, quick)[1] for its in _entries(table)}
+    found = {its: _step(table, *its, plain)[1] for its in _entries(table)}
     most = max(found.values(), default=0.0)
     return [its for its, share in found.items() if share > max(HALF * most, 1 - np.exp(-USUAL))]
 
@@ -114,7 +114,7 @@ def _worth_asking(table: Any, quick: Quick, how: Assignment) -> list[tuple[int, 
 def _followed(start: Length, quick: Quick, how: Assignment) -> Length:
     best = start
     for _ in range(STEPS):
-        step, _ = _step(best.table, best.j, best.key, best.explained, quick)
+        step, _ = _step(best.table, best.j, best.key, best.explained)
         step = float(np.clip(step, -MOST, MOST))
         table = _longer(best.table, best.j, best.key, step)
         after = Explained.by(with_bodies(table, quick), how)
@@ -126,16 +126,17 @@ def _followed(start: Length, quick: Quick, how: Assignment) -> Length:
     return best
 
 
-def _step(table: Any, j: int, key: str, at: Explained, quick: Quick) -> tuple[float, float]:
+def _step(table: Any, j: int, key: str, at: Explained) -> tuple[float, float]:
     """m by which a length explains most to first order, and how much of the torques' weighted squares."""
-    near = with_bodies(_longer(table, j, key, SMALL), quick).samples
+    longer, joints = _longer(table, j, key, SMALL), at.quick.columns.joint_of
     chi, inverse, scale = at.fit.chi, at.fit.inverse, at.fit.scale
+    bodies = chi[: 10 * len(table.rows)]
     zz = zr = rr = 0.0
     zW = np.zeros(len(chi))
-    for s, other in zip(at.quick.samples, near):
-        weight, predicted = scale * s.weight, s.predicted(chi)
-        z, left = (other.predicted(chi) - predicted) / SMALL, s.Y[:, list(at.how.order)] * at.how.factor
-        left = left - predicted
+    for s in at.quick.samples:
+        weight, motion = scale * s.weight, (s.q, s.dq, s.ddq)
+        z = (torques(longer, *motion, bodies) - torques(table, *motion, bodies))[joints].T / SMALL
+        left = s.Y[:, list(at.how.order)] * at.how.factor - s.predicted(chi)
         zz, zr = zz + float((weight * z * z).sum()), zr + float((weight * z * left).sum())
         rr += float((weight * left * left).sum())
         zW += np.einsum("nc,cnb->b", weight * z, s.W)
