@@ -20,7 +20,7 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.fits.hypothesis import CLEARLY, Asked, Hypothesis
-from ident.examination.fits.quick import Assignment, Fit, Normal, Quick, alone, gain_of, solve
+from ident.examination.fits.quick import Assignment, Fit, Normal, Quick, added, alone, gain_of, solve
 from ident.examination.fits.samples import LAGS, Sample
 from ident.examination.fits.stretches import RARE, Explained, all_rows, confirmed, half_of, steadily
 from ident.examination.fits.turning import with_any_turn_over
@@ -57,8 +57,7 @@ def delays(asked: Asked) -> Iterator[Hypothesis]:
             continue
         if abs(lag) < hidden_s(asked, which):
             continue
-        away = partial(_away_from_turns, lag=abs(lag))
-        if not all(_spoils(asked, moved, which, aside) for aside in (away, with_any_turn_over)):
+        if not all(_spoils(asked, moved, which, aside) for aside in asides(lag)):
             continue
         yield its if len(which) == len(seen) else _or_more(asked, its, moved, seen)
 
@@ -155,6 +154,21 @@ def _told(
 def _gain(before: np.ndarray, after: np.ndarray, which: Sequence[int]) -> float:
     """Of each of these channels in the mean."""
     return gain_of(before[which], after[which]) / len(which)
+
+
+def asides(lag: float) -> tuple[Callable[[Quick], Quick], ...]:
+    """Two ways to put aside the turns at which friction looks like a torque that is late by as much [s]."""
+    return partial(_away_from_turns, lag=abs(lag)), with_any_turn_over
+
+
+def foretold_later(whole: Quick, how: Assignment, k: int, which: Sequence[int], lag: int) -> float:
+    """By how much more, in the mean of these torques, a fit of the other recordings foretells recording k's
+    taken that much later."""
+    its = whole.samples[k].read(how.order, how.factor)
+    rest = added([each for i, each in enumerate(whole.each) if i != k])
+    predicted = its.predicted(solve(rest, None, how).chi)
+    here, late = (np.sqrt((its.weight * (Y - predicted) ** 2).sum(axis=0)) for Y in (its.Y, its.late[lag]))
+    return _gain(here, late, which)
 
 
 def _spoils(asked: Asked, moved: Quick, which: Sequence[int], aside: Callable[[Quick], Quick]) -> bool:

@@ -9,7 +9,10 @@ from small_arm import ARM
 import generated
 from benchmarks.false_findings import make
 from ident.equations.prepared import prepare_study
+from ident.examination.asking import asked_of as asked_of_all
 from ident.examination.examine import examine_fit
+from ident.examination.fits.stretches import Explained, all_rows
+from ident.examination.one_recording.changed_in_one import torques_in_one
 from ident.examination.torques.delays import FITTED_S, delays
 from ident.examination.undone import unsettled
 from ident.recordings.study import load_study
@@ -114,3 +117,22 @@ def test_a_torque_of_a_fast_arm_that_is_a_little_late(tmp_path):
     study = strangers_log(tmp_path, "staubli_tx40", (100, False, False, False), change)
     (told,) = examine_fit(prepare_study(study))
     assert told.check == "channel_delay" and told.message.startswith("tau_m2 is recorded about 0.03 s after")
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_torques_that_are_late_in_the_run_that_judges(tmp_path):
+    """Of a TX40's behind a filter of 0.02 s nothing was said, and 24 % were left for 11."""
+
+    def change(log):
+        run = log.tables["run2"]
+        for name in [name for name in run if name.startswith("tau")]:
+            run[name] = np.interp(run["t"] - 0.017, run["t"], run[name])
+
+    study = strangers_log(tmp_path, "staubli_tx40", (100, False, True, False), change)
+    asked = asked_of_all(prepare_study(study))
+    before = Explained.by(all_rows(asked.quick), asked.how)
+    every = [its for its in torques_in_one(asked, before.quick, before) if its.check == "channel_delay"]
+    told = [its for its in every if its.explained.fit.gain_over(before.fit) > its.least]
+    assert [(its.recording, len(its.signals)) for its in told] == [("run2", 6)]
+    assert "about 0.02 s after the positions or smoothed as much" in told[0].words
