@@ -204,6 +204,27 @@ def test_a_load_with_which_its_own_run_is_left_worse_explained_is_not_told():
     assert last_fit._in_vain(fit("run2", run1=1.2, run2=2.4), base, 1) == {}  # the study's own
 
 
+def test_a_load_all_along_one_run_is_seen_against_others_that_are_explained():
+    """Of a Franka with torques of the run that judges in per cent a body was told in the one that is fitted:
+    72 % were left of 76, and of the one that decides nothing 212 of 2."""
+
+    def fit(start=None, **errors):
+        by_run = {run: {"total": percent} for run, percent in errors.items()}
+        runs = [SimpleNamespace(label=run, use="test" if run == "run3" else "identify") for run in errors]
+        full_rate = SimpleNamespace(by_recording=lambda: by_run)
+        place = SimpleNamespace(recording="run1", start=start, stop=None)
+        return SimpleNamespace(
+            terms=[SimpleNamespace(place=place)],
+            errors=SimpleNamespace(full_rate=full_rate),
+            study=SimpleNamespace(recordings=runs),
+        )
+
+    assert last_fit._alone(fit(run1=1.3, run2=72.0, run3=1.8), 0) == {0: None}
+    assert last_fit._alone(fit(run1=1.3, run2=72.0, run4=1.8), 0) == {}  # against which it is seen
+    assert last_fit._alone(fit(run1=72.0, run2=1.3, run3=1.8), 0) == {}
+    assert last_fit._alone(fit(2.0, run1=1.3, run2=72.0, run3=1.8), 0) == {}  # its own rows show it
+
+
 def test_the_sentence_says_what_is_left_without_it_and_with_it():
     item = {
         "joints": [2], "channel": "tau_m", "depends_on": [], "share_of_residual_percent": 0.0, "log_e": 661.4,
