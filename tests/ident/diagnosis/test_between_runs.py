@@ -27,10 +27,11 @@ from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.parameters_apart import closer
 from ident.diagnosis.search.searched import without_explained
 from ident.equations.prepared import prepare_study
+from ident.examination.check import Check, nothing_tells
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.effects import catalogue
-from modelgen.effects.place import Place
+from modelgen.effects.place import Layout, Place
 
 TAU = threshold(0.01)
 RUNS = (PlannedRun("run1", "identify", 6.0), PlannedRun("run2", "identify", 6.0),
@@ -154,6 +155,17 @@ def test_a_factor_of_all_torques_of_a_run_is_one_number(short_runs):
     best = max(factors, key=says)
     assert set(best) == set(range(state.rows.channels)) and says(best) > TAU
     assert all(says(best) > says(z) + TAU for z in factors if z is not best)
+
+
+def test_beside_a_run_that_contradicts_the_others_no_load_is_searched_on_these():
+    """Of a Franka homed a quarter turn off in the run that judges a body was told in the fitted one, 1.8 to
+    9.5 % of the error of a third."""
+    layout = Layout(None, (), ("run1", "run2", "run3"))
+    odd = nothing_tells(["a load is carried", "q6 starts from another zero"], "7 to 3 %", "run2")
+    undone = Check("torque_sign", ("tau_m2",), "", "columns: {tau_m2: {sign: -1}}", "warned", "run2")
+    noisy = Check("noisy_position", ("q1",), "", recording="run2", hint=True, open=True)
+    for checks, kept in (((odd,), ("run2",)), ((undone, noisy), ("run1", "run2", "run3"))):
+        assert without_explained(layout, checks).recordings == kept
 
 
 @pytest.mark.long
