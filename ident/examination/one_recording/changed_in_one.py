@@ -117,6 +117,20 @@ def positions_in_one(asked: Asked, whole: Quick) -> Iterator[Changed]:
         for joint in range(len(asked.joints)):
             yield from _position(asked, whole, sample, joint)
         yield from _joints(asked, whole, sample)
+        yield from _all_in_degrees(asked, whole, sample)
+
+
+def _all_in_degrees(asked: Asked, whole: Quick, sample: Sample) -> Iterator[Changed]:
+    """All positions of one recording, of which one goes beyond two turns. (Of a TX40 one of whose runs has
+    them so it was said that they look it, and 1219 % were left.)"""
+    turning = np.array([joint not in whole.columns.model.prismatic for joint in asked.joints])
+    reach = np.abs(sample.q).max(axis=0)
+    if turning.sum() > 1 and reach[turning].max() > TURNS:
+        names = tuple(f"q{joint}" for joint, turns in zip(asked.joints, turning) if turns)
+        moved = sample.moved(whole.columns, factor=np.where(turning, DEGREES, 1.0))
+        line = _own_line(asked, sample, {name: {"scale": float(f"{DEGREES:.6g}")} for name in names})
+        explained = _taken(asked, whole, sample, moved)
+        yield Changed(sample.label, names, "angle_unit", "all positions are in degrees", line, explained)
 
 
 def _joints(asked: Asked, whole: Quick, sample: Sample) -> Iterator[Changed]:

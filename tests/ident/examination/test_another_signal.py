@@ -231,10 +231,12 @@ def test_of_a_measured_robot_one_torque_scaled_in_the_run_that_is_fitted(tmp_pat
             "channel_delay",
             ("tau_m1", "tau_m2", "tau_m3"),
         ),
+        (lambda c: {f"q{j}": np.rad2deg(c[f"q{j}"]) for j in (1, 2, 3)}, "angle_unit", ("q1", "q2", "q3")),
     ],
 )
 def test_joints_and_clocks_of_one_recording(tmp_path, changed, check, names):
-    """Of a Franka whose second joint turned the other way in one recording q3 was told from another zero."""
+    """Of a Franka whose second joint turned the other way in one recording q3 was told from another zero; of
+    a TX40 with all positions of one in degrees it was said that they look it, and 1219 % were left."""
     (tmp_path / "small.yaml").write_text(ARM)
     plan = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 15.0))
     made = simulate(tmp_path / "small.yaml", runs=plan, seed=4)
