@@ -78,14 +78,14 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
     progress("loading the model")
     columns = columns_of(study)
     progress("reading the recordings")
-    for key in ("turn_over", "presliding"):
+    for key in ("turn_over", "presliding", "instant_sign"):
         values = getattr(study, key)
         if values is not None and len(values) != len(columns.need.joints):
             raise StudyError(
                 str(study.file),
                 key,
                 f"has {len(values)} values, the robot {study.robot} has {len(columns.need.joints)} "
-                "joints; give one per joint, 0 for one that keeps the plain sign",
+                "joints; give one per joint, 0 or false for one that keeps the plain sign",
             )
     streams = tuple(open_recordings(study, columns.need, columns.model.prismatic))
     study, streams = _filtered_as_recorded(study, streams)

@@ -5,7 +5,8 @@ sample a call, from the step of q: effects by their own update, dry friction by 
 
     z' = s + (z - s) exp(-|step| / travel),   s = sign(step),   sign(dq) ~ z |tanh(dq / rate)|, z at no rate
 
-as ident/signals/dry_friction.py has it; z begins slid in, with the sign of the first rate.
+as ident/signals/dry_friction.py has it, but for turns between two samples, which C takes at the first of
+them; z begins slid in, with the sign of the first rate.
 """
 
 from __future__ import annotations

@@ -205,8 +205,9 @@ class Study(_Strict):
     F-test), `effective_rows` choose the estimator; `controller` is the loop that iv and didim simulate (with
     wls it asks whether least squares is biased by feedback), `forgetting` what rows of `recursive` weigh
     less each 15 min of motion; `turn_over` [rad/s] and `presliding` [rad] per joint are
-    the rate and the travel within which its dry friction changes sign; `trim_rest: false` keeps rest at the
-    ends; `joints` are the joints' names in the recordings, in the robot's order; `effort` says what the
+    the rate and the travel within which its dry friction changes sign, `instant_sign` whether its torque is
+    recorded as it is at the sample, no mean over a drive's cycle; `trim_rest: false` keeps rest at the ends;
+    `joints` are the joints' names in the recordings, in the robot's order; `effort` says what the
     driver records as such; `folder` is where the recordings are."""
 
     robot: PathText
@@ -242,6 +243,7 @@ class Study(_Strict):
     alpha: Annotated[Number, Field(gt=0, lt=1)] = 0.01  # of the diagnosis
     turn_over: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
     presliding: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
+    instant_sign: tuple[bool, ...] | None = None
     folder: PathText | None = None
     file: Path = Field(default=Path("study.yaml"), exclude=True)  # where it was read; not a key of the file
 
@@ -343,8 +345,9 @@ class Study(_Strict):
         if self.turn_over is None and self.presliding is None:
             return ()
         many = len(self.turn_over or self.presliding or ())
-        pairs = zip(self.turn_over or (0.0,) * many, self.presliding or (0.0,) * many)
-        return tuple(TurnOver(rate, travel) for rate, travel in pairs)
+        plain, means = (0.0,) * many, (False,) * many
+        each = zip(self.turn_over or plain, self.presliding or plain, self.instant_sign or means)
+        return tuple(TurnOver(*its) for its in each)
 
     @property
     def payloads(self) -> tuple[str, ...]:
@@ -521,6 +524,7 @@ _EXPECTED = {
     "channels": "a list such as [tau_m1, tau_m2]",
     "turn_over": "a list of rad/s, one per joint",
     "presliding": "a list of rad, one per joint",
+    "instant_sign": "a list of true or false, one per joint",
     "controller": "{bandwidth_hz: 10, damping: 1} or {kp: [...], kd: [...]}",
 }
 _TAGS = {"float", "int", "str", "tuple", "list", "function-before"}

@@ -186,7 +186,7 @@ def told_sign(
     for j, turn in enumerate(turns):
         if turn.rate > 0 or turn.travel > 0:
             out[:, j] = turn.sign(q[:, j], dq[:, j], hz, states[j])
-            states[j] = float(turn.state(q[:, j], dq[:, j], states[j])[-1]) if turn.travel > 0 else None
+            states[j] = float(turn.state(q[:, j], dq[:, j], hz, states[j])[-1]) if turn.travel > 0 else None
     return out
 
 

@@ -11,7 +11,7 @@ show it: it is when a sign was sampled."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -67,7 +67,8 @@ def _has_a_name(bare: State, state: State, dry: Dry, tau: float) -> bool:
     if turn.travel > dry.shorter:
         return True
     widths = grids(bare.segments, dry.joint, dry.shorter)
-    longer = [TurnOver(float(widths["rate"][0]), float(w)) for w in widths["travel"] if w >= dry.shorter]
+    sharp = replace(turn, rate=float(widths["rate"][0]))
+    longer = [replace(sharp, travel=float(w)) for w in widths["travel"] if w >= dry.shorter]
     own, *theirs = (
         weigh(m, {c: sign_columns(bare.segments, bare.rows, dry.joint, c, [its]) for c, _ in dry.places})
         for its in (turn, *longer)
@@ -86,7 +87,8 @@ def _by_rate_alone(state: State, joints: Collection[int]) -> State:
 
 def _late(bare: State, state: State, joints: Collection[int]) -> set[int]:
     """Those whose torques a shift in time explains as well as the travel does, with a sharp sign."""
-    sharp, rows = {j: TurnOver(float(grids(state.segments, j)["rate"][0])) for j in joints}, bare.rows
+    rows = bare.rows
+    sharp = {j: _sharp(bare.turns.get(j, TurnOver()), grids(state.segments, j)) for j in joints}
     for d in bare.problem.dry:
         if d.joint in joints:
             made = {c: sign_column(state.segments, rows, d.joint, c, sharp[d.joint]) for c, _ in d.places}
@@ -98,6 +100,10 @@ def _late(bare: State, state: State, joints: Collection[int]) -> set[int]:
         judged = rows.judged
         out |= {j for j in joints if _error(trial, j, judged) <= _error(state, j, judged)}
     return out
+
+
+def _sharp(turn: TurnOver, widths: Mapping[str, np.ndarray]) -> TurnOver:
+    return replace(turn, rate=float(widths["rate"][0]), travel=0.0)
 
 
 def _earlier(state: State, c: int, seconds: float) -> np.ndarray:

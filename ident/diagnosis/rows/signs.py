@@ -10,7 +10,7 @@ import numpy as np
 
 from ident.diagnosis.rows.rows import Rows
 from ident.equations.fine import FineSegment
-from ident.signals.dry_friction import TurnOver, mean_sign, slid
+from ident.signals.dry_friction import TurnOver, slid
 
 
 class How(Protocol):
@@ -30,20 +30,21 @@ def signs_of(segments: Sequence[FineSegment], joint: int, kept: int = 2) -> Sign
     so many widths."""
 
     @lru_cache(maxsize=kept)
-    def direct(rate: float) -> list[np.ndarray]:
-        return [mean_sign(s.speed[:, joint], rate, s.rate_hz) for s in segments]
+    def direct(rate: float, instant: bool) -> list[np.ndarray]:
+        turn = TurnOver(rate, instant=instant)
+        return [turn.direct(s.speed[:, joint], s.rate_hz) for s in segments]
 
     @lru_cache(maxsize=kept)
     def state(travel: float) -> list[np.ndarray]:
         turn = TurnOver(0.0, travel)
-        return [turn.state(s.q[:, joint], s.speed[:, joint]) for s in segments]
+        return [turn.state(s.q[:, joint], s.speed[:, joint], s.rate_hz) for s in segments]
 
     def made(turn: TurnOver) -> list[np.ndarray]:
         if turn.travel <= 0:
-            return direct(turn.rate)
+            return direct(turn.rate, turn.instant)
         if turn.rate <= 0:
             return state(turn.travel)
-        return [slid(z, x) for z, x in zip(state(turn.travel), direct(turn.rate))]
+        return [slid(z, x) for z, x in zip(state(turn.travel), direct(turn.rate, turn.instant))]
 
     return made
 

@@ -164,7 +164,7 @@ def settle(
             if before is None or (d.joint in afresh and first):
                 starts += [(TurnOver(float(ladders["rate"][0])), order, True) for order in orders]
             ends = [_climbed(turn, order, whole, ladders, seen, explained) for turn, order, whole in starts]
-            ends += [replace(t, travel=0.0) for t in ends]
+            ends += [replace(t, travel=0.0, instant=i) for t in ends for i in (t.instant, not t.instant)]
             paid = explained(ends) - asked["travel"] * np.array([t.travel > 0 for t in ends])
             turn = ends[int(paid.argmax())]
             if before is None and not both[d.joint]:  # its constant friction is an offset
@@ -321,7 +321,8 @@ def _rests(
     """Whether no width about a turn-over's, and no turn-over without one of its widths, says more than chance
     beside what each width has to say. These are the same whatever else is in the model, and most joints' stay
     where they are: a climb from there asks for three times as many that nobody has asked for."""
-    near: list[TurnOver] = [turn]
+    otherwise = replace(turn, instant=not turn.instant)
+    near: list[TurnOver] = [turn, otherwise, replace(otherwise, travel=0.0)]
     rises: list[float] = []
     for way in (turn, replace(turn, travel=0.0), replace(turn, rate=0.0)):
         if not way.rate and way.travel <= seen:  # a friction that no width lets turn over
@@ -330,7 +331,7 @@ def _rests(
         for name in names:
             grid, now = ladders[name], getattr(way, name)
             widths = now * STEPS**AROUND if now else grid
-            trials = [replace(way, **{name: float(w)}) for w in widths if grid[0] <= w <= grid[-1]]
+            trials = [_of_width(way, name, w) for w in widths if grid[0] <= w <= grid[-1]]
             near += trials
             if way == turn and now and len(trials) == len(AROUND):
                 x, y = AROUND[1:-1] * np.log(STEPS), explained([trials[1], turn, trials[2]])
@@ -351,21 +352,22 @@ def _climbed(
     explained: Explained,
 ) -> TurnOver:
     """One width after the other at its best, the first once more at the end; from where they are, or from
-    all their range. No travel at all is always tried, and no rate beside one that is `seen`."""
+    all their range. No travel at all, and a torque recorded the other way, are always tried, and no rate
+    beside a travel that is `seen`."""
     for name in (*order, order[0]):
         grid, now = ladders[name], getattr(turn, name)
         if not whole and now > 0:
             near = now * STEPS ** np.arange(-2.0, 2.5)
             grid = near[(near >= 0.999 * grid[0]) & (near <= 1.001 * grid[-1])]
-        kept = [turn, replace(turn, travel=0.0)]
+        kept = [turn, replace(turn, travel=0.0), replace(turn, instant=not turn.instant)]
         kept += [replace(turn, rate=0.0)] if turn.travel > seen else []
         if name == "travel" and turn.rate <= 0:
             grid = grid[grid > seen]
         likely = kept
         if len(grid):
-            trials = [replace(turn, **{name: float(w)}) for w in grid]
+            trials = [_of_width(turn, name, w) for w in grid]
             values = explained([*kept, *trials])[len(kept) :]
-            peak = replace(turn, **{name: _summit(grid, values, partial(_at, turn, name, explained))})
+            peak = _of_width(turn, name, _summit(grid, values, partial(_at, turn, name, explained)))
             likely = [*kept, trials[int(values.argmax())], peak]
         turn = likely[int(explained(likely).argmax())]
     return turn
@@ -376,8 +378,12 @@ def _far(a: TurnOver, b: TurnOver) -> bool:
     return any(abs(np.log(max(x, 1e-12) / max(y, 1e-12))) > 0.1 * np.log(STEPS) for x, y in pairs if x != y)
 
 
+def _of_width(turn: TurnOver, name: str, width: float) -> TurnOver:
+    return replace(turn, **{name: float(width)})  # type: ignore[arg-type]  # rate or travel
+
+
 def _at(turn: TurnOver, name: str, explained: Explained, width: float) -> float:
-    return float(explained([replace(turn, **{name: width})])[0])
+    return float(explained([_of_width(turn, name, width)])[0])
 
 
 def _summit(grid: np.ndarray, values: np.ndarray, explained: Callable[[float], float]) -> float:

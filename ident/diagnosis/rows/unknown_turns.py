@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ident.equations.fine import FineSegment
-from ident.signals.dry_friction import TurnOver, mean_sign
+from ident.signals.dry_friction import TurnOver
 from modelgen.effects.states import reversals
 
 LEAST = 0.01  # of a turn's torque: rows that see less of it do not see it
@@ -60,7 +60,7 @@ def _of_stretch(s: FineSegment, joint: int, turn: TurnOver) -> np.ndarray:
         turned = np.flatnonzero(speed[1:] * speed[:-1] <= 0) + 1
         starts = np.append(0, (turned[1:] + turned[:-1]) // 2)
         number = np.repeat(np.arange(len(starts)), np.diff(np.append(starts, len(q))))
-        size = 1 - np.abs(mean_sign(speed, turn.rate, s.rate_hz))
+        size = 1 - np.abs(turn.direct(speed, s.rate_hz))
     return _each(s, joint, number, size)
 
 

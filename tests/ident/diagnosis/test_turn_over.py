@@ -9,7 +9,7 @@ from dry_arm import one_way, opened_dry_arm
 from ident.diagnosis.evidence.turned import turned as turned_over
 from ident.diagnosis.rows.signs import SignColumns, sign_columns
 from ident.diagnosis.rows.turn_over import SHORTEST, _summit, grids, ways
-from ident.signals.dry_friction import TurnOver, mean_sign
+from ident.signals.dry_friction import TurnOver, mean_sign, with_turns
 
 RATES = (0.004, 0.08, 0.03)  # rad/s within which the joints' friction turns over
 
@@ -180,3 +180,30 @@ def test_a_sample_is_the_mean_over_a_drive_s_cycle():
     assert mean_sign(dq, 0.02, 20.0) == pytest.approx(np.tanh(dq / 0.02), abs=2e-3)
     assert mean_sign(np.array([-0.2, -0.05, 0.1]), 0.0, 1000.0)[1] == pytest.approx(-2 / 3)
     assert mean_sign(np.array([-0.2, -0.05, 0.1]), 0.0, 20.0)[1] == -1.0
+
+
+def test_a_friction_gives_way_from_where_its_joint_turned():
+    """Of a sine in samples, and of the same path in a hundred times as many."""
+    t = np.arange(2000) / 200.0
+    fine = np.arange(200_000) / 20_000.0
+    q, dq = np.sin(2.1 * t), 2.1 * np.cos(2.1 * t)
+    turn = TurnOver(0.0, 1e-4)
+    truth = turn.state(np.sin(2.1 * fine), 2.1 * np.cos(2.1 * fine), 20_000.0)[::100]
+    assert np.abs(turn.state(q, dq, 200.0) - truth).max() < 0.02
+    late = turn.state(q, dq, np.inf)  # at the sample behind each turn
+    assert np.abs(late - truth).max() > 0.1
+    path, own = with_turns(q, dq, 200.0)
+    assert np.array_equal(path[own], q) and len(path) - len(q) == np.sum(dq[1:] * dq[:-1] < 0)
+
+
+def test_a_torque_of_the_instant_is_told_from_a_mean(tmp_path):
+    """By the sample behind each turn; a sign of either kind takes no travel to turn over."""
+
+    def means(q, dq):
+        return np.stack([mean_sign(x, 0.0, 200.0) for x in dq.T], axis=1)
+
+    for name, sign, instant in (("samples", lambda q, dq: np.sign(dq), True), ("means", means, False)):
+        (tmp_path / name).mkdir()
+        state = opened_dry_arm(tmp_path / name, sign, 200.0, 0)
+        assert [state.turns[j].instant for j in range(3)] == [instant] * 3
+        assert [state.turns[j].travel for j in range(3)] == [0.0] * 3

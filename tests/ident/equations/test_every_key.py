@@ -233,6 +233,7 @@ STUDY = {
     "controller": {"estimator": "iv", "controller": {}},
     "turn_over": {"turn_over": [0.3, 0, 0]},
     "presliding": {"presliding": [0.1, 0, 0]},
+    "instant_sign": {"turn_over": [0.01, 0, 0], "instant_sign": [True, False, False]},
     "folder": {"folder": "elsewhere"},
     "joints": {"joints": ["a", "b"]},
 }

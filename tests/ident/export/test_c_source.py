@@ -109,7 +109,7 @@ def test_presliding_of_the_study_is_a_state_of_the_c(kept, tmp_path, float32, to
     sign = np.sign(dq)
     for j, (rate, travel) in enumerate(zip(rates, travels)):
         direct = np.tanh(dq[:, j] / rate) if rate else sign[:, j].copy()
-        slid = TurnOver(rate, travel).state(q[:, j], dq[:, j]) * abs(direct) if travel else direct
+        slid = TurnOver(rate, travel).state(q[:, j], dq[:, j], np.inf) * abs(direct) if travel else direct
         sign[:, j] = slid
     model, chi = kept.columns.model, kept.columns.model_chi(kept.chi, None)
     tau = model.torque(q, dq, ddq, chi, sign=sign)
