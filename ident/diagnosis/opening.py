@@ -131,7 +131,8 @@ def opened(
     high = np.max([s.q.max(axis=0) for s in segments], axis=0)
     layout = layout_of(study, columns, tuple(float(x) for x in high - low))
     layout = replace(layout, recordings=rows.names)
-    problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n), source)
+    asked = sum(1 for effect in catalogue().values() for _ in effect.places(layout))
+    problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n), asked, source)
     state = told_as_effects(first_state(problem, rows, segments), threshold(study.alpha))
     declared = [
         Term(term.effect, term.place, dict(term.theta), tuple(term.size) or None)

@@ -32,11 +32,12 @@ class Source(Protocol):
 @dataclass(frozen=True)
 class Problem:
     """What does not change while effects are looked for; `source` does where a torque is found to come
-    late."""
+    late. asked: effects at places that may be told of this robot."""
 
     robot: Robot
     columns: Columns
     dry: tuple[Dry, ...]
+    asked: int
     source: Source | None = field(default=None, compare=False)
     signs: SignColumns = field(default_factory=SignColumns, compare=False)
 

@@ -29,11 +29,6 @@ from ident.diagnosis.search.halves import (
 from ident.diagnosis.search.in_common import holds_in_common
 from ident.diagnosis.search.weighing import Weighed, best_held
 
-CATALOGUE = (
-    2000  # effects at places: 837 of seven joints with torques on both sides; of thirty there are more
-)
-PRICE = float(np.log(CATALOGUE / BUDGET))  # nats
-
 
 def by_exchange(
     state: State, weighed: Weighed, tau: float, alpha: float
@@ -52,7 +47,7 @@ def by_exchange(
         return None
     side = exchanged(state)
     m = in_its_noise(side, weighed.metric)
-    told = [(r, judged_by(side, m, r, tau, alpha, PRICE)) for r in likely]
+    told = [(r, judged_by(side, m, r, tau, alpha, price(state))) for r in likely]
     return best_held([(r, e) for r, e in told if e is not None], tau)
 
 
@@ -65,7 +60,8 @@ def holds_exchanged(state: State, columns: Columns, tau: float) -> bool:
 def by_the_fitted(state: State, columns: Columns) -> tuple[Metric, Evidence]:
     """What the fitted rows say of columns as the judged ones have them, paid; and the metric of that."""
     m = exchanged(state).metric
-    return m, paid(weigh(m, columns))
+    e = weigh(m, columns)
+    return m, replace(e, log_e=e.log_e - price(state))
 
 
 def exchanged(state: State) -> State:
@@ -74,9 +70,9 @@ def exchanged(state: State) -> State:
     return replace(state, rows=replace(rows, fitted=rows.judged, judged=rows.fitted))
 
 
-def paid(e: Evidence) -> Evidence:
-    """For all of the catalogue that could have been asked."""
-    return replace(e, log_e=e.log_e - PRICE)
+def price(state: State) -> float:
+    """Nats for all of the catalogue that could have been asked, of which tau pays for BUDGET."""
+    return float(np.log(max(state.problem.asked / BUDGET, 1.0)))
 
 
 def shown_by_fitted(state: State, columns: Columns, sizes: np.ndarray, tau: float) -> bool:

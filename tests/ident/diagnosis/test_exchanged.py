@@ -9,8 +9,13 @@ from planted import ON_RECORDINGS, with_fault
 
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.evidence.evidence import weigh
-from ident.diagnosis.search.exchanged import PRICE, paid
+from ident.diagnosis.outcome import BUDGET
+from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library
+from ident.diagnosis.search.exchanged import by_the_fitted, price
 from ident.recordings.study import load_study
+from modelgen.effects import catalogue
+from modelgen.effects.place import Place
 
 M, CANDIDATES = 240, 40
 
@@ -31,10 +36,10 @@ def test_false_findings_keep_to_their_rate(tiny):
         gains = (left[:, :-1].T @ left[:, -1]) ** 2 / np.sum(left[:, :-1] ** 2, axis=0)
         columns = {0: Z[:, [int(np.argmax(gains))]]}
         told.append(weigh(tiny["metric"](exchanged(rows)), columns).log_e)
-    alpha = 0.05
-    assert np.mean(np.exp(told)) > 1 > np.mean(np.exp(np.array(told) - PRICE))
+    alpha, dear = 0.05, np.log(CANDIDATES)
+    assert np.mean(np.exp(told)) > 1 > np.mean(np.exp(np.array(told) - dear))
     most = scipy.stats.binom.isf(1e-3, len(told), alpha)
-    assert np.sum(np.array(told) - PRICE > np.log(1 / alpha)) <= most
+    assert np.sum(np.array(told) - dear > np.log(1 / alpha)) <= most
 
 
 def test_what_few_rows_judge_many_show(tiny):
@@ -44,8 +49,22 @@ def test_what_few_rows_judge_many_show(tiny):
     z = np.where(late & (np.arange(M) % 20 > 0), 0.0, rng.normal(size=M))[:, None]
     rows = tiny["rows"](X, X @ np.ones(3) + rng.normal(size=M) + 0.8 * z[:, 0])
     judged = weigh(tiny["metric"](rows), {0: z})
-    shown = paid(weigh(tiny["metric"](exchanged(rows)), {0: z}))
-    assert 0 < judged.log_e < 8 < shown.log_e
+    shown = weigh(tiny["metric"](exchanged(rows)), {0: z})
+    assert 0 < judged.log_e < 8 < shown.log_e - np.log(2000 / BUDGET)
+
+
+def test_the_price_is_that_of_this_robot_s_catalogue(clean_arm):
+    """Three joints with motors alone have fewer places than seven with sensors; what is said is paid for."""
+    state = clean_arm.state
+    library = Library(list(catalogue().values()), clean_arm.layout)
+    asked = {(e.name, place) for e, place in library.places}
+    assert len(asked) <= state.problem.asked < 837
+    assert price(state) == pytest.approx(np.log(state.problem.asked / BUDGET)) and price(state) > 1
+    columns = state.scene.columns(Term(catalogue()["power_law_friction"], Place(joint=0), {"p": 0.5}))
+    m, told = by_the_fitted(state, columns)
+    assert told.log_e == pytest.approx(weigh(m, columns).log_e - price(state))
+    small = replace(state, problem=replace(state.problem, asked=1))
+    assert price(small) == 0.0
 
 
 @pytest.mark.long
