@@ -249,7 +249,8 @@ def test_half_of_what_is_left_may_be_new_to_its_past(arm):
     assert found.evidence.log_e > 1.5 * at_hand.evidence.log_e
 
 
-@pytest.mark.parametrize("seed", [5, pytest.param(4, marks=pytest.mark.long)])
+@pytest.mark.parametrize("seed", [5, 4])
+@pytest.mark.long
 def test_a_function_that_blocks_hardly_carry_over_is_neither_noise_nor_a_contact(tmp_path, seed):
     """A torque of sin q1 q3^2, ten times its channel's noise: of a UR10e 'the model lacks nothing' was said,
     of this arm 0.141 +- 0.019 N in the run that judges."""

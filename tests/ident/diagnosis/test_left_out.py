@@ -74,6 +74,7 @@ def test_only_what_was_taken_out_is_asked_for(arm):
     assert asked(arm.with_(without=("rotor_inertia",))) == {("rotor_inertia", 3)}
 
 
+@pytest.mark.long
 def test_it_is_told_whatever_else_is_there(simulated):
     """Beside a bump of the second torque over its rate, which functions of the rate learn together with its
     viscous friction, this was taken back, and 5.4 % of error were left where 3.3 are."""

@@ -27,7 +27,7 @@ def resting(tmp_path, noise):
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
-@pytest.mark.first_case
+@pytest.mark.long
 def test_a_resting_joint_is_no_end(tmp_path, noise):
     """A joint without a reversal has no width to settle: it was asked for one."""
     d = diagnose_study(resting(tmp_path, noise))

@@ -141,6 +141,7 @@ def test_what_the_judged_run_does_not_reach_is_told_beside_a_name(arm):
         ),
     ],
 )
+@pytest.mark.long
 def test_two_laws_of_one_signal_are_told_together(arm, joint, laws):
     """Each alone is short of what functions of the rate say, and was nearest to what has no name."""
     diagnosis = diagnose_study(arm(*laws))

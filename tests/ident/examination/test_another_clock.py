@@ -79,6 +79,7 @@ def test_two_rows_of_a_table_exchanged_are_no_clock(tmp_path):
 
 @pytest.mark.first_case
 @pytest.mark.parametrize(("factor", "told"), [(2.0, True), (0.5, True), (1.0, False)])
+@pytest.mark.long
 def test_a_clock_by_which_little_more_is_explained(tmp_path, factor, told):
     """Of a UR10e's nothing was said: 7 % were left for 5, and inertias came out four times too large."""
     study = ur10e()

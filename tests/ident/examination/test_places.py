@@ -13,7 +13,7 @@ from ident.twin import simulate
 
 
 @pytest.mark.parametrize(("kind", "order"), [("tau_m", (2, 3, 1)), ("tau_m", (3, 1, 2)), ("q", (2, 3, 1))])
-@pytest.mark.first_case
+@pytest.mark.long
 def test_moved_by_one_place(tmp_path, kind, order):
     """Of an LWR4+'s positions two pairs were told."""
     (tmp_path / "small.yaml").write_text(ARM)

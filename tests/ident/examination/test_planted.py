@@ -192,8 +192,8 @@ def test_two_torques_in_n_mm(tmp_path):
     assert (check.check, check.signals) == ("torque_scale", ("tau_m2", "tau_m3")) and "N mm" in check.message
 
 
-@pytest.mark.first_case
-@pytest.mark.parametrize("robot", [pytest.param("airbot_play", marks=pytest.mark.long), "ur10e"])
+@pytest.mark.parametrize("robot", ["airbot_play", "ur10e"])
+@pytest.mark.long
 def test_a_small_tilt_is_no_torque_s_scale_and_no_base_upside_down(robot):
     study = measured(robot)
     g = np.array(Geometry.of(prepare_study(study).columns.model.geometry).gravity, float)

@@ -330,6 +330,7 @@ def test_zeros_of_the_torques_of_one_recording_are_no_position_s(tmp_path):
     assert "position_zero" not in {check.check for check in _said(_kr300(tmp_path, traj_a=tared))}
 
 
+@pytest.mark.long
 def test_a_magnitude_is_not_told_as_turned(tmp_path):
     """Of a KR 300 with the magnitude of a torque in one recording it had the other sign in the other."""
     size = lambda c: c | {"tau_m2": np.abs(c["tau_m2"])}  # noqa: E731

@@ -72,6 +72,7 @@ def test_whether_samples_or_their_stamps_scatter(scatter):
     assert not _even(even, even) and not _even(np.zeros(4000), uneven)
 
 
+@pytest.mark.long
 def test_what_scattering_stamps_cost_a_fit():
     """At 1 rad/s 0.12 ms are a tenth of a milliradian: the judged error was 1.3 %, for 0.6."""
     twin = ident.simulate("scara", duration=20, rate_hz=250, seed=4)

@@ -47,6 +47,7 @@ def test_short_motions_follow_no_slow_zero(robot):
     assert not list(wandering(asked_of(study)))
 
 
+@pytest.mark.long
 def test_a_torque_that_drifts_in_one_of_two_recordings(tmp_path):
     """Of an LWR4+'s first one 40 % were left for 13, which either half foretells, one of them not as well."""
     study, drifts = measured("kuka_lwr4plus"), _off("tau_l1", 2.0, lambda over: over)

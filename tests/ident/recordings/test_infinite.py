@@ -6,6 +6,8 @@ from small_arm import ARM
 
 import ident
 
+pytestmark = pytest.mark.unexamined
+
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):

@@ -12,6 +12,8 @@ from ident.recordings.signal_columns import signal_columns
 from ident.recordings.study import study_from
 from ident.recordings.tables import open_table
 
+pytestmark = pytest.mark.unexamined
+
 ARM = ("shoulder", "elbow")
 ROWS = {
     "t": np.arange(5) / 10,
