@@ -139,6 +139,10 @@ def base_orientation(
     else:
         zero = "" if first is None else first.zero_of(assumed, best, max(within, ROUND_ANGLE))
         why = f"the base is mounted otherwise, or its frame is{zero}"
+    several = aside is not None and len(aside) > 1
+    if several:
+        why += ", or a position or a row of the robot file is wrong, by which torques contradict the others"
+        line = f"check positions and the robot file, or write {line}"
     told_base = Hypothesis(
         value,
         how,
@@ -148,6 +152,7 @@ def base_orientation(
             f"gravity is {turned}: {why}; so taken, the errors of the torques{where} "
             f"fall from {span(plain)} to {span(now)}",
             line,
+            open=several,
         ),
         words=f"gravity is {turned}",
         each=gain(by_own(identify, assumed), each),

@@ -72,6 +72,14 @@ def test_a_row_beside_a_torque_that_is_mostly_noise(tmp_path):
     assert "link 2 (joint 2): theta is off by" in told.check.message
 
 
+def test_a_row_on_the_base_is_another_mounting_of_it(tmp_path):
+    """Of a UR10e with gravity along another axis in its study and its third current turned the first row of
+    the robot file was told to be wrong."""
+    (told,) = _told(tmp_path, "ur10e", lambda links: links[0].update(alpha="pi/2"))
+    assert "link 1 (joint 1): alpha is off by" in told.check.message
+    assert "or the base is mounted otherwise by as much" in told.check.message
+
+
 def _rows_exchanged(links):
     for key in ("alpha", "d", "r"):
         one, other = (links[k].get(key, 0) for k in (1, 2))

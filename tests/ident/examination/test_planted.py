@@ -19,6 +19,7 @@ from planted import (
     planted,
     refused,
     rows,
+    strangers_log,
     tables,
     ur10e,
 )
@@ -30,7 +31,7 @@ from ident.errors import FitFailedError, StudyError
 from ident.estimation.fit import examined, fit_study
 from ident.examination.check import worst_first
 from ident.examination.examine import examine_fit, examine_tables
-from ident.examination.undone import mended_study, undoing
+from ident.examination.undone import mended_study, undoing, unsettled
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.geometry.kinematics import Geometry
@@ -622,6 +623,23 @@ def test_a_base_on_a_wall_beside_a_turned_torque(tmp_path):
     (said,) = examine_fit(prepare_study(study.with_(gravity=(9.81, 0, 0))))
     assert said.check == "base_orientation" and said.remedy == "gravity: [0, 0, -9.81]"
     assert "without tau_l2, which the others contradict," in said.message
+
+
+@pytest.mark.long
+def test_a_base_by_which_several_torques_contradict_the_others_is_left_open(tmp_path):
+    """Of an LWR4+ with its second position and its study's gravity a quarter turn off a gravity was told, and
+    undone, that is 142 degrees off, without three torques."""
+
+    def change(log):
+        log.study["gravity"] = [0, -9.81, 0]
+        for run in log.tables.values():
+            run["q2"] = run["q2"] + np.pi / 2
+
+    study = strangers_log(tmp_path, "kuka_lwr4plus", (100, False, False, False), change)
+    (said,) = (c for c in examine_fit(prepare_study(study)) if c.check == "base_orientation")
+    assert "tau_l1, tau_l3, tau_l4, which the others contradict" in said.message
+    assert said.open and "or a position or a row of the robot file is wrong" in said.message
+    assert unsettled([said]) == (said,)
 
 
 @pytest.mark.first_case
