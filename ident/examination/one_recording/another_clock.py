@@ -10,12 +10,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
+from ident.equations.columns import Columns
 from ident.examination.check import FEW, Check
 from ident.examination.fits.hypothesis import CLEARLY, Asked, Hypothesis, falls
-from ident.examination.fits.quick import Assignment, Fit, Quick
+from ident.examination.fits.quick import Assignment, Fit, Normal, Quick, added, solve
 from ident.examination.fits.samples import Sample, at_rest
 from ident.examination.fits.stretches import ODD, RARE, Explained, agreed, all_rows, confirmed, steadily
 from ident.examination.one_recording.changed import Changed
@@ -36,7 +39,8 @@ def clock_of_all(asked: Asked) -> Iterator[Hypothesis]:
         return
     few = all_rows(asked.quick)
     few = few.of([thinned(s) for s in few.samples])
-    rate = _best_rate(lambda rate: Explained.by(_timed(few, rate), asked.how))
+    each = [Timed.of(few.columns, s) for s in few.samples]
+    rate = _best_rate(lambda rate: solve(added([its.at(rate) for its in each]), None, asked.how))
     if rate is None:
         return
     taken = _timed(asked.quick, rate)
@@ -88,12 +92,40 @@ def _timed(quick: Quick, rate: float) -> Quick:
     return quick.of([s.timed(quick.columns, rate) for s in quick.samples])
 
 
-def _best_rate(taken: Callable[[float], Explained]) -> float | None:
+@dataclass(frozen=True, slots=True)
+class Timed:
+    """A recording's sums along any clock: rates are times 1/rate, accelerations times its square, so that W
+    is a polynomial of the second degree in 1/rate, and W'W of the fourth. (Effects of a study may be no such
+    polynomial; where the best rate is looked for that is near enough, what is told of it is not made here.)
+    G (5, C, b, b), v (3, C, C, b) of each power."""
+
+    G: np.ndarray
+    v: np.ndarray
+    plain: Normal
+
+    @classmethod
+    def of(cls, columns: Columns, s: Sample) -> Timed:
+        back, slow = s.timed(columns, -1.0).W, s.timed(columns, 2.0).W
+        odd, even = (s.W - back) / 2, (s.W + back) / 2
+        square = (even - (slow - odd / 2)) / 0.75
+        sums = Normal.of(replace(s, W=np.concatenate([even - square, odd, square], axis=2)))
+        C, _, b = s.W.shape
+        by_power, G = sums.G.reshape(C, 3, b, 3, b), np.zeros((5, C, b, b))
+        for i, j in product(range(3), repeat=2):
+            G[i + j] += by_power[:, i, :, j]
+        return cls(G, np.moveaxis(sums.v.reshape(C, C, 3, b), 2, 0), sums)
+
+    def at(self, rate: float) -> Normal:
+        power = float(rate) ** -np.arange(5.0)
+        return replace(self.plain, G=np.tensordot(power, self.G, 1), v=np.tensordot(power[:3], self.v, 1))
+
+
+def _best_rate(taken: Callable[[float], Fit]) -> float | None:
     """The number times which stamps explain most; None at the ends, as if there were no motion or nothing but
     gravity."""
     none, rates = taken(1.0), RATES
     for turn in range(TIMES):
-        tried = [taken(float(rate)).fit.gain_over(none.fit) for rate in rates]
+        tried = [taken(float(rate)).gain_over(none) for rate in rates]
         best = int(np.argmax(tried))
         if turn == 0 and best in (0, len(RATES) - 1):
             return None
@@ -120,7 +152,9 @@ def _clock(how: Assignment, whole: Quick, sample: Sample) -> Iterator[Changed]:
         line = f"recordings: [{{name: {name}, columns: {{t: {{scale: {scale:g}}}}}}}]"
         words = f"t is in {unit}"
         yield Changed(sample.label, ("t",), "time_unit", words, line, taken(scale))
-    rate = _best_rate(taken)
+    its = Timed.of(whole.columns, sample)
+    others = [sums for s, sums in zip(whole.samples, whole.each) if s is not sample]
+    rate = _best_rate(lambda rate: solve(added([its.at(rate), *others]), None, how))
     if rate is not None:
         words = f"t is {times_too(1 / rate)} (its clock)"
         remedy = f"give it a columns: of its own in the study with {{t: {{scale: {rate:.3g}}}}}"

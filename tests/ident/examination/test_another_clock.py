@@ -3,12 +3,16 @@
 import re
 from importlib.resources import files
 
+import numpy as np
 import pytest
 import yaml
 from planted import ON_RECORDINGS, measured, parted, planted, refused, strangers_log, ur10e
 
 from ident.equations.prepared import prepare_study
+from ident.examination.asking import asked_of
 from ident.examination.examine import examine_fit
+from ident.examination.fits.quick import Normal
+from ident.examination.one_recording.another_clock import Timed
 from ident.examination.undone import unsettled
 from ident.recordings.study import ColumnMap
 
@@ -104,3 +108,16 @@ def test_a_position_behind_noise_is_no_clock(tmp_path, rates):
     study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, rates, True), noisy)
     checks = examine_fit(prepare_study(study))
     assert "noisy_position" in {c.check for c in checks} and "its clock" not in str(checks)
+
+
+def test_sums_along_any_clock_are_those_of_the_rows_so_timed():
+    """A KR 300's, forty times as slow and as fast."""
+    asked = asked_of(prepare_study(measured("kuka_kr300")))
+    quick, s = asked.quick, asked.quick.samples[0]
+    timed = Timed.of(quick.columns, s)
+    for rate in (1 / 40, 0.3, 1.0, 40.0):
+        rows, made = Normal.of(s.timed(quick.columns, rate)), timed.at(rate)
+        size = np.sqrt(np.einsum("cii->ci", rows.G))
+        size = np.where(size > 1e-9 * size.max(), size, np.inf)[:, :, None]
+        assert np.abs((rows.G - made.G) / size / size.swapaxes(1, 2)).max() < 1e-9
+        assert np.allclose(rows.v, made.v, rtol=1e-9, atol=1e-12 * np.abs(rows.v).max())
