@@ -14,6 +14,7 @@ from ident.examination.fits.bodies import Parts, errors, parts_of
 from ident.examination.fits.first_axis import FirstAxis
 from ident.examination.fits.hypothesis import CLEARLY, Asked, Hypothesis
 from ident.examination.fits.quick import gain_of
+from ident.examination.fits.samples import Sample
 from ident.examination.fits.sphere import sought
 from ident.examination.fits.stretches import all_rows, pieces
 from ident.examination.rivals.carried import Carried, carried_faults
@@ -24,10 +25,10 @@ from ident.examination.robot.gravity import Direction, direction
 
 def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypothesis | Tilt]:
     """Gravity and the axes of the table; asked last because they cost most."""
-    made = table_and_parts(prepared, asked)
-    if made is None:
+    made, (identify, validate) = table_and_samples(prepared, asked), _parts(prepared, asked)
+    if made is None or identify is None:
         return
-    table, samples, gravity, identify, validate = made
+    table, samples, gravity = made
     columns, how = prepared.columns, asked.how
 
     def rivals() -> list[Carried]:
@@ -66,7 +67,7 @@ def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypo
 
 def tables_instead(prepared: Prepared, asked: Asked, h: Hypothesis) -> list[str]:
     """What the robot file may have wrong in the place of torques or motions taken otherwise, in words."""
-    made = table_and_parts(prepared, asked)
+    made = table_and_samples(prepared, asked)
     if made is None:
         return []
     tables, kept = _tables(made, asked), {s.label for s in made[1]}
@@ -74,8 +75,8 @@ def tables_instead(prepared: Prepared, asked: Asked, h: Hypothesis) -> list[str]
     return tables.instead_of(tables.table, h.how, other=other)
 
 
-def _tables(made: tuple[Any, ...], asked: Asked) -> OtherTables:
-    table, samples, gravity, *_ = made
+def _tables(made: tuple[Any, list[Sample], np.ndarray], asked: Asked) -> OtherTables:
+    table, samples, gravity = made
     names = asked.names(range(len(asked.how.order)))
     return OtherTables(with_gravity(table, gravity), asked.quick.of(samples), asked.how, names)
 
@@ -85,32 +86,40 @@ def with_gravity(table: Any, gravity: np.ndarray) -> Any:
 
 
 def unseen_base(prepared: Prepared, asked: Asked) -> Iterable[Check]:
-    made = table_and_parts(prepared, asked)
-    return () if made is None else unseen(made[3], made[4], made[2])
+    made, (identify, validate) = table_and_samples(prepared, asked), _parts(prepared, asked)
+    return () if made is None or identify is None else unseen(identify, validate, made[2])
 
 
-def table_and_parts(prepared: Prepared, asked: Asked) -> tuple[Any, ...] | None:
-    """Table, samples of the usual load, gravity (3,) as the study has it, parts of identify and validate."""
+def table_and_samples(prepared: Prepared, asked: Asked) -> tuple[Any, list[Sample], np.ndarray] | None:
+    """Table, samples of the usual load, gravity (3,) as the study has it."""
     from modelgen.geometry.kinematics import Geometry
 
-    study, columns, everything = prepared.study, prepared.columns, asked.quick.samples
-    table = Geometry.of(columns.model.geometry)
+    study, everything = prepared.study, asked.quick.samples
+    table = Geometry.of(prepared.columns.model.geometry)
     loads = [s.payload for s in everything]
     usual = max(set(loads), key=loads.count)
     samples = [s for s in everything if s.payload == usual]
-    fitted, held = ([s for s in samples if s.role == role] for role in ("identify", "validate"))
-    if not fitted or len([row for row in table.rows if row.sigma != 2]) != everything[0].q.shape[1]:
+    rows = sum(len(s.q) for s in samples if s.role == "identify")
+    if not rows or len([row for row in table.rows if row.sigma != 2]) != everything[0].q.shape[1]:
         return None
     gravity = np.array(study.gravity if study.gravity is not None else [float(g) for g in table.gravity])
-    identify = parts_of(table, columns, fitted, asked.how)
-    if identify is None:
-        return None
-    return table, samples, gravity, identify, parts_of(table, columns, held, asked.how)
+    return table, samples, gravity
+
+
+def _parts(prepared: Prepared, asked: Asked) -> tuple[Parts | None, Parts | None]:
+    """Of identify and validate, with gravity apart."""
+    made = table_and_samples(prepared, asked)
+    if made is None:
+        return None, None
+    table, samples, _ = made
+    each = ([s for s in samples if s.role == role] for role in ("identify", "validate"))
+    identify, validate = (parts_of(table, prepared.columns, its, asked.how) for its in each)
+    return identify, validate
 
 
 def beside_tilt(prepared: Prepared, asked: Asked, h: Hypothesis, tilt: Tilt) -> bool:
     """Whether a hypothesis explains beside a small tilt, which explains more, most of what it does without
     it: a UR10e's first torque looked three times too small where the base was tilted by 6 degrees."""
-    made = [table_and_parts(prepared, asked), table_and_parts(prepared, asked.after(h))]
-    before, after = (errors(m[3], None, tilt.gravity)[0] for m in made if m is not None)
+    made = [_parts(prepared, its)[0] for its in (asked, asked.after(h))]
+    before, after = (errors(its, None, tilt.gravity)[0] for its in made if its is not None)
     return gain_of(before, after) > 0.5 * h.gain

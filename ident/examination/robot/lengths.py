@@ -31,7 +31,7 @@ from ident.examination.fits.stretches import (
 from ident.examination.rivals.recordings_apart import thinned
 from ident.examination.rivals.rivals import alike, standing
 from ident.examination.rivals.scales import USUAL
-from ident.examination.robot.geometry import table_and_parts, with_gravity
+from ident.examination.robot.geometry import table_and_samples, with_gravity
 
 SMALL, SEEN = 1e-4, 1e-9  # m of differences; share of a column that the model does not make up for
 STEPS, MOST, ENOUGH = 8, 0.3, 1e-3  # of Gauss-Newton: how many, m of the largest, gain of the last
@@ -56,10 +56,10 @@ class Length:
 def lengths(prepared: Prepared, asked: Asked) -> Iterator[Hypothesis]:
     """The one that explains most, beside those that do as much: of links with parallel axes one stands for
     another."""
-    made = None if prepared.study.effects else table_and_parts(prepared, asked)
+    made = None if prepared.study.effects else table_and_samples(prepared, asked)
     if made is None:
         return
-    table, samples, gravity, *_ = made
+    table, samples, gravity = made
     whole, how = all_rows(asked.quick.of(samples)), asked.how
     few = whole.of([thinned(s) for s in whole.samples])
     table = with_gravity(table, gravity)

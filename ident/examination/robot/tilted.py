@@ -20,7 +20,7 @@ from ident.examination.fits.sphere import degrees_between, sought
 from ident.examination.fits.stretches import RARE, Explained, all_rows, steadily
 from ident.examination.rivals.rivals import alike, standing
 from ident.examination.robot.base import HALFWAY
-from ident.examination.robot.geometry import table_and_parts, with_gravity
+from ident.examination.robot.geometry import table_and_samples, with_gravity
 from ident.examination.robot.gravity import direction
 
 LEVEL = 1.0  # degrees, to which a floor or a table is level
@@ -30,10 +30,10 @@ LEAST = 0.2  # gain by gravity elsewhere, below which its direction is not measu
 def tilted(prepared: Prepared, asked: Asked) -> Iterator[Check]:
     """Nothing where the study declares effects: they are not in a quick fit, and one may be the tilt. (Of two
     runs of 3 s of a Franka whose base was 3 degrees off 7 % were foretold for 3, and nothing was said.)"""
-    made = None if prepared.study.effects else table_and_parts(prepared, asked)
+    made = None if prepared.study.effects else table_and_samples(prepared, asked)
     if made is None:
         return
-    table, samples, gravity, *_ = made
+    table, samples, gravity = made
     whole, how = all_rows(asked.quick.of(samples)), asked.how
     parts = parts_of(table, whole.columns, whole.samples, how)
     assert parts is not None
