@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -22,6 +23,10 @@ class Others:
 
     rows: Rows
     made: Callable[[Rows], Metric]
+
+    @property
+    def problem(self):
+        return SimpleNamespace(asked=2000)  # effects at places
 
     @property
     def metric(self):
