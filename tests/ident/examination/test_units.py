@@ -11,6 +11,7 @@ import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.positions.units import degrees, geared
+from ident.examination.undone import unsettled
 from ident.twin import simulate
 
 
@@ -26,6 +27,21 @@ def _checks(arm, effect):
     runs = [ident.Recording(pa.table(dict(r.columns)), r.use, name=r.label) for r in made.recordings]
     study = ident.Study(robot=str(arm), recordings=runs)
     return [c for c in ident.fit(study).checks if c.check == "angle_unit"]
+
+
+@pytest.mark.parametrize(("turned", "open_"), [((1, 2), True), ((2,), False)])
+def test_a_diagnosis_begins_with_positions_that_no_arm_has_in_rad(arm, turned, open_):
+    """One joint may go beyond two turns, and not all that move."""
+    (run, *_) = simulate(arm, seed=3).recordings
+    columns = {name: x for name, x in run.columns.items() if not name.startswith("dq")}
+    for j in turned:
+        columns[f"q{j}"] = 40.0 * columns[f"q{j}"] / np.abs(columns[f"q{j}"]).max()
+    (stream,) = prepare_study(
+        ident.Study(robot=str(arm), recordings=[ident.Recording(pa.table(columns), "identify", name="run")])
+    ).streams
+    (told,) = (c for c in stream.checks if c.check == "angle_unit")
+    assert (told.open, told.signals) == (open_, tuple(f"q{j}" for j in turned))
+    assert ([*unsettled([told])] != []) == open_
 
 
 @pytest.mark.first_case
