@@ -9,7 +9,7 @@ from ident.examination.examine import examine_fit
 pytestmark = ON_RECORDINGS
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("term", ["viscous_friction", "offset:1"])
 def test_of_a_tx40(tmp_path, term):
     """25 % were left without viscous friction for 4, and a fit said nothing; an offset says no more."""

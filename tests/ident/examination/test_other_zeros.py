@@ -111,7 +111,7 @@ links:
 """
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize("gear", ["joint_elasticity", "hysteretic_gear"])
 def test_a_gear_that_bends_is_no_other_position(tmp_path, gear):
     """(q1 was told to be 1.05 to 1.1 times too small in 8 of 12 such cases.)"""

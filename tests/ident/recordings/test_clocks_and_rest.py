@@ -63,7 +63,7 @@ def test_a_clock_that_was_set_is_told_from_rows_that_are_lost(set_on, seen):
 class TestOnRecordings:
     pytestmark = ON_RECORDINGS
 
-    @pytest.mark.parametrize("robust", [None, "huber"])
+    @pytest.mark.parametrize("robust", [pytest.param(None, marks=pytest.mark.long), "huber"])
     def test_the_noise_of_a_resting_encoder_is_no_motion(self, tmp_path, robust):
         """Of a UR10e whose first joint rests, a micrometre of noise took the error to 72,000 %: parameters
         that only moving it shows were fitted to it."""

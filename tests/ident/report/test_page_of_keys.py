@@ -56,7 +56,7 @@ def documents(tmp_path_factory):
     stretch = ("run", 2.0, 5.0)
     loose = _unexplained(Unexplained((3,), "tau_m", ("q3",), 10.0, 9.0, near, True, stretch=stretch))
     hint = _hint(Hint(near, "tau_m3", 2, 9, (near,)))
-    twin = ident.simulate(robot, effects=["spring:2"], duration=20, rate_hz=200, seed=1)
+    twin = ident.simulate(robot, effects=["spring:2"], duration=20, rate_hz=100, seed=1)
     found = ident.diagnose(twin.study).document()
     assert [f["effect"] for f in found["findings"]] == ["spring"]
     return [found, {"unexplained": [loose]}, {"hints": [hint]}]
