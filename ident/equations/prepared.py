@@ -87,6 +87,12 @@ def prepare_study(study: Study, progress: Progress = silent) -> Prepared:
                 f"has {len(values)} values, the robot {study.robot} has {len(columns.need.joints)} "
                 "joints; give one per joint, 0 or false for one that keeps the plain sign",
             )
+    if study.instant_sign is not None and not study.turn_overs:
+        raise StudyError(
+            str(study.file),
+            "instant_sign",
+            "says how a torque that turns over is recorded; give turn_over: or presliding: beside it",
+        )
     streams = tuple(open_recordings(study, columns.need, columns.model.prismatic))
     study, streams = _filtered_as_recorded(study, streams)
     return Prepared(study, columns.model, columns, streams, banks_of(study, streams))

@@ -209,6 +209,7 @@ BASE = {
     "recordings": [{"file": "run.parquet"}, {"file": "other.parquet", "use": "validate"}],
     "filter": {"decimation_cutoff_hz": 2.0},
 }
+TURNING = {"turn_over": [0.01, 0, 0]}
 LOADED = {"recordings": [{"file": "run.parquet"}, {"file": "other.parquet", "payload": "L"}]}
 STUDY = {
     "model": {"model": "A"},
@@ -233,7 +234,7 @@ STUDY = {
     "controller": {"estimator": "iv", "controller": {}},
     "turn_over": {"turn_over": [0.3, 0, 0]},
     "presliding": {"presliding": [0.1, 0, 0]},
-    "instant_sign": {"turn_over": [0.01, 0, 0], "instant_sign": [True, False, False]},
+    "instant_sign": TURNING | {"instant_sign": [True, False, False]},
     "folder": {"folder": "elsewhere"},
     "joints": {"joints": ["a", "b"]},
 }
@@ -292,8 +293,9 @@ def third(keys):
     return BASE | {"recordings": [*BASE["recordings"], entry]}
 
 
+BESIDE = {"payload_mass": LOADED, "instant_sign": TURNING}  # what these keys are said of
 CHANGES = [
-    *(({**BASE, **(LOADED if key == "payload_mass" else {})}, BASE | more) for key, more in STUDY.items()),
+    *((BASE | BESIDE.get(key, {}), BASE | more) for key, more in STUDY.items()),
     *((BASE, BASE | {"filter": BASE["filter"] | {key: value}}) for key, value in FILTER.items()),
     *((third({}), third({key: value})) for key, value in ENTRY.items()),
 ]
@@ -303,6 +305,10 @@ CHANGES = [
 def test_every_key_acts_or_is_refused(folder, case):
     before, after = case
     assert seen(folder, after) != seen(folder, before)
+
+
+def test_how_a_turn_over_is_recorded_is_said_beside_one(folder):
+    assert "turn_over: or presliding:" in seen(folder, BASE | {"instant_sign": [True, False, False]})
 
 
 def test_a_users_own_effect_is_part_of_the_fit(folder):
