@@ -17,6 +17,7 @@ from ident.estimation.fit import FitResult
 from ident.prediction.torque_free import open_log
 from ident.recordings.opening import open_recording
 from ident.recordings.recording import RecordingStream
+from ident.signals.dry_friction import sign_within
 from ident.signals.filtering import FilteredBlock, filter_stream, prepare, smooth_sign
 
 
@@ -40,7 +41,7 @@ def of_motion(result: FitResult, q: Any, dq: Any, ddq: Any, payload: str | None)
     q, dq, ddq = given
     sign = smooth_sign(dq, still)
     for j, turn in enumerate(result.study.turn_overs):  # samples alone: no presliding, no steps between them
-        sign[:, j] = np.tanh(dq[:, j] / turn.rate) if turn.rate > 0 else sign[:, j]
+        sign[:, j] = sign_within(dq[:, j], turn.rate)
     t, all_of_it = np.arange(float(rows)), np.ones((rows, n))
     block = FilteredBlock(t, q, dq, ddq, sign, None, None, still, all_of_it)
     return comparison.modelled_torque(columns, result.estimate.chi, payload, block)

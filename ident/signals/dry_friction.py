@@ -33,10 +33,16 @@ class TurnOver:
     def sign(self, q: np.ndarray, dq: np.ndarray, hz: float, state: float | None = None) -> np.ndarray:
         """(N,) smoothed sign along one stretch or block of hz samples a second; state: z before its first
         one, None: slid in."""
+        return self.followed(q, dq, hz, state)[0]
+
+    def followed(
+        self, q: np.ndarray, dq: np.ndarray, hz: float, state: float | None = None
+    ) -> tuple[np.ndarray, float | None]:
+        """The same, and z behind the last sample, None where it has none."""
         if self.travel <= 0 or not len(q):
-            return self.direct(dq, hz)
+            return self.direct(dq, hz), state
         z = self.state(q, dq, hz, state)
-        return z if self.rate <= 0 else slid(z, self.direct(dq, hz))
+        return z if self.rate <= 0 else slid(z, self.direct(dq, hz)), float(z[-1])
 
     def direct(self, dq: np.ndarray, hz: float) -> np.ndarray:
         """(N,) what goes with the rate alone."""

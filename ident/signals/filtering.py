@@ -185,8 +185,7 @@ def told_sign(
     out = smooth_sign(dq, vs)
     for j, turn in enumerate(turns):
         if turn.rate > 0 or turn.travel > 0:
-            out[:, j] = turn.sign(q[:, j], dq[:, j], hz, states[j])
-            states[j] = float(turn.state(q[:, j], dq[:, j], hz, states[j])[-1]) if turn.travel > 0 else None
+            out[:, j], states[j] = turn.followed(q[:, j], dq[:, j], hz, states[j])
     return out
 
 

@@ -67,7 +67,7 @@ def _has_a_name(bare: State, state: State, dry: Dry, tau: float) -> bool:
     if turn.travel > dry.shorter:
         return True
     widths = grids(bare.segments, dry.joint, dry.shorter)
-    sharp = replace(turn, rate=float(widths["rate"][0]))
+    sharp = _sharp(turn, widths)
     longer = [replace(sharp, travel=float(w)) for w in widths["travel"] if w >= dry.shorter]
     own, *theirs = (
         weigh(m, {c: sign_columns(bare.segments, bare.rows, dry.joint, c, [its]) for c, _ in dry.places})

@@ -93,9 +93,12 @@ def for_a_time(asked: Asked) -> Iterator[Check]:
     told: list[tuple[float, list[int], list[int], np.ndarray, np.ndarray]] = []
     for begun in sorted({int(np.argmax(np.nan_to_num(alone[:, c]))) for c in asked.seen}):
         about = its.window(begun)
-        if about is None or not its.moves_elsewhere(about[0]):
+        if about is None:
             continue
-        window, here, there = about[0], *_apart(about[1], about[0])
+        window, left = about
+        if not its.moves_elsewhere(window):
+            continue
+        here, there = _apart(left, window)
         together = np.divide(*_apart(its.joint, window))
         odd = [c for c in asked.seen if here[c] > max(ODD, TIMES * there[c]) and there[c] < BAD]
         most = max((float(together[c]) for c in odd), default=0.0)

@@ -51,11 +51,10 @@ class Wandering:
 
     @classmethod
     def of(cls, whole: Quick, c: int, lines: tuple[np.ndarray, ...]) -> Wandering:
-        ends = np.cumsum([0, *(x.shape[1] for x in lines)])
         samples = []
-        for s, its, at in zip(whole.samples, lines, ends):
-            more = np.zeros((*s.W.shape[:2], ends[-1]))
-            more[c, :, at : at + its.shape[1]] = its
+        for s, its in zip(whole.samples, _side_by_side(lines)):
+            more = np.zeros((*s.W.shape[:2], its.shape[1]))
+            more[c] = its
             samples.append(s.beside(more))
         return cls(whole.of(samples), lines)
 
@@ -228,18 +227,18 @@ def _moving(
 
 def _by_itself(whole: Quick, how: Assignment, c: int, lines: tuple[np.ndarray, ...]) -> float:
     """Relative error of torque c with these zeros, fitted by itself: no fit of all torques leaves less."""
-    size, v = (x[c] for x in whole.identify.right(how))
-    beside, square, right = [], [], []
-    for s, its in zip(whole.samples, lines):
-        own = s.weight[:, [c]] * its
-        beside.append(own.T @ s.W[c])
-        square.append(own.T @ its)
-        right.append(own.T @ (how.factor[c] * s.Y[:, how.order[c]]))
-    ends = np.cumsum([len(v), *map(len, right)])
-    G = np.zeros((ends[-1], ends[-1]))
-    G[: len(v), : len(v)] = whole.identify.G[c]
-    for rows, its, start, end in zip(beside, square, ends, ends[1:]):
-        G[start:end, : len(v)] = rows
-        G[: len(v), start:end] = rows.T
-        G[start:end, start:end] = its
-    return float(alone(G, np.concatenate([v, *right])[:, None], np.array([size]))[0])
+    its = zip(whole.samples, _side_by_side(lines))
+    X = np.concatenate([np.hstack([s.W[c], zeros]) for s, zeros in its])
+    y = np.concatenate([how.factor[c] * s.Y[:, how.order[c]] for s in whole.samples])
+    root = np.sqrt(np.concatenate([s.weight[:, c] for s in whole.samples]))
+    X, y = X * root[:, None], y * root
+    return float(alone(X.T @ X, (X.T @ y)[:, None], np.array([y @ y]))[0])
+
+
+def _side_by_side(lines: Sequence[np.ndarray]) -> Iterator[np.ndarray]:
+    """(N, p) of every recording, 0 in the columns (p,) of the others."""
+    ends = np.cumsum([0, *(x.shape[1] for x in lines)])
+    for its, at in zip(lines, ends):
+        out = np.zeros((len(its), ends[-1]))
+        out[:, at : at + its.shape[1]] = its
+        yield out

@@ -131,7 +131,8 @@ class OtherTables:
             return
         equal = [its.words for its in self._equal(best)][:3]
         also = f" (or {'; '.join(equal)}, which these data do not tell apart)" if equal else ""
-        if self._on_base(best.table):  # what it carries feels gravity from elsewhere, and nothing else
+        on_base = self._on_base(best.table)
+        if on_base:  # what it carries feels gravity from elsewhere, and nothing else
             also += ", or the base is mounted otherwise by as much"
         contradicted = listed(self.names[c] for c in self.aside)
         but = f" without {contradicted}, which the others contradict," if self.aside else ""
@@ -143,8 +144,7 @@ class OtherTables:
                 (),
                 f"the robot file seems wrong: {told}{also}; so taken, the errors of the torques{but} "
                 f"fall from {span(plain)} to {span(now)}",
-                "correct it in the robot file"
-                + (", or write gravity: in the study" if self._on_base(best.table) else ""),
+                "correct it in the robot file" + (", or write gravity: in the study" if on_base else ""),
                 robot_file=True,
             ),
             words=f"the robot file's {told}" if best.moved else "",

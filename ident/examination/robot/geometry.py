@@ -25,11 +25,12 @@ from ident.examination.robot.gravity import Direction, direction
 
 def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypothesis | Tilt]:
     """Gravity and the axes of the table; asked last because they cost most."""
-    made, (identify, validate) = table_and_samples(prepared, asked), _parts(prepared, asked)
-    if made is None or identify is None:
+    made = table_and_samples(prepared, asked)
+    if made is None:
         return
     table, samples, gravity = made
     columns, how = prepared.columns, asked.how
+    identify, validate = _parts(table, samples, asked)
 
     def rivals() -> list[Carried]:
         return carried_faults(asked)
@@ -86,12 +87,13 @@ def with_gravity(table: Any, gravity: np.ndarray) -> Any:
 
 
 def unseen_base(prepared: Prepared, asked: Asked) -> Iterable[Check]:
-    made, (identify, validate) = table_and_samples(prepared, asked), _parts(prepared, asked)
-    return () if made is None or identify is None else unseen(identify, validate, made[2])
+    made = table_and_samples(prepared, asked)
+    return () if made is None else unseen(*_parts(*made[:2], asked), made[2])
 
 
 def table_and_samples(prepared: Prepared, asked: Asked) -> tuple[Any, list[Sample], np.ndarray] | None:
-    """Table, samples of the usual load, gravity (3,) as the study has it."""
+    """Table, samples of the usual load, gravity (3,) as the study has it; None where nothing is fitted or the
+    table is of other joints."""
     from modelgen.geometry.kinematics import Geometry
 
     study, everything = prepared.study, asked.quick.samples
@@ -106,20 +108,18 @@ def table_and_samples(prepared: Prepared, asked: Asked) -> tuple[Any, list[Sampl
     return table, samples, gravity
 
 
-def _parts(prepared: Prepared, asked: Asked) -> tuple[Parts | None, Parts | None]:
+def _parts(table: Any, samples: Sequence[Sample], asked: Asked) -> tuple[Parts, Parts | None]:
     """Of identify and validate, with gravity apart."""
-    made = table_and_samples(prepared, asked)
-    if made is None:
-        return None, None
-    table, samples, _ = made
     each = ([s for s in samples if s.role == role] for role in ("identify", "validate"))
-    identify, validate = (parts_of(table, prepared.columns, its, asked.how) for its in each)
+    identify, validate = (parts_of(table, asked.quick.columns, its, asked.how) for its in each)
+    assert identify is not None
     return identify, validate
 
 
 def beside_tilt(prepared: Prepared, asked: Asked, h: Hypothesis, tilt: Tilt) -> bool:
     """Whether a hypothesis explains beside a small tilt, which explains more, most of what it does without
     it: a UR10e's first torque looked three times too small where the base was tilted by 6 degrees."""
-    made = [_parts(prepared, its)[0] for its in (asked, asked.after(h))]
-    before, after = (errors(its, None, tilt.gravity)[0] for its in made if its is not None)
+    each = ((table_and_samples(prepared, its), its) for its in (asked, asked.after(h)))
+    made = [_parts(*told[:2], its)[0] for told, its in each if told is not None]
+    before, after = (errors(its, None, tilt.gravity)[0] for its in made)
     return gain_of(before, after) > 0.5 * h.gain
