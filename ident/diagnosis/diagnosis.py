@@ -133,7 +133,8 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     taken = assumed(its.checks)
     errors = (fit.errors.full_rate.by_recording() for fit in (its.base, last))
     doubts = unanswered(its.base.checks, *errors)
-    found = beside_doubts(beside_faults(found, (*standing, *taken)), doubts)
+    fitted = [entry.label for entry in study.recordings if entry.use == "identify"]
+    found = beside_doubts(beside_faults(found, (*standing, *taken)), doubts, fitted)
     findings = told_once(told_by_checks(study, its.mended, its.checks), in_doubt(found, its.checks))
     unexplained = _unexplained(its.checks, traced, findings, standing, doubts)
     white = white_at_most(last, outcome.last) | white_noise(last)

@@ -344,8 +344,11 @@ def test_what_leaves_most_of_a_contradiction_is_a_part_at_most():
     assert not unanswered([replace(doubt, open=True)], before, before)
     load = Finding("payload_change", (), "tau_l", {}, {}, 0, 19.0, 30.0, 80.0, (), "", ESTABLISHED, "")
     spring, other = (replace(load, effect="spring", joints=(j,)) for j in (2, 3))
-    assert [f.grade for f in beside_doubts([load, spring, other], [doubt])] == [PARTLY, PARTLY, ESTABLISHED]
-    assert beside_doubts([load, spring], ()) == (load, spring)
+    found, judged = [load, spring, other], replace(doubt, recording="run2")
+    assert [f.grade for f in beside_doubts(found, [judged], ["run1"])] == [PARTLY, PARTLY, ESTABLISHED]
+    for its, runs in ((doubt, ["run1"]), (judged, ["run1", "run2"])):  # all parameters answer to it
+        assert [f.grade for f in beside_doubts(found, [its], runs)] == [PARTLY] * 3
+    assert beside_doubts([load, spring], (), ["run1"]) == (load, spring)
 
 
 def test_a_delay_that_was_not_found_stands():
