@@ -258,7 +258,8 @@ def test_control_c_from_the_first_moment_on(module, tmp_path):
         signal.signal(signal.SIGINT, signal.SIG_DFL)
 
     arguments = ["simulate", "ur10e", "-o", "out"] if module == "ident" else ["ur10e", "-o", "out"]
-    code = f"import runpy, sys; sys.argv[1:] = {arguments}; print(flush=True); "
+    # what hears a signal is read before the line that is waited for: until then it is Python's own start
+    code = f"import runpy, sys, modelgen.command_line; sys.argv[1:] = {arguments}; print(flush=True); "
     code += f"runpy.run_module('{module}', run_name='__main__')"
     environment = os.environ | {"DYNIDENT_CACHE": str(tmp_path / "cache")}
     for k in range(10):
