@@ -11,6 +11,7 @@ from ident.diagnosis.evidence.leading import outside_metric
 from ident.diagnosis.evidence.metric import Metric, acting, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import State
+from ident.diagnosis.loads.edge_gains import gains_with_edge
 from ident.diagnosis.loads.is_a_load import SHORTEST_S
 from ident.diagnosis.loads.windows import STEP_S, comes_and_goes, part_alone, since, windows_of, with_window
 from ident.diagnosis.rows.terms import Term
@@ -72,40 +73,29 @@ def moved(
     was told as a force from -8.5 s on.)"""
     mine, t = since(state, term.place)
     part = part_alone(state, term.effect)
-    ends = [term.place.start, term.place.stop]
+    ends = list(_ends(term.place.start, term.place.stop))
     here, own = m.only(mine), {c: z[mine] for c, z in columns.items()}  # zero in the other recordings
-
-    def inside(start: float | None, stop: float | None) -> np.ndarray:
-        after = t >= (start if start is not None else -np.inf)
-        return np.asarray(after & (t < (stop if stop is not None else np.inf)))
-
-    def gain(start: float | None, stop: float | None) -> float:
-        kept = inside(start, stop)
-        if part and kept.all():
-            return 0.0
-        return fit_sizes(here, {c: z * kept[:, None] for c, z in own.items()})[1]
-
-    for _ in range(2):
-        for which in (0, 1):
-            if ends[which] is None:
-                continue
-            near = float(ends[which] or 0.0) + np.arange(
-                -2 * STEP_S, 2.01 * STEP_S, max(state.rows.hop, 0.05)
-            )
-            gains = []
-            for edge in near:
-                trial = list(ends)
-                trial[which] = float(edge)
-                wide = (trial[1] if trial[1] is not None else np.inf) - (trial[0] or 0.0)
-                gains.append(gain(*trial) if wide > 0.5 * SHORTEST_S else 0.0)
+    for which in (0, 1) * 2:
+        if np.isinf(ends[which]):
+            continue
+        begins, other = which == 0, ends[1 - which]
+        near = ends[which] + np.arange(-2 * STEP_S, 2.01 * STEP_S, max(state.rows.hop, 0.05))
+        wide = other - near if begins else near - (0.0 if np.isinf(other) else other)
+        near = near[wide > 0.5 * SHORTEST_S]
+        if part:
+            near = near[[not _inside(t, *((e, other) if begins else (other, e))).all() for e in near]]
+        if len(near):
+            gains = gains_with_edge(here, own, t, near, other, begins)
             ends[which] = float(near[int(np.argmax(gains))])
-    if ends[0] is not None and ends[0] <= t.min():
-        ends[0] = None
-    if ends[1] is not None and ends[1] > t.max():
-        ends[1] = None
+    start = None if ends[0] <= t.min() else ends[0]
+    stop = None if ends[1] > t.max() else ends[1]
     rows = np.zeros(len(state.rows.t), bool)
-    rows[mine] = inside(ends[0], ends[1])
-    return with_window(term, ends[0], ends[1]), {c: z * rows[:, None] for c, z in columns.items()}
+    rows[mine] = _inside(t, *_ends(start, stop))
+    return with_window(term, start, stop), {c: z * rows[:, None] for c, z in columns.items()}
+
+
+def _inside(t: np.ndarray, start: float, stop: float) -> np.ndarray:
+    return np.asarray((t >= start) & (t < stop))
 
 
 def edged(m: Metric, state: State, r: Refined) -> Refined:

@@ -125,11 +125,19 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     if possible is None:
         return None
     own, its = possible
+    if its.term.effect.transient and not _comes(state, own, its, tau):
+        return None
+    if not stands_apart(state, own, its.term, its.columns, limit):
+        return None
+    told = _told(state, own, its, r.gain, limit, tau, alpha)  # before what takes as long as all the rest
+    return told if told is not None and away_from_turns(state, own, its.columns, tau) else None
+
+
+def _told(
+    state: State, own: Metric, its: Refined, gain: float, limit: float, tau: float, alpha: float
+) -> Event | None:
+    """The load by what alternating blocks foretell of each other, or the runs of each other."""
     term, columns, sizes = its.term, its.columns, its.sizes
-    if term.effect.transient and not _comes(state, own, its, tau):
-        return None
-    if not (away_from_turns(state, own, columns, tau) and stands_apart(state, own, term, columns, limit)):
-        return None
     halves, evidence = _crosswise(state, own, its)
     told = evidence.log_e > limit and said(whole(own, state.rows.usable), columns, sizes) > limit
     if told and as_one_number(state, halves, term, columns, evidence, tau):
@@ -139,9 +147,9 @@ def _held(state: State, r: Refined, limit: float, tau: float, alpha: float) -> E
     if told and evidence.supported(alpha) and is_load(state, halves, columns, evidence, limit, alpha):
         if runs and one_number_between(state, term, columns, tau, crosswise(halves, columns)):
             return None
-        return Event(its, evidence, r.gain)
+        return Event(its, evidence, gain)
     nats = between_runs(state, term, columns, limit, tau) if runs else None
-    return None if nats is None else Event(its, replace(evidence, log_e=nats), r.gain)
+    return None if nats is None else Event(its, replace(evidence, log_e=nats), gain)
 
 
 def _possible(state: State, r: Refined, limit: float, tau: float) -> tuple[Metric, Refined] | None:

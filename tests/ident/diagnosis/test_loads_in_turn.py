@@ -8,8 +8,10 @@ import pytest
 from ident.diagnosis.evidence.metric import whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import Found, solved
+from ident.diagnosis.loads.edge_gains import gains_with_edge
 from ident.diagnosis.loads.edges import edged
 from ident.diagnosis.loads.loads_in_turn import in_turn
+from ident.diagnosis.loads.windows import since
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Step, threshold
 from ident.diagnosis.rows.terms import Term
@@ -71,3 +73,18 @@ def test_a_window_opens_between_the_rows(pushed_twice):
     assert r.term == replace(begun, place=r.term.place)
     assert (r.term.place.start, r.term.place.stop) == pytest.approx((3.04, 5.52), abs=hop)
     assert r.gain > fit_sizes(m, columns)[1] + TAU
+
+
+@pytest.mark.parametrize("begins", [True, False])
+@pytest.mark.parametrize("other", [6.1, None])
+def test_gains_with_an_edge_are_those_of_columns_cut_anew(pushed_twice, begins, other):
+    m = whole(pushed_twice.metric, pushed_twice.rows.usable)
+    wide = pushed_twice.scene.columns(force(None, None))
+    rows, t = since(pushed_twice, Place(recording="run1"))
+    here, own = m.only(rows), {c: z[rows] for c, z in wide.items()}
+    cuts = 3.0 + np.arange(0.0, 1.0, 0.05) if begins else 7.0 + np.arange(0.0, 1.0, 0.05)
+    end = (np.inf if begins else -np.inf) if other is None else other
+    ends = [(cut, end) if begins else (end, cut) for cut in cuts]
+    cut = [{c: z * ((t >= a) & (t < b))[:, None] for c, z in own.items()} for a, b in ends]
+    gains = gains_with_edge(here, own, t, cuts, end, begins)
+    assert gains == pytest.approx([fit_sizes(here, z)[1] for z in cut], rel=1e-8)
