@@ -119,16 +119,19 @@ def _judged(
     if slight:
         text = ", ".join(f"dq{j} {alike[j]:.3f}" for j in slight)
         factor = float(np.median([alike[j] for j in slight]))
-        one = len(slight) == len(alike) > 1 and np.ptp([alike[j] for j in slight]) < 0.2 * abs(factor - 1)
+        spread = float(np.ptp([alike[j] for j in slight]))
+        one = len(slight) == len(alike) > 1 and spread < 0.2 * abs(factor - 1)
         clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.4g}")}})
         yield Check(
             "clock_rate",
             tuple(f"dq{j}" for j in slight),
-            f"logged velocities differ slightly from the derivative of the positions (factor: {text})",
-            f"all differ alike: if it is the clock that is wrong, write {clock}"
+            f"logged velocities differ from the derivative of the positions (factor: {text})"
+            + one * ", all alike: the clock is wrong, or they are",
+            f"if it is the clock, write {clock}"
             if one
             else "nothing here uses them; check where they come from",
             recording=columns.recording,
+            open=one,
         )
     if strangers:
         yield _strangers(columns, strangers, [abs(found[j][1]) for j in strangers])
