@@ -32,10 +32,10 @@ def in_turn(state: State, steps: list[Step], tau: float, alpha: float) -> tuple[
         terms = [t for k in group if (t := state.found[k].term) is not None]
         trial, mine = _apart(state, group, terms[0])
         trial = _held(trial, mine, tau, alpha)
-        trial = _joined(_moved(trial, mine), mine)
+        trial = _joined(in_their_windows(trial, mine), mine)
         trial = _held(trial, mine, tau, alpha)
         new = [(k, f) for k, f in enumerate(trial.found) if f.term is not None and f.term.key in mine]
-        if not new or _ahead(state, trial) < 0:
+        if not new or ahead(state, trial) < 0:
             continue
         gone = {t.key for t in terms}
         at = min(k for k, s in enumerate(steps) if s.term.key in gone)
@@ -54,18 +54,25 @@ def _overlapping(state: State, told: set[tuple]) -> list[list[int]]:
             continue
         if f.term.effect.windowed and not f.term.effect.all_along:
             alike.setdefault((f.term.place.recording, *what(f.term)), []).append(k)
-    return [its for its in alike.values() if _overlap([_window(state, k) for k in its])]
+    return [its for its in alike.values() if overlap([window(state, k) for k in its])]
 
 
-def _overlap(windows: Sequence[Window]) -> bool:
+def overlap(windows: Sequence[Window]) -> bool:
+    """Whether one begins before the one that began ahead of it ends."""
     ordered = sorted(windows)
     return any(b[0] < a[1] - SHORTEST_FOLD_S for a, b in itertools.pairwise(ordered))
 
 
-def _window(state: State, number: int) -> Window:
+def window(state: State, number: int) -> Window:
+    """Of a load that was found."""
     place = state.found[number].term.place  # type: ignore[union-attr]
     start, stop = place.start, place.stop
     return -np.inf if start is None else start, np.inf if stop is None else stop
+
+
+def finite(edge: float) -> float | None:
+    """An edge of a place's window; none where the recording begins or ends."""
+    return None if np.isinf(edge) else edge
 
 
 def _apart(state: State, group: Sequence[int], first: Term) -> tuple[State, set[tuple]]:
@@ -73,7 +80,7 @@ def _apart(state: State, group: Sequence[int], first: Term) -> tuple[State, set[
     others = state
     for number in sorted(group, reverse=True):
         others = others.but(number)
-    windows = [_window(state, k) for k in group]
+    windows = [window(state, k) for k in group]
     edges = [min(w[0] for w in windows)]
     for edge in sorted({edge for w in windows for edge in w}):
         if edge - edges[-1] > SHORTEST_FOLD_S:
@@ -83,7 +90,7 @@ def _apart(state: State, group: Sequence[int], first: Term) -> tuple[State, set[
     for a, b in itertools.pairwise(edges):
         if not any(w[0] < b - SHORTEST_FOLD_S and a + SHORTEST_FOLD_S < w[1] for w in windows):
             continue
-        place = replace(first.place, start=None if a == -np.inf else a, stop=None if b == np.inf else b)
+        place = replace(first.place, start=finite(a), stop=finite(b))
         term = replace(first, place=place, copy=0).beside(keys | {t.key for t in others.terms})
         columns = others.scene.columns(term)
         if columns:
@@ -103,7 +110,7 @@ def _held(trial: State, keys: set[tuple], tau: float, alpha: float) -> State:
         trial = refined_together(trial.but(least))
 
 
-def _moved(trial: State, mine: set[tuple]) -> State:
+def in_their_windows(trial: State, mine: set[tuple]) -> State:
     """Each load's window where all rows want it, beside the others."""
     for k, f in enumerate(trial.found):
         if f.term is not None and f.term.key in mine:
@@ -116,7 +123,7 @@ def _moved(trial: State, mine: set[tuple]) -> State:
 
 def _joined(trial: State, mine: set[tuple]) -> State:
     """Two loads of which one begins where the other ends as one, where that says as much."""
-    windows = {k: _window(trial, k) for k, f in enumerate(trial.found) if f.term and f.term.key in mine}
+    windows = {k: window(trial, k) for k, f in enumerate(trial.found) if f.term and f.term.key in mine}
     for a, b in itertools.permutations(windows, 2):
         if abs(windows[a][1] - windows[b][0]) > SHORTEST_FOLD_S:
             continue
@@ -125,13 +132,13 @@ def _joined(trial: State, mine: set[tuple]) -> State:
         term = replace(first, place=replace(first.place, stop=last.place.stop))
         columns = trial.scene.columns(term)
         one = trial.swapped(a, Found(term, columns, trial.found[a].sizes)).but(b)
-        one = _moved(refined_together(solved(one)), {term.key})
-        if _ahead(trial, one) > 0:
+        one = in_their_windows(refined_together(solved(one)), {term.key})
+        if ahead(trial, one) > 0:
             return _joined(one, mine)
     return trial
 
 
-def _ahead(state: State, trial: State) -> float:
+def ahead(state: State, trial: State) -> float:
     """Nats by which all rows speak for the trial, in the noise of the state, the numbers of both paid."""
     usable = state.rows.usable
     before, after = (whitened_squares(state, s, usable) for s in (state, trial))
