@@ -33,9 +33,15 @@ from ident.examination.fits.stretches import HALF, RARE, Explained, all_rows, st
 from ident.examination.fits.unexplained import apart_by_one_fit, by_each_recording, odd_beside
 from ident.examination.one_recording.another_clock import beside_noise, clocks
 from ident.examination.one_recording.changed import Changed, positions_in_all, torques_in_all
-from ident.examination.one_recording.changed_in_one import positions_in_one, torques_in_one, weightless_in_one
+from ident.examination.one_recording.changed_in_one import (
+    factors_of,
+    positions_in_one,
+    torques_in_one,
+    weightless_in_one,
+)
 from ident.examination.rivals.recordings_apart import thinned
 from ident.examination.rivals.rivals import alike, standing
+from ident.examination.rivals.scales import NORMAL, span_of
 from modelgen.geometry.kinematics import Geometry
 from modelgen.geometry.names import ParameterName
 
@@ -118,6 +124,11 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     if len(causes) > 1 + FEW or every[0] is not best:
         yield nothing_tells(said, fallen, best.recording)
         return
+    spread = None
+    if best.factor is not None:
+        low, high = factors_of(asked, whole, best)
+        said[0] += span_of(best.factor, low, high)
+        spread = (high - low) / (2 * NORMAL * best.factor)
     yield Check(
         best.check,
         best.signals,
@@ -127,6 +138,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
         explains=best.check != "position_zero"  # which is told to some degrees only
         and all(its.recording and its.signals for its in every),
         open=len(said) > 1,
+        spread=spread,
     )
 
 

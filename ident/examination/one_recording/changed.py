@@ -36,6 +36,7 @@ class Changed:
     explained: Explained
     least: float = SWAPPED
     drives: tuple[int, ...] = ()
+    factor: float | None = None  # that its torques are multiplied by
 
 
 def torques_in_all(asked: Asked, whole: Quick) -> Iterator[Changed]:

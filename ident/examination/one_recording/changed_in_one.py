@@ -24,6 +24,7 @@ from ident.examination.one_recording.changed import Changed, unsigned
 from ident.examination.positions.coupled import held
 from ident.examination.positions.places import along, exchanged
 from ident.examination.positions.units import DEGREES, NEXT, POSITION_FACTORS, ratios, times_too
+from ident.examination.rivals.scales import FACTOR, ends
 from ident.examination.tables.signals import TURNS
 from ident.examination.torques.delays import HELD, TOGETHER, asides, foretold_later, hidden_s
 from ident.examination.torques.signs import all_signs
@@ -54,7 +55,20 @@ def torques_in_one(asked: Asked, whole: Quick, before: Explained) -> Iterator[Ch
 def _read(whole: Quick, asked: Asked, sample: Sample, its: Reading) -> Changed:
     explained = _taken(asked, whole, sample, sample.read(its.source, its.factor))
     remedy = _own_line(asked, sample, its.changes)
-    return Changed(sample.label, its.signals, its.check, its.words, remedy, explained, its.least, its.drives)
+    factor = its.changes[its.signals[0]].get("scale")
+    told = its.signals, its.check, its.words, remedy
+    return Changed(sample.label, *told, explained, its.least, its.drives, factor)
+
+
+def factors_of(asked: Asked, whole: Quick, its: Changed) -> tuple[float, float]:
+    """Those between which none is rejected beside the one of its torques."""
+    (s,) = (s for s in whole.samples if s.label == its.recording)
+    order, seen = asked.how.order, [c for c in asked.seen if asked.name(c) in its.signals]
+    own = np.isin(np.arange(len(order)), [order[c] for c in seen])
+    factors = (its.factor or 1.0) * np.geomspace(1 / FACTOR, FACTOR, 61)
+    read = (s.read(range(len(order)), np.where(own, f, 1.0)) for f in factors)
+    _, low, high = ends(factors, [_taken(asked, whole, s, other) for other in read], whole.fit(asked.how))
+    return low, high
 
 
 def _late(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:

@@ -227,22 +227,31 @@ def allowed(
     factors = factor * np.geomspace(1 / span, span, 61)
     hows = [how.times(channels, f) for f in factors]
     tried = [Explained(whole, fit, its) for fit, its in zip(whole.fits(hows), hows)]
-    before = whole.fit(how)
+    best, low, high = ends(factors, tried, whole.fit(how))
+    return Scale(tuple(channels), float(factors[best]), low, high, tried[best])
+
+
+def ends(factors: np.ndarray, tried: Sequence[Explained], before: Fit) -> tuple[int, float, float]:
+    """Place of the factor that explains most, and the two between which none is rejected beside it."""
     best = max(range(len(tried)), key=lambda k: tried[k].fit.gain_over(before))
     behind = [tried[best].fit.gain_over(its.fit) for its in tried]
     rejected = [gain > USUAL and agreed(its, tried[best], ODD / 2) for gain, its in zip(behind, tried)]
     kept = np.flatnonzero(~np.array(rejected))
-    low, high = (factors[k] for k in np.clip([kept[0] - 1, kept[-1] + 1], 0, len(factors) - 1))
-    return Scale(tuple(channels), float(factors[best]), float(low), float(high), tried[best])
+    low, high = (float(factors[k]) for k in np.clip([kept[0] - 1, kept[-1] + 1], 0, len(factors) - 1))
+    return best, low, high
 
 
 def _times_too(factor: float, low: float, high: float) -> str:
     """How far off a torque is that has to be multiplied by a factor in [low, high]."""
     word = "large" if factor < 1 else "small"
-    if factor < 1:
-        factor, low, high = 1 / factor, 1 / high, 1 / low
-    span = "" if low == high else f" ({low:.3g} to {high:.3g})"
-    return f"{factor:.3g} times too {word}{span}"
+    span = "" if low == high else span_of(factor, low, high)
+    return f"{max(factor, 1 / factor):.3g} times too {word}{span}"
+
+
+def span_of(factor: float, low: float, high: float) -> str:
+    """Behind how many times too large or small a torque is that has to be multiplied by such a factor."""
+    low, high = (1 / high, 1 / low) if factor < 1 else (low, high)
+    return f" ({low:.3g} to {high:.3g})"
 
 
 def too_large(asked: Asked, names: Collection[str]) -> Iterator[Hypothesis]:
