@@ -364,7 +364,7 @@ def limits_hit(
                 still = _rests(x, moving, smallest) if coarse else _stands(x, moving)
                 if still >= count:
                     if not coarse:
-                        yield _with_play(columns.signals[k], still / len(x))
+                        yield _with_play(columns.signals[k], (count + still) / len(x))
                     break
                 yield Check(
                     "saturation",
@@ -378,10 +378,10 @@ def limits_hit(
 
 
 def _stands(x: np.ndarray, moving: np.ndarray) -> int:
-    """Rows of a torque (N,) in which it keeps a value as long as one that is clipped has to."""
+    """Rows of a torque (N,) in which it keeps a value, none of its ends, as long as a clipped one has to."""
     _, length = runs_of_equals(x)
     long = np.repeat(length >= CLIPPED_RUN, length)
-    return int((long & moving).sum())
+    return int((long & moving & (x > x.min()) & (x < x.max())).sum())
 
 
 def _rests(x: np.ndarray, moving: np.ndarray, step: float) -> int:
