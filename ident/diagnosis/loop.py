@@ -31,7 +31,6 @@ from ident.diagnosis.evidence.sufficiency import (
 from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.loads.events import Event, best_event, chosen, others_of
 from ident.diagnosis.loads.loads_in_turn import in_turn
-from ident.diagnosis.loads.one_of_two import one_of_two
 from ident.diagnosis.loads.still_a_load import still_holds
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed, threshold
 from ident.diagnosis.rows.terms import Term
@@ -144,7 +143,7 @@ def trace(
             closed.add(state.model.channels[taken.told.channel].joint)
     progress("what is left", 0.92)
     state, steps = reconsidered(state, steps, library, tau, alpha)
-    state, steps = one_of_two(*in_turn(state, steps, tau, alpha))
+    state, steps = in_turn(state, steps, tau, alpha)
     state, steps = pruned(state, steps, tau, alpha)
     state = on_late_rows(state)
     state, steps, left = leftovers(state, steps, unnamed, tau, alpha)

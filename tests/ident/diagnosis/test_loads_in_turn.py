@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.exam.make_cases import make_case
+from ident.diagnosis.diagnosis import diagnose_study
 from ident.diagnosis.evidence.metric import whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import Found, solved
@@ -17,6 +19,7 @@ from ident.diagnosis.outcome import Step, threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import refined_together
 from ident.equations.prepared import prepare_study
+from ident.recordings.study import load_study
 from modelgen.effects import effect
 from modelgen.effects.place import Place
 
@@ -47,6 +50,43 @@ def test_three_that_overlap_are_two_in_turn(pushed_twice):
     windows = sorted((s.term.place.start, s.term.place.stop) for s in steps)
     assert windows == [pytest.approx((3.04, 5.52), abs=0.1), pytest.approx((7.27, 10.31), abs=0.1)]
     assert sorted(t.key for t in state.terms) == sorted(s.term.key for s in steps)
+
+
+def body(start, stop, copy=0):
+    weight = ("M", "MX", "MY", "MZ")
+    place = Place(side="link", link=3, recording="run1", start=start, stop=stop, parts=weight)
+    return Term(effect("payload_change"), place, {}, copy=copy)
+
+
+def found_as(study, *terms):
+    """A state in which these were found, and the steps that told them."""
+    made = opened(prepare_study(study)).state
+    columns = [made.scene.columns(t) for t in terms]
+    none = [np.zeros(next(iter(z.values())).shape[1]) for z in columns]
+    state = refined_together(solved(made.plus(*map(Found, terms, columns, none))))
+    return state, [Step(t, None, ()) for t in state.terms]
+
+
+PUSH = "external_force:fx=0.1,fy=-0.06,fz=0.06,from=3.04,to=9.5,recording=run1"
+BODY = "payload_change:m=0.3,mz=0.03,from=3.0,recording=run1"
+
+
+def test_the_rest_of_a_force_is_no_body(arm):
+    state, (step,) = in_turn(*found_as(arm(PUSH), force(6.0, 9.5), body(3.2, 7.0)), TAU, ALPHA)
+    assert step.term.effect.name == "external_force" and state.terms == (step.term,)
+    assert (step.term.place.start, step.term.place.stop) == pytest.approx((3.04, 9.5), abs=0.1)
+
+
+@pytest.mark.long
+def test_a_body_that_comes_later_is_no_force_before_it(tmp_path):
+    make_case("twice", ["payload_change"] * 2, 2970592250, "bodies", tmp_path, 30.0, 250.0, "")
+    found = diagnose_study(load_study(tmp_path / "cases/bodies/study.yaml")).findings
+    assert [f.effect for f in found] == ["payload_change"] * 2
+
+
+def test_a_body_and_a_force_at_one_time_stay(arm):
+    before = found_as(arm(PUSH, BODY), force(3.04, 9.5), body(3.0, None))
+    assert in_turn(*before, TAU, ALPHA) == before
 
 
 def test_two_in_turn_stay(pushed_twice):
