@@ -344,37 +344,37 @@ def limits_hit(
         if k in slow:
             continue
         x, q = excerpt.column(k), excerpt.column(int(columns.joint[k]))
+        steps, moves = np.abs(np.diff(x)), np.abs(np.diff(q, append=q[-1:])) > 0
+        smallest = np.quantile(steps[steps > 0], 0.1) if (steps > 0).any() else 0.0
+        ends: dict[str, int] = {}
         for sign, word in ((1.0, "largest"), (-1.0, "smallest")):
-            y = sign * x
+            y, moving = sign * x, moves.copy()
             top = y == y.max()
-            moving = np.abs(np.diff(q, append=q[-1:])) > 0
             if excerpt.pieces[0][0][0] == 0:
                 moving[: int(np.argmin(top))] = False
             count = int((top & moving).sum())
             if count < 4 * CLIPPED_RUN or y.max() == 0:
                 continue
-            steps = np.abs(np.diff(x))
-            smallest = np.quantile(steps[steps > 0], 0.1) if (steps > 0).any() else 0.0
             beside = y.max(where=~top, initial=y.min())  # farther below where steps are of several sizes
             below = (y >= min(y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x)), beside)) & ~top
             if count < CLIPPED_EXCESS * max(below.sum(), 1):
                 continue
             if np.diff(runs_of(top)).max() >= CLIPPED_RUN:
-                coarse = in_steps(x)
-                still = _rests(x, moving, smallest) if coarse else _stands(x, moving)
-                if still >= count:
-                    if not coarse:
-                        yield _with_play(columns.signals[k], (count + still) / len(x))
-                    break
-                yield Check(
-                    "saturation",
-                    (columns.signals[k],),
-                    f"{columns.signals[k]} stays exactly at its {word} value "
-                    f"{columns.sized(k, sign * y.max(), 4)} for {100 * count / len(x):.2g} % of the samples, "
-                    "as a signal that is clipped",
-                    "record with a wider range, or a slower motion",
-                )
-                break
+                ends[f"its {word} value {columns.sized(k, sign * y.max(), 4)}"] = count
+        if not ends:
+            continue
+        coarse = in_steps(x)
+        still = _rests(x, moves, smallest) if coarse else _stands(x, moves)
+        if still < max(ends.values()):
+            yield Check(
+                "saturation",
+                (columns.signals[k],),
+                f"{columns.signals[k]} stays exactly at {' and '.join(ends)} for "
+                f"{100 * sum(ends.values()) / len(x):.2g} % of the samples, as a signal that is clipped",
+                "record with a wider range, or a slower motion",
+            )
+        elif not coarse:
+            yield _with_play(columns.signals[k], (still + sum(ends.values())) / len(x))
 
 
 def _stands(x: np.ndarray, moving: np.ndarray) -> int:
