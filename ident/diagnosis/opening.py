@@ -73,7 +73,10 @@ class Source:
     def built(self, progress: Progress = silent) -> tuple[tuple[RecordingSystem, ...], FineKeeper]:
         study, columns = self.prepared.study, self.prepared.columns
         keeper = FineKeeper(columns, self.cutoff_hz, study.filter.order, self.on_disk)
-        return build(self.prepared, self.cutoff_hz, observer=keeper, progress=progress), keeper
+        looked_at = ("identify", "validate")  # what a test run would say decides nothing
+        return build(
+            self.prepared, self.cutoff_hz, roles=looked_at, observer=keeper, progress=progress
+        ), keeper
 
     def looked_at(
         self, systems: Sequence[RecordingSystem], segments: Sequence[FineSegment]
@@ -84,7 +87,7 @@ class Source:
         return rows_of(systems, len(self.prepared.columns.parameters)), tuple(segments)
 
     def read(self) -> tuple[Rows, tuple[FineSegment, ...]]:
-        """Those of all recordings, opened again."""
+        """Those of the recordings that decide something, opened again."""
         systems, keeper = self.built()
         return self.looked_at(systems, keeper.segments(systems, self.cuts))
 
