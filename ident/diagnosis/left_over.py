@@ -17,10 +17,12 @@ from ident.diagnosis.evidence.nameless_beside import Functions, beside_nameless,
 from ident.diagnosis.evidence.settled import settled, without
 from ident.diagnosis.evidence.state import Found, State, solved
 from ident.diagnosis.evidence.sufficiency import (
+    InBothNoises,
     as_much,
     ask,
     explained_share,
     heard,
+    in_both_noises,
     move_alike,
     signals_read,
 )
@@ -80,22 +82,22 @@ def leftovers(
 
 def overrated(
     state: State, steps: list[Step], tau: float
-) -> tuple[State, list[Step], dict[int, Unnamed], dict[int, Flexible | None]]:
+) -> tuple[State, list[Step], dict[int, Unnamed], dict[int, InBothNoises]]:
     """Leave out, one after the other, what does not stand beside functions without a name, or beside what
     the model's own parameters change by; with it {channel: what was left out there} and, where anything was
-    found, {channel: the best function in the end}.
+    found, {channel: the best functions in the end}.
 
     What may be such a change keeps its place without its name: the others are asked beside it still. (A
     UR10e's first torque 3.7 times too large: its quadratic friction, 7 nats beside changes, made room for
     a function of rate and load in which 400 nats of the gain were gone.)"""
     doubtful: dict[int, Unnamed] = {}
-    asked: dict[int, Flexible | None] = {}
+    asked: dict[int, InBothNoises] = {}
     while named := [(k, f) for k, f in enumerate(state.found) if f.term is not None and _always(f.term)]:
         spoken = np.flatnonzero((state.rows.use & state.rows.judged).any(axis=1))
-        asked = {int(c): ask(state, state.metric, int(c), tau) for c in spoken}
+        asked = {int(c): in_both_noises(state, int(c), tau) for c in spoken}
         functions = {
             c: flex
-            for c, flex in asked.items()
+            for c, (flex, _) in asked.items()
             if flex and flex.evidence.log_e < tau and _is_there(flex, state, tau)
         }
         others = {k: state.but(k) for k, _ in named}

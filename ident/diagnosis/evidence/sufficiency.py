@@ -22,6 +22,8 @@ NEARLY = 0.97  # of what any function says, in nats: of a strong effect this lea
 FORETOLD = 0.25  # of a residual's power: less than this is new from row to row
 TOP_WAVE = 400.0  # 1/rad
 
+InBothNoises = tuple[Flexible | None, Flexible | None]  # at hand, white
+
 
 def signals_read(term: Term) -> frozenset[str] | None:
     """Names of a flexible function's signals that the effect reads itself; None: not such an effect."""
@@ -135,20 +137,30 @@ def ask_each(
     return flexible(metrics, c, joint, state.segments, load, TOP_WAVE, wanted, only, made)
 
 
+def in_both_noises(
+    state: State,
+    c: int,
+    wanted: float,
+    only: frozenset[str] | None = None,
+    made: dict[int, np.ndarray] | None = None,
+) -> InBothNoises:
+    """The best function without a name of a channel in the noise at hand, and as if noise were white."""
+    at_hand, plain = ask_each(state, [state.metric, state.plain_metric], c, wanted, only, made)
+    return at_hand, plain
+
+
 def heard(
     state: State,
     c: int,
     tau: float,
-    asked: Mapping[int, Flexible | None] = MappingProxyType({}),
+    asked: Mapping[int, InBothNoises] = MappingProxyType({}),
     only: frozenset[str] | None = None,
 ) -> tuple[Flexible | None, Metric]:
     """The best function of everything (of channels `asked`, it is known), or of some signals `only`, and the
     noise that it was heard in: the one at hand, or what is left beside the best function of plain rows, which
     foretells itself from its own past and would count as noise."""
     made: dict[int, np.ndarray] = {}
-    noises = [state.plain_metric] if c in asked else [state.plain_metric, state.metric]
-    plain, *others = ask_each(state, noises, c, tau, only, made)
-    at_hand = asked[c] if c in asked else others[0]
+    at_hand, plain = asked[c] if c in asked else in_both_noises(state, c, tau, only, made)
     found = at_hand, state.metric
     if plain is None or plain.evidence.log_e <= 0:  # nor do the judged rows know of it
         return found
