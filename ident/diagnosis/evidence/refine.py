@@ -37,7 +37,11 @@ def fit_sizes(m: Metric, columns: Mapping[int, np.ndarray]) -> tuple[np.ndarray,
     """Coefficients (p,) beside the model, and half the fall of the whitened sum of squares."""
     if not columns:
         return np.zeros(0), 0.0
-    left, right = beside_model(m, m.fitted, m.whiten(columns))
+    return solution(*beside_model(m, m.fitted, m.whiten(columns)))
+
+
+def solution(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, float]:
+    """The same of columns' products (p, p) beside the model, and with the residual (p,)."""
     basis = orthonormal(left)
     a = basis @ (basis.T @ right)
     return a, 0.5 * float(right @ a)
@@ -225,8 +229,7 @@ def _step(
     linear, free = len(left) - len(names), names
     while True:  # what would leave its bounds stays there, and the others go on without it
         some = [*range(linear), *(linear + names.index(name) for name in free)]
-        basis = orthonormal(left[np.ix_(some, some)])
-        step = dict(zip(free, (basis @ (basis.T @ right[some]))[linear:].tolist()))
+        step = dict(zip(free, solution(left[np.ix_(some, some)], right[some])[0][linear:].tolist()))
         out = [name for name, d in step.items() if d and at.term.theta[name] == bounds[name][d > 0]]
         if not out:
             break

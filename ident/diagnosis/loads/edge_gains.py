@@ -11,7 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from ident.diagnosis.evidence.metric import Columns, Metric, orthonormal, project
+from ident.diagnosis.evidence.metric import Columns, Metric, project
+from ident.diagnosis.evidence.refine import solution
 
 
 def gains_with_edge(
@@ -33,7 +34,7 @@ def gains_with_edge(
         cross, own, right = (
             np.concatenate([one, one + rest]) for one, rest in zip((cross, own, right), more)
         )
-    told = np.array([_gain(g - x.T @ x, h) for x, g, h in zip(cross, own, right)])
+    told = np.array([solution(g - x.T @ x, h)[1] for x, g, h in zip(cross, own, right)])
     return told[::-1] if begins else told
 
 
@@ -64,9 +65,3 @@ def _near(m: Metric, rows: np.ndarray) -> np.ndarray:
         return rows
     reach = max(len(w.covariance) for w in m.whiteners)
     return np.arange(rows[0], min(rows[-1] + reach + 1, len(m.rows.t)))
-
-
-def _gain(own: np.ndarray, right: np.ndarray) -> float:
-    basis = orthonormal(own)
-    told = basis.T @ right
-    return 0.5 * float(told @ told)

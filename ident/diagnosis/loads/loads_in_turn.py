@@ -46,30 +46,29 @@ def _told_in_turn(
 ) -> tuple[State, list[Step]]:
     """Loads of the one of some kinds that says most in the place of a group, if all rows are for them."""
     gone = {t.key for t in group}
-    trials = [its for kind in kinds if (its := _following(state, gone, kind, tau, alpha)) is not None]
-    trial, mine = max(trials, key=lambda its: _ahead(state, its[0]), default=(state, set[tuple]()))
-    if not mine or _ahead(state, trial) < 0:
+    trials = [its for kind in kinds if (its := _following(state, gone, kind, tau, alpha))[1]]
+    told = [(_ahead(state, trial), trial, mine) for trial, mine in trials]
+    ahead, trial, mine = max(told, key=lambda its: its[0], default=(-np.inf, state, gone))
+    if ahead < 0:
         return state, steps
     new = [(k, f.term, f) for k, f in enumerate(trial.found) if f.term is not None and f.term.key in mine]
     at = min(k for k, s in enumerate(steps) if s.term.key in gone)
-    told = [Step(term, evidence_of(trial.but(k), f), ()) for k, term, f in new]
+    those = [Step(term, evidence_of(trial.but(k), f), ()) for k, term, f in new]
     before, after = ([s for s in its if s.term.key not in gone] for its in (steps[:at], steps[at:]))
-    return trial, [*before, *told, *after]
+    return trial, [*before, *those, *after]
 
 
 def _following(
     state: State, gone: set[tuple], kind: Term, tau: float, alpha: float
-) -> tuple[State, set[tuple]] | None:
+) -> tuple[State, set[tuple]]:
     """The state with those of a load that hold from edge to edge of others, and their keys."""
     trial, mine = _apart(state, [k for k, f in enumerate(state.found) if f.term and f.term.key in gone], kind)
-    while True:
-        trial = _joined(_moved(trial, mine), mine)
-        held = _held(trial, mine, tau, alpha)
-        mine = mine & {t.key for t in held.terms}
-        if not mine or len(held.terms) == len(trial.terms):
-            break
-        trial = held  # what does not hold leaves its rows to the others
-    return (trial, mine) if mine else None
+    before = None
+    while mine and before != trial.terms:  # what does not hold leaves its rows to the others
+        joined = _joined(_moved(trial, mine), mine)
+        trial, before = _held(joined, mine, tau, alpha), joined.terms
+        mine = mine & {t.key for t in trial.terms}
+    return trial, mine
 
 
 def _overlapping(state: State, told: set[tuple], alike: bool) -> list[list[Term]]:

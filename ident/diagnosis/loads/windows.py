@@ -99,7 +99,7 @@ def since(state: State, place: Place) -> tuple[np.ndarray, np.ndarray]:
 
 def part_alone(state: State, effect: Effect) -> bool:
     """Whether it may act in a part of a recording alone: on the only one a load all along is the model's."""
-    return effect.transient or sum(r != "test" for r in state.rows.roles) < 2
+    return effect.transient or len(state.rows.roles) < 2
 
 
 def with_window(term: Term, start: float | None, stop: float | None) -> Term:

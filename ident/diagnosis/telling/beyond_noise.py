@@ -46,7 +46,8 @@ def beyond_noise(
         kind = last.columns.channels[c].rstrip("0123456789")
         found, own = _given(state, c, away[c])
         by_chance = scipy.special.fdtri(news * (judged & away[c]).sum(), max(news * free, 1.0), 1 - BY_CHANCE)
-        if min(found, _together(state, c, away[c]) * own) > FAR_OFF**2 * by_chance * own:
+        far_off = FAR_OFF**2 * by_chance
+        if found > far_off * own and _together(state, c, away[c]) > far_off:
             share = 100.0 * float(1.0 - own / found)
             out.append(Unexplained((joint,), kind, (), share, 0.0, None, False))
         elif noise * FORETOLD > new and _oscillates(last, state, c, fitted, judged) > tau:

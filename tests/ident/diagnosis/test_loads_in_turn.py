@@ -34,7 +34,8 @@ def force(start, stop, copy=0):
 
 def found(state, *terms):
     made = [state.scene.columns(t) for t in terms]
-    return refined_together(solved(state.plus(*(Found(t, z, np.zeros(3)) for t, z in zip(terms, made)))))
+    none = [np.zeros(next(iter(z.values())).shape[1]) for z in made]
+    return refined_together(solved(state.plus(*map(Found, terms, made, none))))
 
 
 @pytest.fixture(scope="module")
@@ -60,10 +61,7 @@ def body(start, stop, copy=0):
 
 def found_as(study, *terms):
     """A state in which these were found, and the steps that told them."""
-    made = opened(prepare_study(study)).state
-    columns = [made.scene.columns(t) for t in terms]
-    none = [np.zeros(next(iter(z.values())).shape[1]) for z in columns]
-    state = refined_together(solved(made.plus(*map(Found, terms, columns, none))))
+    state = found(opened(prepare_study(study)).state, *terms)
     return state, [Step(t, None, ()) for t in state.terms]
 
 
