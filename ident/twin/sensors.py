@@ -3,8 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
 
 Array = np.ndarray
 
@@ -48,6 +46,8 @@ def coloured_noise(shape: tuple[int, int], sensors: Sensors, rng: np.random.Gene
     )
     w = rng.normal(size=shape)
     w[1:] *= np.sqrt(1.0 - a * a)
+    from scipy.signal import lfilter  # its import takes longer than a wrong request
+
     return lfilter([1.0], [1.0, -a], w, axis=0)
 
 
@@ -63,4 +63,8 @@ def measured(true: Array, noise: Array, level: Array, sensors: Sensors) -> Array
 
 def smooth(signal: Array, dt: float, sigma_s: float) -> Array:
     """Zero-phase Gaussian of standard deviation sigma_s [s]; -3 dB at about 0.13/sigma_s Hz."""
-    return gaussian_filter1d(signal, sigma_s / dt, axis=0, mode="nearest") if sigma_s > 0.2 * dt else signal
+    if sigma_s <= 0.2 * dt:
+        return signal
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(signal, sigma_s / dt, axis=0, mode="nearest")

@@ -50,7 +50,7 @@ def test_what_is_no_column_is_refused():
     for name, effect in catalogue().items():
         if effect.kind != "column":
             with pytest.raises(generated.GeneratedError, match=f"{name} .* is no column"):
-                generated.load("kuka_lwr4p", "A", effects=(f"{name}:2",))
+                generated.load("scara", "A", effects=(f"{name}:2",))
 
 
 def test_motor_effects_are_not_in_the_sensor_model():

@@ -8,7 +8,7 @@ from tests.reliability import command_lines, fits, kills, planted, recordings, r
 from tests.reliability.explore import explore, table
 from tests.reliability.judge import Case, Hang, judged, time_limit
 
-SLICE = ((robot_files, 500), (studies, 1000), (recordings, 150), (fits, 60), (command_lines, 60))
+SLICE = ((robot_files, 250), (studies, 500), (recordings, 100), (fits, 30), (command_lines, 60))
 
 
 @pytest.mark.parametrize(("module", "inputs"), SLICE, ids=lambda x: getattr(x, "__name__", "").split(".")[-1])

@@ -138,11 +138,14 @@ def _gains(asked: Asked, order: Sequence[int]) -> bool:
 
 def _assigned(asked: Asked, mine: Sequence[int]) -> list[int]:
     """For every channel the one whose torque stands in it, by the least errors of channels fitted alone."""
-    from scipy.optimize import linear_sum_assignment  # for what is badly explained alone: a quarter of a fit
-
     sums, columns = asked.quick.identify, [asked.how.order[c] for c in mine]
     each = [alone(sums.G[c], sums.v[c][columns].T, sums.yy[c][columns]) for c in mine]
-    places = linear_sum_assignment(np.log(np.maximum(each, FLOOR)))[1]
+    costs = np.log(np.maximum(each, FLOOR))
+    if (costs.argmin(axis=1) == np.arange(len(mine))).all():
+        return list(range(len(asked.how.order)))  # each explains its own best
+    from scipy.optimize import linear_sum_assignment  # its import takes a quarter of a fit
+
+    places = linear_sum_assignment(costs)[1]
     return _placed(asked, mine, [mine[k] for k in places])
 
 

@@ -4,7 +4,6 @@ logger."""
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import lfilter
 
 from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter
 from modelgen.effects.kinds import RecordingEffect
@@ -71,7 +70,11 @@ def lagged(tau: Array, T: float, dt: float, first: float = float("nan")) -> Arra
     after = 1.0 - (T / dt) * (1.0 - a)  # weight of the new sample, of the old one: 1 - a - after
     y0 = tau[0] if np.isnan(first) else first
     drive = (1.0 - a - after) * tau[:-1] + after * tau[1:]
-    rest, _ = lfilter([1.0], [1.0, -a], drive, zi=np.array([a * y0])) if len(drive) else (drive, None)
+    if not len(drive):
+        return np.full(1, y0)
+    from scipy.signal import lfilter  # whatever else a study asks for does without
+
+    rest, _ = lfilter([1.0], [1.0, -a], drive, zi=np.array([a * y0]))
     return np.concatenate(([y0], rest))
 
 

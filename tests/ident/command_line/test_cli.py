@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from commands import here
 
 from ident.errors import FitFailedError, IdentError
 from ident.output import staged
@@ -58,7 +59,7 @@ def test_help_imports_nothing_heavy():
     ],
 )
 def test_wrong_input_is_one_sentence_and_status_2(arguments, offender, tmp_path):
-    done = ident(*arguments, cwd=tmp_path)
+    done = here(*arguments, cwd=tmp_path)
     assert done.returncode == 2
     assert offender in done.stderr
     assert done.stderr.startswith("ident: ") and done.stderr.count("\n") == 1

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import browser
 import pytest
+from commands import here
 from small_arm import ARM
 
 import ident as door
@@ -50,35 +51,41 @@ def study(tmp_path_factory):
     return write_simulation(made, folder / "twin")
 
 
-def test_fit_writes_what_the_contract_says_and_is_quiet_in_a_pipe(study, tmp_path):
-    done = ident("fit", study, "-o", tmp_path / "out")
+@pytest.fixture(scope="module")
+def fitted(study, tmp_path_factory):
+    """The folder of a fit, and what the command said."""
+    folder = tmp_path_factory.mktemp("fitted") / "out"
+    done = ident("fit", study, "-o", folder)
     assert done.returncode == 0, done.stderr
-    document = json.loads((tmp_path / "out" / "fit.json").read_text())
+    return folder, done
+
+
+def test_fit_writes_what_the_contract_says_and_is_quiet_in_a_pipe(fitted):
+    folder, done = fitted
+    document = json.loads((folder / "fit.json").read_text())
     assert {"robot", "model", "base_parameters", "essential_parameters", "parameters",
             "relative_error_percent", "tests"} <= set(document)  # fmt: skip
     assert set(document["relative_error_percent"]) == {"identify", "validate", "test"}
-    assert (tmp_path / "out" / "parameters.csv").is_file() and list(
-        (tmp_path / "out" / "plots").glob("*.svg")
-    )
-    html = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert (folder / "parameters.csv").is_file() and list((folder / "plots").glob("*.svg"))
+    html = (folder / "report.html").read_text(encoding="utf-8")
     assert "base parameters explain the torque" in html and len(html) < 8e6
     assert all(line.startswith("warning: ") for line in done.stderr.splitlines())
     assert "\x1b" not in done.stdout and done.stdout.splitlines()[0].startswith("parameter\t")
-    assert sorted(p.name for p in (tmp_path / "out").iterdir() if p.name.startswith(".")) == []
+    assert sorted(p.name for p in folder.iterdir() if p.name.startswith(".")) == []
 
 
-def test_fit_ends_by_what_is_left_and_begins_with_what_was_found(study, tmp_path):
-    done = ident("fit", study, "-o", tmp_path / "out")
+def test_fit_ends_by_what_is_left_and_begins_with_what_was_found(study, fitted):
+    folder, done = fitted
     lines = done.stdout.splitlines()
     assert lines[-2].startswith("What is left: ") and "ident diagnose looks for" in lines[-2]
-    assert lines[-1] == f"wrote {tmp_path / 'out' / 'report.html'}; next: ident diagnose {study} -o RESULTS"
-    assert next(iter(json.loads((tmp_path / "out" / "fit.json").read_text()))) == "checks"
+    assert lines[-1] == f"wrote {folder / 'report.html'}; next: ident diagnose {study} -o RESULTS"
+    assert next(iter(json.loads((folder / "fit.json").read_text()))) == "checks"
 
 
 def test_simulate_takes_duration_rate_and_noise_and_no_folder_of_somebody_else(study, tmp_path):
     robot = study.parent / "small.yaml"
     options = ["--duration", 6, "--rate", 100, "--noise", 0, "--seed", 3, "-o", tmp_path / "twin"]
-    done = ident("simulate", robot, *options)
+    done = here("simulate", robot, *options)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[1].split("\t") == ["run1.parquet", "identify", "", "6", "601"]
     before = {p.name: p.read_bytes() for p in (tmp_path / "twin").iterdir()}
@@ -86,12 +93,12 @@ def test_simulate_takes_duration_rate_and_noise_and_no_folder_of_somebody_else(s
     assert {p.name: p.read_bytes() for p in (tmp_path / "twin").iterdir()} == before
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "run1.parquet").write_text("an hour of recording")
-    done = ident("simulate", robot, *options[:-1], tmp_path / "mine")
+    done = here("simulate", robot, *options[:-1], tmp_path / "mine")
     assert done.returncode == 2 and "run1.parquet, which was not written" in done.stderr
-    done = ident("simulate", robot, *options[:-1], robot.parent, "--overwrite")
+    done = here("simulate", robot, *options[:-1], robot.parent, "--overwrite")
     assert done.returncode == 2 and "small.yaml is an input of this command" in done.stderr
     assert robot.read_text() == ARM
-    done = ident("simulate", robot, "-o", tmp_path / "x", "--rate", 1)
+    done = here("simulate", robot, "-o", tmp_path / "x", "--rate", 1)
     assert done.returncode == 2 and "rate_hz is 1; give 20 to 20000 Hz" in done.stderr
 
 
@@ -100,7 +107,7 @@ def test_an_effect_of_the_user_s_own_is_hidden_in_a_twin(tmp_path):
     (tmp_path / "own" / "wind.py").write_text(WIND)
     few = ["--duration", "5", "--rate", "100", "-o", "twin"]
     arguments = ["simulate", "scara", "--effect", "wind:1", *few]
-    assert "no effect is called 'wind'" in ident(*arguments, cwd=tmp_path).stderr
+    assert "no effect is called 'wind'" in here(*arguments, cwd=tmp_path).stderr
     done = ident(*arguments, "--effects-folder", "own", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     (hidden,) = json.loads((tmp_path / "twin" / "truth.json").read_text())["effects"]
@@ -109,13 +116,11 @@ def test_an_effect_of_the_user_s_own_is_hidden_in_a_twin(tmp_path):
 
 def test_robot_writes_a_robot_file_once(study, tmp_path):
     robot = study.parent / "small.yaml"
-    done = ident("robot", robot, "-o", tmp_path / "again.yaml")
+    done = here("robot", robot, "-o", tmp_path / "again.yaml")
     assert done.returncode == 0, done.stderr
-    assert (
-        ident("simulate", tmp_path / "again.yaml", "--duration", 5, "-o", tmp_path / "twin").returncode == 0
-    )
+    assert here("simulate", tmp_path / "again.yaml", "--duration", 5, "-o", tmp_path / "twin").returncode == 0
     for target in (tmp_path / "again.yaml", robot):
-        done = ident("robot", robot, "-o", target)
+        done = here("robot", robot, "-o", target)
         assert done.returncode == 2 and done.stderr.count("\n") == 1
     assert robot.read_text() == ARM
 
@@ -142,11 +147,12 @@ posix = pytest.mark.skipif(os.name == "nt", reason="limits of POSIX")
 @pytest.mark.first_case
 @posix
 @pytest.mark.parametrize("command", ["fit", "simulate"])
-def test_a_full_disk_is_one_sentence_and_the_old_result_stays(study, tmp_path, command):
+def test_a_full_disk_is_one_sentence_and_the_old_result_stays(study, fitted, command):
+    folder = fitted[0] if command == "fit" else fitted[0].parent / "twin"
     robot = [study.parent / "small.yaml", "--duration", 20] if command == "simulate" else [study]
-    arguments = [command, *robot, "-o", tmp_path / "out"]
-    assert ident(*arguments).returncode == 0
-    the_disk_is_full(arguments, tmp_path / "out")
+    arguments = [command, *robot, "-o", folder]
+    assert command == "fit" or ident(*arguments).returncode == 0
+    the_disk_is_full(arguments, folder)
 
 
 def test_fit_of_several_models_compares_them(study, tmp_path):
@@ -155,7 +161,7 @@ def test_fit_of_several_models_compares_them(study, tmp_path):
     assert (tmp_path / "A" / "fit.json").is_file() and (tmp_path / "B" / "report.html").is_file()
     assert "Comparison of models" in (tmp_path / "report.html").read_text(encoding="utf-8")
     assert (tmp_path / "comparison.csv").read_text().startswith("parameter,A value,A % std,B value")
-    wrong = ident("fit", study, "--models", "A,E", "-o", tmp_path / "wrong")
+    wrong = here("fit", study, "--models", "A,E", "-o", tmp_path / "wrong")
     assert wrong.returncode == 2 and "E" in wrong.stderr and not (tmp_path / "wrong").exists()
 
 
@@ -234,10 +240,9 @@ def test_the_extended_study_repeats_the_diagnosis(diagnosed):
 
 
 @pytest.mark.skipif(browser.chromium() is None, reason="no chromium on this machine")
-def test_reports_of_real_results_open_without_a_complaint(study, diagnosed, tmp_path):
-    assert ident("fit", study, "-o", tmp_path).returncode == 0
+def test_reports_of_real_results_open_without_a_complaint(fitted, diagnosed):
     with browser.browser_page() as tab:
-        for folder, plots in ((tmp_path, 7), (diagnosed[0], 1)):  # 6 channels and a histogram; one finding
+        for folder, plots in ((fitted[0], 7), (diagnosed[0], 1)):  # 6 channels and a histogram; one finding
             tab.open(folder / "report.html")
             assert tab.problems == []
             assert tab.evaluate("document.querySelectorAll('.canvas[data-drawn]').length") >= plots
@@ -272,7 +277,7 @@ def test_a_recording_that_is_missing_is_named(study, tmp_path):
     broken = study.parent / "broken.yaml"
     broken.write_text(text)
     for command in ("fit", "diagnose"):
-        done = ident(command, broken, "-o", tmp_path / "out")
+        done = here(command, broken, "-o", tmp_path / "out")
         assert done.returncode == 2 and "sunday.parquet" in done.stderr and done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
     assert Path(study).is_file()

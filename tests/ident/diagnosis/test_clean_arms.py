@@ -25,7 +25,7 @@ LONG = pytest.mark.long
         # the start after a rest: a force, by 3080 nats
         pytest.param(556, marks=LONG),
         # a hum that its samples see as a constant, another in each run: a force on all of one
-        698,
+        pytest.param(698, marks=LONG),
     ],
 )
 def test_nothing_is_told(tmp_path, seed):

@@ -44,6 +44,7 @@ def pushed_twice(arm):
     return opened(prepare_study(arm(*(f"external_force:{its},recording=run1" for its in forces)))).state
 
 
+@pytest.mark.long
 def test_three_that_overlap_are_two_in_turn(pushed_twice):
     state = found(pushed_twice, force(3.0, 10.3), force(5.5, 7.3, 1), force(3.0, 5.5, 2))
     steps = [Step(t, None, ()) for t in state.terms]

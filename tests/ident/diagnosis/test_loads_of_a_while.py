@@ -57,6 +57,7 @@ def test_a_contact(arm):
     assert event.evidence.log_e > threshold(ALPHA)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("begin", [0.0, 0.6])
 def test_what_is_there_all_along_a_run_is_no_contact(arm, begin):
     """A force of which the body that is searched on whole runs is no part: windows that gain by every step
@@ -91,6 +92,7 @@ def test_two_contacts_in_one_run(arm):
     assert np.allclose(ends, [(2, 5), (8, 11)], atol=0.2)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("window", [(7.53, 10.02), (3.27, 4.61)])
 def test_the_edges_of_a_contact_beside_another_one(arm, window):
     """In the noise of a model without both the larger one closed 0.1 s late, and said 350 nats for 1191; the
@@ -124,6 +126,7 @@ def loaded(begun, name, sizes, start=None, stop=None, link=None):
     return replace(state, rows=replace(state.rows, Y=Y)), Found(term, columns, np.array(sizes))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("start", [1.7, 12.0])
 def test_a_body_near_the_beginning_or_the_end_of_a_run(clean_arm, start):
     """A second and a half beside it are enough: of runs of three seconds there is no more."""

@@ -25,6 +25,7 @@ def rows_of(x, lost, rng):
     return block(t[kept], x(t)[kept] if callable(x) else x[kept], np.zeros((len(kept), 0)))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("corner_hz", [0.03, 0.3, 2.0])
 @pytest.mark.parametrize("lost", [0.0, 0.2])
 def test_slow_noise_forgets(corner_hz, lost):
@@ -34,6 +35,7 @@ def test_slow_noise_forgets(corner_hz, lost):
         assert oscillation_says(HOP, six[:3], six[3:]) < 3.0
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("lost", [0.0, 0.2])
 def test_a_slosh_is_said_of_runs_that_it_was_not_learned_on(lost):
     """Its frequency wanders; of runs that are without it, it is not said."""

@@ -70,6 +70,7 @@ def test_torques_of_any_size_are_as_columns_of_the_model(tmp_path):
         assert other.free == pytest.approx(one.free, abs=0.05)
 
 
+@pytest.mark.long
 def test_turns_by_the_thousand_cost_no_gigabytes():
     """Of an AIRBOT in coarse steps, whose joints turn at every one where they stand: four, and minutes."""
     rng = np.random.default_rng(2)

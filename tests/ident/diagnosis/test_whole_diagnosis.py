@@ -150,6 +150,7 @@ def test_two_laws_of_one_signal_are_told_together(arm, joint, laws):
     assert told == sorted((law.split(":")[0], (joint,)) for law in laws)
 
 
+@pytest.mark.long
 def test_a_torque_with_the_other_sign_is_said_first(arm):
     def turned(columns):
         columns["tau_m2"] = -columns["tau_m2"]

@@ -83,6 +83,7 @@ def test_feedback_biases_least_squares_not_instruments_and_the_fit_says_so(arm):
         assert np.abs(away(fit, truth)).max() < 4 and np.mean(np.abs(away(fit, truth)) < 1.96) > 0.75
 
 
+@pytest.mark.long
 def test_without_noise_of_positions_nothing_is_said_and_all_agree(arm):
     folder, _ = arm
     plain, _ = fitted(folder, "quiet", "wls", **LOOP)

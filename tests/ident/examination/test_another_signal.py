@@ -105,6 +105,7 @@ def test_a_quarter_turn_in_one_run_is_told_and_a_load_is_none(tmp_path, request_
     assert said(checks) == ([("position_zero", ("q2",), "run1")] if zero else [])
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("names", "check"), [(("tau_m2",), "torque_sign"), (("q2",), "position_sign")])
 def test_one_signal_turned_in_the_only_fitted_run_which_is_explained_all_the_same(tmp_path, names, check):
     """A fit takes it up, and predicts the run that judges worse than nothing would."""
@@ -121,6 +122,7 @@ def test_one_signal_turned_in_the_only_fitted_run_which_is_explained_all_the_sam
     assert "do not tell" not in found[0].message
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("turned", ["run1", "run2"])
 def test_all_torques_turned_in_one_of_two_runs_of_which_friction_tells_which(tmp_path, turned):
     """They were late in all of a Barrett's, or two of each turned."""
@@ -219,6 +221,7 @@ def test_of_a_measured_robot_one_torque_scaled_in_the_run_that_is_fitted(tmp_pat
     assert scaled[signal].scale == pytest.approx(1 / factor, rel=0.02) and not other
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("changed", "check", "names"),
     [
@@ -283,6 +286,7 @@ def test_a_position_that_one_recording_lacks_is_no_other_one(tmp_path):
     assert "swapped" not in told.message and told.message.count("not recorded") == 1
 
 
+@pytest.mark.long
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_torque_zeroed_at_the_start_of_each_run_is_not_without_gravity(tmp_path):

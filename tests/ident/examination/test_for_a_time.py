@@ -22,6 +22,7 @@ def _pushed(c):
     return c
 
 
+@pytest.mark.long
 def test_a_robot_that_is_pushed_for_a_while(tmp_path):
     """Of a UR10e's torques 17 % were left for 5, and nothing was said."""
     fitted, judged = ur10e().recordings

@@ -39,6 +39,7 @@ def _simulated(robot, seconds, zero):
     return [ident.Recording(pa.table(c | {"q2": c["q2"] + zero}), its.use, name=its.label) for its, c in runs]
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("zero", [0.0, 0.3])
 def test_gravity_of_a_simulated_arm_is_where_it_is_said_to_be(zero):
     told = _told(ident.Study(robot="ur10e", recordings=_simulated("ur10e", 20.0, zero)), (9.0, 0.0, 3.9))

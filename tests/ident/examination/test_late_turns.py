@@ -46,6 +46,7 @@ def said(folder, top, late):
     return {c.check: c for c in examine_fit(prepare_study(study))}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("top", [0.005, 0.01, 0.02])
 def test_presliding_is_no_delay(tmp_path, top):
     assert "channel_delay" not in said(tmp_path, top, 0)

@@ -24,6 +24,7 @@ def test_a_length_that_is_too_large(tmp_path):
     assert told.check.message.startswith("the robot file's link 2: r is about 0.3 m too large: ")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ["ur10e", "kuka_kr300", "barrett_wam_2dof", "kuka_lwr4plus", "airbot_play"])
 def test_robots_as_they_are_have_the_lengths_of_their_files(robot):
     assert not _said(measured(robot))

@@ -54,6 +54,7 @@ def test_a_torque_turned_beside_another_joint_s_position(tmp_path):
     assert {(c.check, c.signals) for c in checks} == {("torque_sign", ("i2",)), ("position_sign", ("q3",))}
 
 
+@pytest.mark.first_case
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(

@@ -26,6 +26,7 @@ def test_of_a_measured_robot(tmp_path, robot, j, degrees, at):
     assert size == pytest.approx(np.deg2rad(degrees), rel=0.3)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("robot", ["ur10e", "kuka_kr300", "barrett_wam_2dof", "kuka_lwr4plus", "airbot_play"])
 def test_robots_as_they_are_start_from_none(robot):
     assert not list(other_zeros(asked_of(measured(robot))))

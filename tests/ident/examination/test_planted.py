@@ -103,6 +103,7 @@ def test_two_torques_with_the_other_sign(tmp_path):
     assert check.check == "torque_sign" and set(check.signals) == {"i2", "i4"}
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(("factor", "signals"), [(1e3, {"tau_m2"}), (5.0, {"tau_m2", "tau_m1"})])
 def test_of_two_torques_either_may_be_scaled(tmp_path, factor, signals):
     study = planted(tmp_path, changed("tau_m2", lambda x: x * factor), measured("barrett_wam_2dof"))
@@ -557,6 +558,7 @@ def test_two_signals_in_each_others_place(tmp_path, kind):
     assert mended is not None and examine_fit(prepare_study(mended)) == ()
 
 
+@pytest.mark.long
 def test_a_torque_that_is_another_signal(tmp_path):
     noise = np.convolve(np.random.default_rng(0).normal(size=10020), np.ones(20) / 20, "valid")
     checks = examine_fit(prepare_study(planted(tmp_path, changed("i4", lambda x: noise[: len(x)]))))

@@ -15,6 +15,7 @@ from ident.twin import PlannedRun, simulate
 PLAN = (PlannedRun("run1", "identify", 20.0), PlannedRun("run2", "validate", 20.0))
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("copied", [True, False])
 def test_what_judges_is_a_copy_of_what_is_fitted(tmp_path, copied):
     """With another zero of its time; run2 itself is as long and of the same motions' kind."""

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from ident.examination.fits.samples import _cubics
 from ident.examination.tables.clock import time_unit
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.mending import Mender
@@ -190,3 +191,13 @@ def test_sizes_of_signals_are_told_in_the_unit_they_are_read_in():
     assert told == ["4.24 rad", "4.24 m", "4.24 N m", "4.24 N", "4.24 N"]
     own = replace(columns, own_units=True)  # currents whose gains are not known
     assert [own.sized(k, 4.2419) for k in (2, 4)] == ["4.24", "4.24 N"]
+
+
+@pytest.mark.parametrize("width", [7, 21, 199])
+def test_cubics_are_those_of_scipy(width):
+    from scipy.signal import savgol_filter
+
+    x = np.random.default_rng(width).standard_normal(200).cumsum()
+    for order, its in enumerate(_cubics(x, width, 0.01)):
+        theirs = savgol_filter(x, width, 3, order, 0.01)
+        assert its == pytest.approx(theirs, abs=1e-11 * abs(theirs).max())

@@ -68,6 +68,7 @@ def test_gradients_are_those_of_differences(arm, name):
     assert found.ravel() @ way.ravel() == pytest.approx(differences, rel=1e-4)  # of differences of 1e-6
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     ("texts", "near"),
     [
@@ -141,6 +142,7 @@ def small(tmp_path_factory):
     )
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("law", ["load_dependent_viscous_friction", "quadrant_friction"])
 @pytest.mark.parametrize("iam, own", [(0.0124, 0.0), (0.05, 0.3)])
 def test_a_shape_is_found_in_a_range_as_wide_as_none(small, law, iam, own):

@@ -137,6 +137,7 @@ def stage(request, tmp_path_factory):
     return Stage(tmp_path_factory.mktemp("arm"), *request.param)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("true", [0, 1])
 def test_the_seconds_told_beside_earlier_recordings_decide_whichever_is_true(stage, true):
     right, tried, seconds = share_right(stage, true, True, 0)

@@ -201,6 +201,7 @@ def test_swapped_positions_are_suspected(tmp_path, good):
     assert any("3 and 5" in warning and "swapped" in warning for warning in result.warnings)
 
 
+@pytest.mark.long
 def test_reversed_sign_is_suspected(tmp_path, good, examined):
     result = fit(tmp_path, changed(good, "tau_m2", -good["tau_m2"]))
     assert any("joint 2" in warning and "sign" in warning for warning in result.warnings)

@@ -22,6 +22,7 @@ from modelgen.effects.effect import Layout
 E = effect("kinematic_error")
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("wavenumber", [1.0, 2.0, 60.0])
 def test_columns_are_the_torque_of_the_displaced_link(wavenumber):
     model = arm_model(("motor", "sensor"), dry=False)

@@ -83,7 +83,7 @@ def test_real_urdfs_move_as_in_pinocchio(path, capfd):
     check_torque(exact.robot, PinocchioUrdf(text, robot.joint_names))
 
 
-@pytest.mark.parametrize("part", range(8))
+@pytest.mark.parametrize("part", [k if k < 4 else pytest.param(k, marks=pytest.mark.long) for k in range(8)])
 def test_two_hundred_random_trees(part):
     for seed in range(25 * part, 25 * part + 25):
         text = random_urdf(random.Random(seed))
