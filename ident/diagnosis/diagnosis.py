@@ -58,8 +58,8 @@ from ident.recordings.study import Study
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """first, last: the study's fit and the extended study's. Report and document read this and compute
-    nothing."""
+    """first, last: the study's fit and the extended study's; undone: the first without the faults that
+    checks undid, where there were any. Report and document read this and compute nothing."""
 
     study: Study
     first: FitResult
@@ -79,6 +79,7 @@ class Diagnosis:
     unsettled: tuple[Check, ...] = ()  # faults that nothing undid: all else is told with them in it
     assumed: tuple[Check, ...] = ()  # of several causes the first, undone: all else is told with that
     unanswered: tuple[Check, ...] = ()  # what was found explains less than half of these
+    undone: FitResult | None = None
 
     @property
     def robot(self) -> str:
@@ -160,6 +161,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         standing,
         taken,
         doubts,
+        None if its.base is its.before else its.base,
     )
 
 

@@ -19,7 +19,7 @@ PLACE = {"source_joint": "", "recording": "", "from": "s", "to": "s", "link": ""
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
     """Plain values, findings strongest first, what was found in the data before them."""
-    before, after = diagnosis.first, diagnosis.last
+    before, after, undone = diagnosis.first, diagnosis.last, diagnosis.undone
     document: dict[str, Any] = {
         "checks": [check.document() for check in diagnosis.checks],
         "unsettled": [
@@ -42,6 +42,11 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "error_percent_by_recording": {
             "before": before.errors.full_rate.by_recording(),
             "after": after.errors.full_rate.by_recording(),
+        },
+        "faults_undone": undone
+        and {
+            "error_percent": undone.full_rate_error,
+            "error_percent_by_recording": undone.errors.full_rate.by_recording(),
         },
         "noise_floor_percent": dict(diagnosis.noise_floor_percent),
         "white_noise_percent": dict(diagnosis.white_noise_percent),

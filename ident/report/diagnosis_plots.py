@@ -7,7 +7,7 @@ from typing import Any
 from ident.diagnosis import Diagnosis
 from ident.report.diagnosis_report import View, binned_median
 from ident.report.diagnosis_result import views_of
-from ident.report.finding_words import effect_name, held_out, place
+from ident.report.finding_words import effect_name, errors_about, held_out, place
 from ident.report.wording import percent, readable_unit
 
 BEFORE, AFTER = "#d9822b", "#1f6fc4"
@@ -36,7 +36,7 @@ def residual(view: View, document: Mapping[str, Any], item: Mapping[str, Any], f
     shown = [("before", view.before, BEFORE)]
     shown += [("after", view.before - view.effect, AFTER)] if view.has_effect else []
     axes = figure.subplots(1, len(shown), sharey=True, squeeze=False)[0]
-    errors, role = document["error_percent"], held_out(document)
+    errors, role = dict(zip(("before", "after"), errors_about(document, item))), held_out(document)
     for ax, (when, values, colour) in zip(axes, shown, strict=True):
         ax.plot(view.x, values, ".", color=colour, ms=2.5, alpha=0.6, rasterized=True)
         if when == "before" and view.has_effect:

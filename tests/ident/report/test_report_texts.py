@@ -213,6 +213,18 @@ def test_a_finding_says_where_how_sure_and_what_else_it_may_be():
     )
 
 
+def test_what_undoing_a_fault_gains_is_no_gain_of_an_effect():
+    """Two currents of a UR10e were exchanged in one run: a friction was told to take 39 % to 8."""
+    undone = {"identify": {"total": 3.0, "tau_m4": 3.1}, "test": {"total": 2.4, "tau_m4": 2.5}}
+    document = DIAGNOSIS | {"faults_undone": {"error_percent": undone}}
+    effect = DIAGNOSIS["findings"][0]
+    fault = {"effect": "torque_sign", "joints": [4], "channel": "tau_m", "parameters": {},
+             "evidence": {"log_e": None}}  # fmt: skip
+    told = [finding_sentence(document, its).replace("\u00a0", " ") for its in (effect, fault)]
+    assert "error of tau_m4 on test runs 2.5 % → 2.4 %" in told[0]
+    assert "error of tau_m4 on test runs 6.2 % → 2.5 %" in told[1]
+
+
 @pytest.mark.parametrize(
     ("seconds", "recorded", "told"),
     [
