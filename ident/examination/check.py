@@ -32,6 +32,7 @@ _GRAVEST = (
 
 FEW = 2  # causes that are told beside one: of more none is
 SAID = 6  # of them that are listed
+OWN_ENTRY = "under this recording's own entry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,9 +104,13 @@ def refuse(file: str, checks: Iterable[Check]) -> None:
         raise RecordingError(file, f"{ranked[0].message.rstrip('.')}; {ranked[0].remedy}", ranked)
 
 
-def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]]) -> str:
+def column_line(
+    maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]], beside: bool = False
+) -> str:
     """The study's `columns:` line with some keys of some signals changed; scales and signs multiply those
-    there are, offsets are added. `of`: the signal whose column is read for this one."""
+    there are, offsets are added. `of`: the signal whose column is read for this one. beside: it is seen in
+    one recording beside others. (Of a UR10e whose sixth position has another unit in its last run the line
+    was to be written for all.)"""
     parts = []
     for signal, change in changes.items():
         source = change.get("of", signal)
@@ -124,7 +129,8 @@ def column_line(maps: Mapping[str, Any], changes: Mapping[str, Mapping[str, Any]
             values["offset"] = float(values.get("offset", 0.0) + change["offset"])
         text = ", ".join(f"{k}: {v:.6g}" if isinstance(v, float) else f"{k}: {v}" for k, v in values.items())
         parts.append(f"{signal}: {values['column'] if list(values) == ['column'] else f'{{{text}}}'}")
-    return f"columns: {{{', '.join(parts)}}}"
+    own = f" ({OWN_ENTRY} where the others are right)" if beside else ""
+    return f"columns: {{{', '.join(parts)}}}{own}"
 
 
 def listed(items: Iterable[object]) -> str:

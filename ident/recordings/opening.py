@@ -184,6 +184,7 @@ def open_recording(
         np.array([str(joint) in prismatic for joint in need.joints]),
         study_checks.within_rates(study, rate_hz).filter.position_cutoff_hz,
         study.drive_gains == "identify",
+        len(study.recordings) > 1,
     )
     survey = seen.survey
     rows = survey.rows + len(survey.mending.dropped)  # all that were read: what was lost is a share of them

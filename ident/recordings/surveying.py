@@ -182,7 +182,7 @@ def _timed(stream: RecordingStream, study: Study) -> Iterator[tuple[np.ndarray, 
         if (steps > 0).any():
             own = [e.columns for e in study.recordings if e.label == stream.label]  # none: a log to predict
             maps = {**study.columns, **(own[0] if own else {})}
-            check = time_unit(stream.label, _step(steps), maps)
+            check = time_unit(stream.label, _step(steps), maps, len(study.recordings) > 1)
             refuse(stream.file, [check] if check else [])
     yield from raw_blocks(stream)
 

@@ -29,8 +29,8 @@ ELSEWHERE = 0.02  # rad or m, that a joint would have gone in the gap
 BURSTS = 0.05  # share of rows that share a stamp, or follow closer than a third of the mean
 
 
-def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | None:
-    """From the median step of the stamps as they stand; `maps`: the study's columns."""
+def time_unit(recording: str, step: float, maps: Mapping[str, Any], beside: bool = False) -> Check | None:
+    """From the median step of the stamps as they stand; `maps`: the study's columns; beside: others."""
     found = None
     if step >= SLOWEST:
         found = next(((name, scale) for name, scale, most in UNITS if step <= most), UNITS[-1][:2])
@@ -46,7 +46,7 @@ def time_unit(recording: str, step: float, maps: Mapping[str, Any]) -> Check | N
         ("t",),
         f"the samples are {step:g} apart in t, {1 / step:.3g} a second if that were s; "
         f"t looks recorded in {name}",
-        "write " + column_line(maps, {"t": {"scale": scale}})
+        "write " + column_line(maps, {"t": {"scale": scale}}, beside)
         if scale != 1
         else "give its scale to seconds, columns: {t: {column: t, scale: ...}}, or leave t out for rate_hz:",
         outcome="refused",

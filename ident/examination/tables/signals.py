@@ -44,6 +44,7 @@ class Columns:
     prismatic: np.ndarray  # (n,) bool
     cutoff_hz: float = 10.0  # of the filter that positions go through
     own_units: bool = False  # whether motor signals stay in a unit of their own, as currents without gains do
+    beside: bool = False  # whether the study has other recordings
 
     @property
     def n(self) -> int:
@@ -55,6 +56,10 @@ class Columns:
         unit = (("rad", "m") if position else ("N m", "N"))[slides]
         own = self.own_units and not position and not self.signals[k].startswith("tau_l")
         return f"{x:.{digits}g}" + ("" if own else f" {unit}")
+
+    def line(self, changes: Mapping[str, Mapping[str, Any]]) -> str:
+        """The `columns:` line with these changes."""
+        return column_line(self.maps, changes, self.beside)
 
     def without(self, dead: Sequence[str]) -> str:
         """The `channels:` line that leaves torques out."""
@@ -457,7 +462,7 @@ def units(
             f"{names[0]} reaches {reach[far[0]]:.4g}, more than two turns in rad, it looks like degrees or "
             f"the motor's side of the gear (joints {listed(columns.labels[k] for k in far)})",
             "if degrees, write "
-            + column_line(columns.maps, {name: {"scale": 0.0174533} for name in names})
+            + columns.line({name: {"scale": 0.0174533} for name in names})
             + "; if the motor's side, the same with scale: 1/ratio of the gear (100: 0.01)",
             hint=True,
             open=len(far) > 1 and not others,
@@ -481,7 +486,7 @@ def _too_large(columns: Columns, reach: np.ndarray) -> Iterator[Check]:
         whole = 2 * len(beside) >= len(others)
         milli = "mA" if kind == "i" else "N mm"
         names, every = ([columns.signals[k] for k in ks] for ks in (large, side))
-        lines = [column_line(columns.maps, {m: {"scale": 0.001} for m in ms}) for ms in (names, every)]
+        lines = [columns.line({m: {"scale": 0.001} for m in ms}) for ms in (names, every)]
         remedy = f"if {milli}, write {lines[whole]}"
         if beside and not whole:
             remedy += f" where these alone are, {lines[1]} where all are"

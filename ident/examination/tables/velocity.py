@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ident.examination.check import Check, column_line, listed
+from ident.examination.check import Check, listed
 from ident.examination.tables.signals import Columns
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _judged(
         factor = float(np.median([alike[j] for j in slight]))
         spread = float(np.ptp([alike[j] for j in slight]))
         one = len(slight) == len(alike) > 1 and spread < 0.2 * abs(factor - 1)
-        clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.4g}")}})
+        clock = columns.line({"t": {"scale": float(f"{1 / factor:.4g}")}})
         yield Check(
             "clock_rate",
             tuple(f"dq{j}" for j in slight),
@@ -195,7 +195,7 @@ def _degrees(columns: Columns, found: dict[str, float], whole: bool) -> Iterator
             "angle_unit" if signal == "q" else "clock_rate",
             ("t", *(f"dq{j}" for j in its)) if signal == "dq" else tuple(scales),
             f"{subject} {verb} {factor:.4g} times the derivative of {of}: {which} {verb} in degrees",
-            f"write {column_line(columns.maps, scales)}",
+            f"write {columns.line(scales)}",
             outcome="refused",
             recording=columns.recording,
         )
@@ -214,7 +214,7 @@ def _another_rate(
     values = np.array(list(wrong.values()))
     factor = float(np.median(values))
     names = tuple(f"dq{j}" for j in wrong)
-    repair = column_line(columns.maps, {f"dq{j}": {"scale": float(f"{1 / s:.6g}")} for j, s in wrong.items()})
+    repair = columns.line({f"dq{j}": {"scale": float(f"{1 / s:.6g}")} for j, s in wrong.items()})
     if factor < 0 or not (together and np.ptp(values) < 0.1 * abs(factor)):
         text = ", ".join(f"{s:.4g}" for s in values)
         why = "another sign" if factor < 0 else "another unit, or the motor's side of the gear"
@@ -229,7 +229,7 @@ def _another_rate(
             f"{max(factor, 1 / factor):.3g} times too {'slow' if factor < 1 else 'fast'}, or the "
             f"velocities have another unit{unit and f': they look {unit}'}"
         )
-        clock = column_line(columns.maps, {"t": {"scale": float(f"{1 / factor:.6g}")}})
+        clock = columns.line({"t": {"scale": float(f"{1 / factor:.6g}")}})
         remedy = f"write {clock} where t is wrong, {repair} where the velocities are"
     return Check("clock_rate", ("t", *names), message, remedy, outcome="refused", recording=columns.recording)
 

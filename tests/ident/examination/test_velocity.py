@@ -60,6 +60,21 @@ def test_the_side_that_is_in_degrees_is_told_and_its_line(tmp_path, names, check
     assert "57.3" not in text.split("write ")[1]
 
 
+@pytest.mark.parametrize("last", [False, True])
+def test_what_one_recording_shows_is_to_be_changed_there_where_the_others_are_right(tmp_path, last):
+    """Of a Franka whose first velocity had the other sign in its third run all were to be turned."""
+    columns, _ = recording()
+    columns |= {"dq1": np.gradient(columns["q1"], columns["t"])}
+    write_parquet(tmp_path / "right.parquet", columns)
+    write_parquet(tmp_path / "other.parquet", columns | {"dq1": -columns["dq1"]})
+    files = ["right.parquet", "other.parquet"] if last else ["other.parquet"]
+    study = load_study(write_study(tmp_path, [{"file": name} for name in files]))
+    with pytest.raises(RecordingError) as caught:
+        prepare_study(study)
+    assert "columns: {dq1: {scale: -1" in str(caught.value)
+    assert ("under this recording's own entry where the others are right" in str(caught.value)) == last
+
+
 def test_degrees_and_a_gear_are_told_apart(tmp_path):
     text, checks = _refused(tmp_path, lambda c: _degrees("q3")(c) | {"dq5": 100 * c["dq5"]})
     assert checks == {"angle_unit", "clock_rate"} and "dq5" in text
