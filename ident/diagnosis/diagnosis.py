@@ -27,6 +27,7 @@ from ident.diagnosis.telling.beside_checks import (
     beside_faults,
     in_doubt,
     not_found,
+    of_fitted,
     told_by_checks,
     told_once,
     unanswered,
@@ -137,7 +138,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     fitted = [entry.label for entry in study.recordings if entry.use == "identify"]
     found = beside_doubts(beside_faults(found, (*standing, *taken)), doubts, fitted)
     findings = told_once(told_by_checks(study, its.mended, its.checks), in_doubt(found, its.checks))
-    unexplained = _unexplained(its.checks, traced, findings, standing, doubts)
+    unexplained = _unexplained(its.checks, traced, findings, standing, doubts, fitted)
     white = white_at_most(last, outcome.last) | white_noise(last)
     in_part = tuple(f for f in findings if f.grade == PARTLY)
     floor = noise_floor(last, outcome, (*in_part, *unexplained), white)
@@ -171,14 +172,19 @@ def _unexplained(
     findings: Sequence[Finding],
     standing: Sequence[Check],
     doubts: Sequence[Check],
+    fitted: Sequence[str],
 ) -> tuple[Unexplained, ...]:
-    """What is found to be there and has no name, beside what is told, but for signals in doubt."""
+    """What is found to be there and has no name, beside what is told, but for signals in doubt. What no more
+    than stands out beside a fault, or torques in doubt of a run that is fitted, may be its shadow: the
+    parameters of all torques answer to it. (Of a rokae whose fifth torque was turned in the fitted run it was
+    said that something happened to the fourth for half a second.)"""
     outcome, last = traced.outcome, traced.last
     out = tuple(unexplained_of(u, outcome) for u in outcome.unnamed)
     out += not_told(outcome, traced.refused)
     told = {j for f in findings for j in f.joints} | {j for u in out for j in u.joints}
     out += tuple(u for u in traced.no_better if not told.intersection(u.joints))
-    out += beyond_noise(last, as_told(outcome, last), findings, out, outcome.tau)
+    if not standing and not of_fitted(doubts, fitted):
+        out += beyond_noise(last, as_told(outcome, last), findings, out, outcome.tau)
     standing = (*standing, *(check for check in checks if check.hint))
     return tuple(u for u in out if not _doubted(u, standing if _of_signals(u) else (*standing, *doubts)))
 

@@ -37,8 +37,8 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
         return (
             f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves on the fitted "
             f"{sides} is of {item['recording']} from {number(item['from'], 3)} to {number(item['to'], 3)} s "
-            "alone, and no load or contact of the catalogue explains it: something happened there; look at "
-            "that stretch, or leave it out."
+            "alone, and no load or contact of the catalogue explains it: something happened there, or it "
+            "alone shows what the model lacks; look at that stretch."
         )
     if item.get("oscillates"):
         return (

@@ -83,12 +83,17 @@ def beside_doubts(
     them. (Of a Franka whose fourth torque is 0.7 times as large late in the fitted run its seventh joint had
     hysteresis, which was kept away where the fourth is as it was.)"""
     in_doubt = {_read(name) for check in doubts for name in check.signals}
-    fit_in_doubt = not {"", *fitted}.isdisjoint(check.recording for check in doubts)
+    fit_in_doubt = of_fitted(doubts, fitted)
 
     def shaken(f: Finding) -> bool:
         return fit_in_doubt or (bool(in_doubt) and (not f.joints or bool(in_doubt & _signals_of(f))))
 
     return tuple(replace(f, grade=PARTLY) if shaken(f) else f for f in findings)
+
+
+def of_fitted(doubts: Iterable[Check], fitted: Iterable[str]) -> bool:
+    """Whether checks are of a run that is fitted, or of all."""
+    return not {"", *fitted}.isdisjoint(check.recording for check in doubts)
 
 
 def not_found(checks: Sequence[Check], findings: Sequence[Finding]) -> tuple[Check, ...]:

@@ -1,5 +1,5 @@
 """A stretch of a recording in which a channel of which nothing was said is wrong by far more than in the rest
-of it, smoothly: something happened there.
+of it, smoothly: something happened there, or it alone shows what the model lacks.
 
 Its error there is `FAR_OFF` times that of the usual block. That is no slow noise: whitened by the noise of
 all other rows it is louder than chance makes the loudest stretch. Nor is it noise that is loud for a while,

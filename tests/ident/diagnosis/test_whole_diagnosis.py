@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import yaml
 
 from benchmarks.planted_faults import BASES, DATA, FAULTS, planted
 from ident.diagnosis import diagnose_study
-from ident.diagnosis.diagnosis import _doubted, _of_signals
+from ident.diagnosis.diagnosis import _doubted, _of_signals, _unexplained
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.evidence.sufficiency import signals_read
 from ident.diagnosis.outcome import BUDGET, threshold
@@ -295,6 +296,33 @@ def test_what_a_standing_fault_makes_of_its_signals_is_not_told_once_more():
     swings = replace(judged, depends_on=("t",))
     assert _of_signals(swings) and not _of_signals(replace(swings, oscillates=True))
     assert not _of_signals(judged)
+
+
+@pytest.mark.parametrize(
+    ("check", "told"),
+    [
+        (None, True),
+        (Check("unrelated_torque", ("tau_m5",), "turned", recording="judged"), True),
+        (Check("unrelated_torque", ("tau_m5",), "turned", recording="fitted"), False),
+        (Check("unrelated_torque", ("tau_m5",), "turned"), False),
+        (Check("joint_axis", (), "another axis", recording="judged", open=True), False),
+    ],
+)
+def test_what_stands_out_beside_torques_in_doubt_of_a_fitted_run_may_be_their_shadow(
+    monkeypatch, check, told
+):
+    """Of a rokae whose fifth torque was turned in the fitted run it was said that something happened to the
+    fourth for half a second of it."""
+    loud = Unexplained((4,), "tau_m", ("t",), 37.9, 0.0, None, False, stretch=("fitted", 4.09, 4.59))
+    monkeypatch.setattr("ident.diagnosis.diagnosis.as_told", lambda outcome, last: None)
+    monkeypatch.setattr("ident.diagnosis.diagnosis.beyond_noise", lambda *its: (loud,))
+    errors = {role: {"tau_m5": 100.0} for role in ("fitted", "judged")}
+    checks = () if check is None else (check,)
+    doubts, standing = unanswered(checks, errors, errors), unsettled(checks)
+    traced = SimpleNamespace(
+        outcome=SimpleNamespace(steps=(), unnamed=(), tau=8.0), last=None, refused={}, no_better=()
+    )
+    assert (loud in _unexplained(checks, traced, (), standing, doubts, ["fitted"])) == told
 
 
 def test_beside_a_fault_that_nothing_undoes_an_effect_is_a_part_at_most():
