@@ -23,7 +23,7 @@ from ident.examination.fits.quick import Assignment, Normal, Quick, added, solve
 from ident.examination.fits.samples import Sample
 from ident.examination.fits.stretches import HALF, RARE, Explained, all_rows, steadily
 from ident.examination.fits.unexplained import ODD, TIMES, by_each_recording, odd_one
-from ident.examination.rivals.rivals import rivals
+from ident.examination.rivals.rivals import of_one_recording
 from ident.examination.tables.repeats import TRAVELLED
 
 TOGETHER = 1.8  # that of all channels, in the mean
@@ -154,7 +154,7 @@ def foretold_badly(asked: Asked, found: Sequence[Apart]) -> Iterator[Check]:
     for apart in found:
         odd, causes = list(apart.odd), ""
         if len(odd) <= len(asked.seen) / 2:
-            sure = {c: _causes(asked, c) for c in odd if _beyond_chance(apart, c, RARE / apart.error.size)}
+            sure = _causes(asked, [c for c in odd if _beyond_chance(apart, c, RARE / apart.error.size)])
             odd = [c for c, words in sure.items() if words]
             causes = "; ".join(f"{words[0]}{instead(words[1:])}" for words in sure.values() if words)
             causes = f"; it would be explained where {causes}" if causes else ""
@@ -183,15 +183,21 @@ def _beyond_chance(apart: Apart, c: int, rate: float) -> bool:
     return bool(known and t_beyond(float(error / expected), PARTS - 1) < rate)
 
 
-def _causes(asked: Asked, c: int) -> list[str]:
-    """Everyday faults of one recording with which one fit of all explains a torque about as fits of each do,
-    most first."""
+def _causes(asked: Asked, channels: Sequence[int]) -> dict[int, list[str]]:
+    """Of each torque the everyday faults of one recording with which one fit of all explains it about as fits
+    of each do, most first."""
+    if not channels:
+        return {}
     whole = all_rows(asked.quick)
-    plain, own = Explained.by(whole, asked.how), by_each_recording(whole, asked.how)[c]
-    pool = (r for r in rivals(whole, asked.how, asked.currents) if r.recording)
-    its = [r for r in pool if r.explained.fit.error[c] < AS_OTHERS * own < plain.fit.error[c]]
-    its = [r for r in its if steadily(plain, r.explained, RARE)]
-    return [r.words for r in sorted(its, key=lambda r: float(r.explained.fit.error[c]))]
+    plain, own = Explained.by(whole, asked.how), by_each_recording(whole, asked.how)
+    found: dict[int, list[tuple[float, str]]] = {c: [] for c in channels}
+    for its in of_one_recording(whole, asked.how, asked.currents):
+        error = its.explained.fit.error
+        as_others = [c for c in channels if error[c] < AS_OTHERS * own[c] < plain.fit.error[c]]
+        if as_others and steadily(plain, its.explained, RARE):
+            for c in as_others:
+                found[c].append((float(error[c]), its.words))
+    return {c: [words for _, words in sorted(each, key=lambda one: one[0])] for c, each in found.items()}
 
 
 def _or_another(asked: Asked, apart: Apart, channels: Sequence[int]) -> list[str]:

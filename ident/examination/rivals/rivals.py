@@ -95,11 +95,24 @@ def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
     yield from _drifting(whole, fit, how)
     yield from _eccentric(whole, fit, how)
     yield from _yielding(whole, fit, how)
-    for words, recording, moved in held_too(whole):
-        yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
+    yield from _held(whole, how)
     for c in felt(whole):
         words = f"{signal_of(whole.columns, c, currents)} does not feel gravity"
         yield Rival(words, Explained.by(without_gravity(whole, [c]), how))
+
+
+def of_one_recording(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
+    """Those of them that are about one recording alone."""
+    fit = whole.fit(how)
+    for c in np.flatnonzero(whole.identify.rows > 10).tolist():
+        yield from (its for its in _of_torque(whole, fit, how, c, currents) if its.recording)
+    yield from (its for its in _held(whole, how) if its.recording)
+
+
+def _held(whole: Quick, how: Assignment) -> Iterator[Rival]:
+    """A position that holds another joint's."""
+    for words, recording, moved in held_too(whole):
+        yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
 
 
 def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) -> Iterator[Rival]:

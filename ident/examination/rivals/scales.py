@@ -55,20 +55,30 @@ def scales(asked: Asked) -> Iterator[Hypothesis]:
     the torque is 1.3 times too large 0.5 to 1.7 on five of them. Of a UR10e's last three currents times 5 and
     a Franka's last four torques times 3 nothing was told.)
     """
+    best = _best(asked)
+    if best is not None:
+        yield from _beside_others(asked, *best)
+
+
+def _best(asked: Asked) -> tuple[Explained, Scale, Fit] | None:
+    """What is explained as it is, the best scale of those that stretches ask for, and its fit."""
     seen, how = asked.seen, asked.how
     most = gain_of(asked.fit.error, asked.alone)  # no factors can gain more
     groups = [(c,) for c in seen] + [tuple(seen[k:]) for k in range(2, len(seen) - 1)]
     tried = [_scaled(asked, which, most) for which in groups] if most >= SCALED else []
     found = [(which, *its) for which, its in zip(groups, tried) if its is not None]
     if not found:
-        return
+        return None
     whole = all_rows(asked.quick)
     plain = Explained.by(whole, how)
     told = [(allowed(whole, how, which, factor), after) for which, factor, after in found]
     told = [(its, after) for its, after in told if _rejects(plain, its.explained, len(groups))]
-    if not told:
-        return
-    its, after = _of_one_or_more(plain, told)
+    return (plain, *_of_one_or_more(plain, told)) if told else None
+
+
+def _beside_others(asked: Asked, plain: Explained, its: Scale, after: Fit) -> Iterator[Hypothesis]:
+    """A scale, where nothing explains more, and what these recordings cannot tell from it."""
+    seen, how, whole = asked.seen, asked.how, plain.quick
     gain, which = after.gain_over(asked.fit), its.channels
     if _in_milli(its):
         yield Hypothesis(gain, how.times(which, MILLI), _milli(asked, after, which))
@@ -124,16 +134,22 @@ def turned_scales(asked: Asked) -> Iterator[Hypothesis]:
             return
         if _scaled(turned, (c,), gain_of(turned.fit.error, turned.alone)) is None:
             continue
-        for its in scales(turned):
-            after = asked.after(its)
-            rubs = evidence(after.quick, after.fit, after.how)
-            against = any(rubs.against(k) for k in asked.seen)  # or another torque is the turned one
-            if its.check.signals == (asked.name(c),) and asked.better(after.fit, SWAPPED) and not against:
+        best = _best(turned)
+        if best is None or best[1].channels != (c,):
+            continue
+        how = how.times([c], MILLI if _in_milli(best[1]) else best[1].factor)
+        after = asked.quick.fit(how)
+        rubs = evidence(asked.quick, after, how)
+        against = any(rubs.against(k) for k in asked.seen)  # or another torque is the turned one
+        if against or not asked.better(after, SWAPPED):
+            continue
+        for its in _beside_others(turned, *best):
+            if its.check.signals == (asked.name(c),):
                 factor = -its.how.factor[c] / asked.how.factor[c]
                 message = its.check.message.replace(" is ", " has the other sign and is ", 1)
                 line = asked.line({asked.name(c): {"scale": float(f"{factor:.3g}"), "sign": -1}})
                 check = replace(its.check, message=message, remedy=line)
-                yield replace(its, gain=after.fit.gain_over(asked.fit), check=check)
+                yield replace(its, gain=after.gain_over(asked.fit), check=check)
 
 
 def _in_milli(its: Scale) -> bool:
