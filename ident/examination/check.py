@@ -129,8 +129,8 @@ def column_line(
             values["offset"] = float(values.get("offset", 0.0) + change["offset"])
         text = ", ".join(f"{k}: {v:.6g}" if isinstance(v, float) else f"{k}: {v}" for k, v in values.items())
         parts.append(f"{signal}: {values['column'] if list(values) == ['column'] else f'{{{text}}}'}")
-    own = f" ({OWN_ENTRY} where the others are right)" if beside else ""
-    return f"columns: {{{', '.join(parts)}}}{own}"
+    own = f"({OWN_ENTRY} where the others are right) " if beside else ""
+    return f"{own}columns: {{{', '.join(parts)}}}"
 
 
 def listed(items: Iterable[object]) -> str:

@@ -55,6 +55,7 @@ def test_a_changed_robot_file_is_another_robot(robot, tmp_path):
     assert not np.array_equal(evaluate(robot), first)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("kind", ["kernel", "model"])
 @pytest.mark.parametrize("damage", ["truncate", "flip", "delete", "no manifest", "empty"])
 def test_a_damaged_entry_is_made_again(robot, tmp_path, monkeypatch, kind, damage):

@@ -144,6 +144,7 @@ def test_the_committed_expressions_are_the_sympy_intermediates():
             assert W[channel, parameter] == pytest.approx(entries[source], rel=1e-12, abs=1e-12)
 
 
+@pytest.mark.first_case
 @needs_compiler
 @pytest.mark.parametrize("flags", [("-mno-avx512f",), ("-mno-avx512f", "-mno-avx")])
 def test_every_vector_width_gives_the_same_numbers(flags, tmp_path, monkeypatch):

@@ -34,6 +34,7 @@ def ident(place, arguments, before="", **env):
     return subprocess.run(command, cwd=place, env=plain | env, capture_output=True, text=True, timeout=120)
 
 
+@pytest.mark.first_case
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SURROUNDINGS)
 def test_a_fit_in_odd_surroundings(folder, name):
@@ -42,6 +43,7 @@ def test_a_fit_in_odd_surroundings(folder, name):
     assert (folder / name / "report.html").is_file()
 
 
+@pytest.mark.first_case
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="streams are closed by a POSIX shell")
 @pytest.mark.parametrize("stream", [">&-", "2>&-", ">&- 2>&-"])

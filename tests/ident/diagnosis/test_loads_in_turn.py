@@ -70,6 +70,7 @@ PUSH = "external_force:fx=0.1,fy=-0.06,fz=0.06,from=3.04,to=9.5,recording=run1"
 BODY = "payload_change:m=0.3,mz=0.03,from=3.0,recording=run1"
 
 
+@pytest.mark.long
 def test_the_rest_of_a_force_is_no_body(arm):
     state, (step,) = in_turn(*found_as(arm(PUSH), force(6.0, 9.5), body(3.2, 7.0)), TAU, ALPHA)
     assert step.term.effect.name == "external_force" and state.terms == (step.term,)

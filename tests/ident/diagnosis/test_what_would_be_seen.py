@@ -48,6 +48,7 @@ def share_seen(drawn, extra, v, size, rng):
     return seen / 300, alone / 300
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize("shape", [(1.0, 0.0), (0.4, 1.0)])
 def test_95_of_100_are_seen(case, shape):
     drawn, extra, rng = case
@@ -148,6 +149,7 @@ def test_a_sign_that_the_model_imitates_wholly_takes_up_nothing(tiny, shown):
         assert told == pytest.approx(bare, rel=1e-9)
 
 
+@pytest.mark.long
 def test_every_joint_is_told_its_sizes(clean_arm):
     from ident.diagnosis.loop import trace
 

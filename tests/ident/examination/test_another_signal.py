@@ -170,7 +170,7 @@ def test_other_torques_in_the_only_fitted_run(tmp_path, factors, order, check, n
         assert low < max(factors) < high < 1.1 * low and 0 < told[0].spread < 0.03
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(
     "request_", ["payload_change:link=2,m=2,recording=run1", "payload_change:m=2,recording=run2"]
 )

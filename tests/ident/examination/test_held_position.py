@@ -52,6 +52,7 @@ def test_a_log_that_was_cut_while_a_position_did_not_change(tmp_path):
     assert "rows were cut out, or recordings were put together" in str(caught.value)
 
 
+@pytest.mark.long
 def test_what_a_position_goes_over_a_gap_is_no_leap(tmp_path):
     """Of a rokae's log that lacked rows a position was refused for a step of 0.4 mrad beside a gap."""
     columns = _motion(np.arange(4000) / 1000, step=1e-9)

@@ -56,6 +56,7 @@ def said(folder, study, change, **keys):
     return {c.check for c in examine_tables(made)}, examine_fit(made)
 
 
+@pytest.mark.first_case
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -123,6 +123,7 @@ def test_measured_positions_in_turns(tmp_path, joints):
     assert scales == pytest.approx([2 * np.pi] * len(scales), rel=1e-5)
 
 
+@pytest.mark.first_case
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 @pytest.mark.parametrize(

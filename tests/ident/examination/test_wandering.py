@@ -24,7 +24,7 @@ def _off(name, size, how):
     return change
 
 
-@pytest.mark.first_case
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "size", "how"),
     [("i1", 0.6, lambda over: over > 0.45), ("i3", 1.0, lambda over: over), ("i3", 0.0, lambda over: over)],

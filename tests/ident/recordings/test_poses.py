@@ -44,6 +44,7 @@ def test_poses_alone_show_what_gravity_shows():
     assert seen and all(name.startswith(("M", "Off")) for name in seen)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not (DATA / "ur10e").is_dir(), reason="no recordings of a UR10e here")
 def test_a_measured_robot_s_poses_are_nobody_s_fault():
     """They were said to be another robot's and their velocities another joint's, and the error on the run

@@ -158,6 +158,7 @@ def test_twists_that_undo_each_other_make_parallel_axes():
         agrees_with_the_numeric_rank(robot)
 
 
+@pytest.mark.first_case
 @pytest.mark.parametrize(
     "twists",
     [
