@@ -32,7 +32,6 @@ _GRAVEST = (
 
 FEW = 2  # causes that are told beside one: of more none is
 SAID = 6  # of them that are listed
-OWN_ENTRY = "under this recording's own entry"
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +128,7 @@ def column_line(
             values["offset"] = float(values.get("offset", 0.0) + change["offset"])
         text = ", ".join(f"{k}: {v:.6g}" if isinstance(v, float) else f"{k}: {v}" for k, v in values.items())
         parts.append(f"{signal}: {values['column'] if list(values) == ['column'] else f'{{{text}}}'}")
-    own = f"({OWN_ENTRY} where the others are right) " if beside else ""
+    own = "(under this recording's own entry where the others are right) " if beside else ""
     return f"{own}columns: {{{', '.join(parts)}}}"
 
 

@@ -39,6 +39,8 @@ def encoder(q: Array, sensors: Sensors) -> Array:
 
 def coloured_noise(shape: tuple[int, int], sensors: Sensors, rng: np.random.Generator) -> Array:
     """(N, channels) AR(1) noise of unit variance: e[k] = a e[k-1] + sqrt(1 - a^2) w[k], stationary."""
+    from scipy.signal import lfilter  # its import takes longer than a wrong request
+
     a = (
         np.exp(-1.0 / (sensors.rate_hz * sensors.noise_correlation_s))
         if sensors.noise_correlation_s > 0
@@ -46,8 +48,6 @@ def coloured_noise(shape: tuple[int, int], sensors: Sensors, rng: np.random.Gene
     )
     w = rng.normal(size=shape)
     w[1:] *= np.sqrt(1.0 - a * a)
-    from scipy.signal import lfilter  # its import takes longer than a wrong request
-
     return lfilter([1.0], [1.0, -a], w, axis=0)
 
 
@@ -59,12 +59,3 @@ def noise_level(true: Array, sensors: Sensors) -> Array:
 def measured(true: Array, noise: Array, level: Array, sensors: Sensors) -> Array:
     """Torque as it is stored: true plus noise, rounded to the recorder's resolution."""
     return np.round((true + noise * level) / sensors.torque_step) * sensors.torque_step
-
-
-def smooth(signal: Array, dt: float, sigma_s: float) -> Array:
-    """Zero-phase Gaussian of standard deviation sigma_s [s]; -3 dB at about 0.13/sigma_s Hz."""
-    if sigma_s <= 0.2 * dt:
-        return signal
-    from scipy.ndimage import gaussian_filter1d
-
-    return gaussian_filter1d(signal, sigma_s / dt, axis=0, mode="nearest")

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 import generated
-from ident.twin.sensors import smooth
 from ident.twin.trajectories import Motion, State
 from ident.twin.twin import ActiveEffect, Twin, run_twin
-from modelgen.effects.motions import derivatives
+from modelgen.effects.motions import derivatives, smooth
 
 Array = np.ndarray
 RATE_HZ = 250.0

@@ -82,6 +82,15 @@ def _third_order(rate_hz: float, cutoff_hz: float) -> tuple[Array, Array]:
     return sections, np.stack([sections[:, 1] - sections[:, 4] + last, last], axis=1)
 
 
+def smooth(signal: Array, dt: float, sigma_s: float) -> Array:
+    """Zero-phase Gaussian of standard deviation sigma_s [s]; -3 dB at about 0.13/sigma_s Hz."""
+    if sigma_s <= 0.2 * dt:
+        return signal
+    from scipy.ndimage import gaussian_filter1d
+
+    return gaussian_filter1d(signal, sigma_s / dt, axis=0, mode="nearest")
+
+
 def low_passed(x: Array, rate_hz: float, cutoff_hz: float) -> tuple[Array, Array, Array]:
     """x (N,) through a zero-phase third-order Butterworth, with its first and second time derivative."""
     from scipy.signal import sosfilt

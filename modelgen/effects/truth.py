@@ -17,6 +17,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from modelgen.effects.motions import derivatives, smooth
 from modelgen.effects.place import Place
 from modelgen.geometry.robot import Robot
 
@@ -84,8 +85,6 @@ class Truth:
 
     def moved(self, which: Literal["motor", "link"], joint: int, by: Array) -> "Truth":
         """Motor or link displaced by `by` (N,), with its rate and acceleration."""
-        from modelgen.effects.motions import derivatives
-
         q, dq, ddq = (part.copy() for part in getattr(self, which))
         rate, acceleration = derivatives(by, self.dt)
         q[:, joint] += by
@@ -97,11 +96,7 @@ class Truth:
 
     def smooth(self, signal: Array, sigma_s: float = GEAR_S) -> Array:
         """Zero-phase Gaussian of standard deviation sigma_s."""
-        from scipy.ndimage import gaussian_filter1d
-
-        if sigma_s <= 0.2 * self.dt:
-            return signal
-        return gaussian_filter1d(signal, sigma_s / self.dt, axis=0, mode="nearest")
+        return smooth(signal, self.dt, sigma_s)
 
 
 def played(

@@ -6,17 +6,15 @@ Arguments never ask for long work: what is right in them fails early for want of
 # ruff: noqa: E501  (tables of odd values, a line each)
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 import tempfile
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from hypothesis import strategies as st
 
 from tests.reliability.judge import Case
+from tests.support.commands import here
 
 CHUNK = 50
 STUDY = "robot: ur10e\nmodel: A\nrecordings: [{file: none.csv}]\n"
@@ -106,21 +104,12 @@ def trial(line: tuple[str, ...]) -> None:
     from modelgen import cli as modelgen_cli
 
     command, *arguments = line
-    run: Any = modelgen_cli.run if command == "regenerate-model" else ident_cli.run
-    out, err = io.StringIO(), io.StringIO()
-    before = os.getcwd()
-    os.chdir(_folder())
-    try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            status = run([*command.split()[1:], *arguments])
-    except SystemExit as leave:
-        status = leave.code
-    finally:
-        os.chdir(before)
-    said = err.getvalue()
+    run = modelgen_cli.run if command == "regenerate-model" else ident_cli.run
+    done = here(*command.split()[1:], *arguments, cwd=_folder(), run=run)
+    said, status = done.stderr, done.returncode
     assert "Traceback" not in said, said
     assert status in (0, 1, 2), f"exit status {status}"
-    if status == 2 and (said.strip() or not out.getvalue()):  # a bare command shows its help
+    if status == 2 and (said.strip() or not done.stdout):  # a bare command shows its help
         lines = said.strip().splitlines()
         raise Spoken(lines[0] if len(lines) == 1 else said)
 

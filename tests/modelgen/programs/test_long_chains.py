@@ -32,12 +32,12 @@ def revolute_chain(joints):
     return parse_robot(json.dumps(table))
 
 
-def test_thirty_joints_are_derived_and_written():
-    robot = revolute_chain(30)
+def test_forty_joints_are_derived_and_written():
+    robot = revolute_chain(40)
     rules = derive_rules(robot, "A")
     derived = derive_from_rules(rules)
     text = c_code.source(derived, c_code.provenance("0"))
-    assert len(rules.channels) == 30 and "chain_A_columns" in text
+    assert len(rules.channels) == 40 and "chain_A_columns" in text
 
 
 @settings(max_examples=10, deadline=None, derandomize=True)
