@@ -91,6 +91,10 @@ def lagged(x: np.ndarray, t: np.ndarray, s: float, u: float) -> np.ndarray:
     return np.asarray(scipy.signal.lfilter([1 - a], [1, -a], x, zi=[a * x[0]])[0])
 
 
+def slow(x: np.ndarray, t: np.ndarray, s: float, u: float) -> np.ndarray:
+    return np.asarray(x[np.searchsorted(t, t[0] + s * np.floor((t - t[0]) / s)).clip(max=len(x) - 1)])
+
+
 def spikes(x: np.ndarray, t: np.ndarray, s: float, u: float) -> np.ndarray:
     return x + s * np.isin(np.arange(len(x)), (u * len(x) * np.arange(0.1, 1.1, 0.17)).astype(int))
 
@@ -100,22 +104,27 @@ SIGNALS: tuple[tuple[str, tuple[str, ...], tuple[float, ...], Change], ...] = (
     # words, signals, sizes s (of deviations: times it), what is done, u: a number between 0.2 and 0.7
     ("clean", ("t",), (0,), lambda x, t, s, u: x),
     ("times {}", ("t",), (0.5, 0.8, 1.03, 1.2, 2, 1e3, 1e6), lambda x, t, s, u: x * s),
-    ("other sign", ("tau", "taus", "q dq", "dq"), (-1,), lambda x, t, s, u: x * s),
+    ("other sign", ("tau", "taus", "q dq", "dq", "q dq tau"), (-1,), lambda x, t, s, u: x * s),
     ("times {}", ("tau", "taus"), (0.1, 0.5, 0.8, 1.15, 1.5, 3, 9.81, 1e3), lambda x, t, s, u: x * s),
+    ("without sign", ("tau", "taus"), (0,), lambda x, t, s, u: abs(x)),
+    ("times {}", ("dq", "dqs"), (0.5, 9.5493, 57.29578), lambda x, t, s, u: x * s),
     ("times {}", ("q dq", "dq"), (0.5, 0.9, 1.2, 2, 50), lambda x, t, s, u: x * s),
     ("degrees", ("q dq", "qs dqs"), (57.29578,), lambda x, t, s, u: x * s),
     ("zero off by {} degrees", ("q", "q"), (3, 10, 30, -90), lambda x, t, s, u: x + np.deg2rad(s)),
     ("dead", ("tau", "q dq"), (0,), lambda x, t, s, u: 0 * x),
     ("held for {} s", ("tau", "q", ALL), (0.3, 2), held),
+    ("new every {} s only", ("tau", "taus", ALL), (0.01, 0.04), slow),
+    ("rounded to {} s", ("t",), (0.01, 0.1, 1), lambda x, t, s, u: np.round(x / s) * s),
     ("late by {} s", ("tau", "taus"), (0.008, 0.015, 0.03, -0.03), lambda x, t, s, u: np.interp(t - s, t, x)),
     ("late by {} s", ("taus",), (0.3, 1.5), lambda x, t, s, u: np.interp(t - s, t, x)),
-    ("lag of {} s", ("tau",), (0.01, 0.03, 0.1), lagged),
+    ("lag of {} s", ("tau", "dqs"), (0.01, 0.03, 0.1), lagged),
     ("spikes of {} deviations", ("q", "tau"), (3, 10, 30), spikes),
     ("wraps", ("q",), (0.3, 0.5, 0.7), lambda x, t, s, u: (x - (c := np.quantile(x, s))) % (2 * np.pi) + c),
     ("noise of {} deviations", ("tau",), (0.3, 1, 3), lambda x, t, s, u: x + s * np.sin(1e9 * u * t**2)),
     ("dead band of {} deviations", ("tau",), (0.2, 0.5, 1), lambda x, t, s, u: np.where(abs(x) > s, x, 0)),
     ("clipped at {} deviations", ("tau",), (0.9, 1.3, 2), lambda x, t, s, u: np.clip(x, -s, s)),
     ("steps of {} deviations", ("tau",), (0.1, 0.5, 1), lambda x, t, s, u: np.round(x / s) * s),
+    ("steps of {} degrees", ("q",), (0.1, 0.5, 2), lambda x, t, s, u: np.round(x / (a := np.deg2rad(s))) * a),
     ("drifts by {} deviations", ("tau",), (0.2, 0.6, 2), lambda x, t, s, u: x + s * (t - t[0]) / np.ptp(t)),
     ("jumps by {} deviations", ("tau",), (0.2, 0.6, 2), lambda x, t, s, u: x + s * (t > t[int(u * len(t))])),
     ("nan for {} s", ("tau",), (0.05, 1), lambda x, t, s, u: np.where(within(t, s, u), np.nan, x)),
@@ -124,7 +133,7 @@ SIGNALS: tuple[tuple[str, tuple[str, ...], tuple[float, ...], Change], ...] = (
 
 def exchanged(log: Log) -> str:
     other = log.drawn(*sorted({*range(1, log.n + 1)} - {log.joint}))
-    a = log.signals(log.drawn("tau", "q dq"))
+    a = log.signals(log.drawn("tau", "q dq", "dq", "q dq tau"))
     b = [f"{name.rstrip('0123456789')}{other}" for name in a]
     for name in log.hit:
         table = log.tables[name]
@@ -139,6 +148,19 @@ def lost(log: Log) -> str:
         kept = {k: x[~within(t, length, u)] for k, x in log.tables[name].items()}
         log.tables[name] = kept | ({"t": t[: len(kept["t"])]} if anew else {})
     return f"{length} s of rows lost, stamps {'anew' if anew else 'kept'}"
+
+
+def rearranged(log: Log) -> str:
+    """A block of rows is elsewhere, or there twice; stamps are as they were, or begin anew after it."""
+    what, u = log.drawn("later", "twice", "under stamps that begin anew"), log.rng.uniform(0.2, 0.7)
+    for name in log.hit:
+        rows = np.arange(len(log.tables[name]["t"]))
+        before, block, after = np.split(rows, [int(u * len(rows)), int((u + 0.1) * len(rows))])
+        order = {"later": [before, after, block], "twice": [before, block, block, after]}.get(what, [rows])
+        table = log.tables[name] = {k: x[np.concatenate(order)] for k, x in log.tables[name].items()}
+        if what not in ("later", "twice"):
+            table["t"] = table["t"] - np.where(rows < len(before), 0, table["t"][len(before)])
+    return f"a tenth of the rows {what}"
 
 
 def gravity(log: Log) -> str:
@@ -185,7 +207,7 @@ def load(log: Log) -> str:
 
 
 OTHERS: tuple[Callable[[Log], str], ...] = (exchanged, exchanged, lost, gravity, left_out, another_robot)
-OTHERS += (rows_exchanged, row_off, row_off, load, load)  # as often as they are met
+OTHERS += (rearranged, rows_exchanged, row_off, row_off, load, load)  # as often as they are met
 
 
 def planted(log: Log) -> str:
