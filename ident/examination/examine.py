@@ -55,7 +55,6 @@ from ident.examination.torques.weightless import unfelt
 from ident.examination.torques.within import changed_within
 
 ALIKE = 2  # causes beside the one that all recordings tell: of more none is told
-FEW = 3  # joints: more of them show where gravity is, on all robots that were measured
 
 
 def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
@@ -97,7 +96,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     found = [*its.found, *motor_signs(its.asked)]
     beside = _beside(prepared, its, found)
     beside += asked_for(study, its.asked) if whole_model else []
-    if not found and not beside and 1 < len(prepared.columns.need.joints) <= FEW:
+    if not found and not beside and len(prepared.columns.need.joints) > 1:
         beside += unseen_base(prepared, its.asked)
     return (*_joined(found, its.asked.maps), *beside)
 
