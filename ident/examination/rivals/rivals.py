@@ -53,6 +53,7 @@ class Rival:
     joint: int | None = None  # by its place, whose position it is
     check: str = ""  # that tells a position the same
     settled: bool = True  # whether no other number explains more, as far as was sought
+    zeros: tuple[float, Motion] | None = None  # its number, and the recordings with any other one
 
 
 def alike(pool: Iterable[Rival], before: Explained, told: Explained) -> list[Rival]:
@@ -290,7 +291,7 @@ def of_positions(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:
         yield Rival(words, explained, joint=j, check="angle_unit", settled=settled)
         x, explained, settled = _solved(whole, fit, how, zero, (-np.pi, np.pi))
         words = f"q{label} starts from another zero, {-x:.2g} {unit} off"
-        yield Rival(words, explained, joint=j, check="position_zero", settled=settled)
+        yield Rival(words, explained, joint=j, check="position_zero", settled=settled, zeros=(x, zero))
 
 
 def _drifting(whole: Quick, fit: Fit, how: Assignment) -> Iterator[Rival]:

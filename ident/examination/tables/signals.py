@@ -344,7 +344,8 @@ def limits_hit(
     in_steps: whether one moves in steps, so that it stands still where it is slow.
     What is recorded late begins with one value. (Of a rokae's torques, 0.03 s late, one was told.)
     What stands still as much at other values is not clipped. (Of an LWR4+'s sixth sensor with play a wider
-    range was to be; of a slide whose force was little else than dry friction and weight, in 120 steps.)"""
+    range was to be; of a slide whose force was little else than dry friction and weight, in 120 steps.)
+    What is there once may be held. (Of a TX40's fifth, held for half of a run, it was told to be clipped.)"""
     for k in range(columns.n, len(columns.signals)):
         if k in slow:
             continue
@@ -352,6 +353,7 @@ def limits_hit(
         steps, moves = np.abs(np.diff(x)), np.abs(np.diff(q, append=q[-1:])) > 0
         smallest = np.quantile(steps[steps > 0], 0.1) if (steps > 0).any() else 0.0
         ends: dict[str, int] = {}
+        times = 0  # it is there
         for sign, word in ((1.0, "largest"), (-1.0, "smallest")):
             y, moving = sign * x, moves.copy()
             top = y == y.max()
@@ -364,19 +366,23 @@ def limits_hit(
             below = (y >= min(y.max() - 1.05 * max(smallest, 0.005 * np.ptp(x)), beside)) & ~top
             if count < CLIPPED_EXCESS * max(below.sum(), 1):
                 continue
-            if np.diff(runs_of(top)).max() >= CLIPPED_RUN:
+            long = int(np.count_nonzero(np.diff(runs_of(top)) >= CLIPPED_RUN))
+            times += long
+            if long:
                 ends[f"its {word} value {columns.sized(k, sign * y.max(), 4)}"] = count
         if not ends:
             continue
         coarse = in_steps(x)
         still = _rests(x, moves, smallest) if coarse else _stands(x, moves)
         if still < max(ends.values()):
+            clipped = "as a signal that is clipped" + ", or a value that is held" * (times == 1)
+            leave_out = ", or leave the stretch out with from: and to:" * (times == 1)
             yield Check(
                 "saturation",
                 (columns.signals[k],),
                 f"{columns.signals[k]} stays exactly at {' and '.join(ends)} for "
-                f"{100 * sum(ends.values()) / len(x):.2g} % of the samples, as a signal that is clipped",
-                "record with a wider range, or a slower motion",
+                f"{100 * sum(ends.values()) / len(x):.2g} % of the samples, {clipped}",
+                f"record with a wider range, or a slower motion{leave_out}",
             )
         elif not coarse:
             yield _with_play(columns.signals[k], (still + sum(ends.values())) / len(x))

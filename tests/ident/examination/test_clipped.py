@@ -38,6 +38,19 @@ def test_steps_of_more_than_one_size_are_no_clipped_torque(tmp_path):
     assert "saturation" not in {check.check for check in examine_tables(prepared)}
 
 
+def test_a_torque_that_is_held_at_what_was_least_may_be_that(tmp_path):
+    """A TX40's fifth, for the second half of a run: it was told to be clipped."""
+
+    def change(log):
+        tau = log.tables["run2"]["tau_m5"]
+        at = int(np.argmin(tau[:80]))
+        tau[at:] = tau[at]
+
+    prepared = prepare_study(strangers_log(tmp_path, "staubli_tx40", (100, False, True, False), change))
+    (said,) = [check for check in examine_tables(prepared) if "tau_m5" in check.signals]
+    assert said.check == "saturation" and "or a value that is held" in said.message
+
+
 def test_what_a_late_torque_begins_with_is_no_clipped_one(tmp_path):
     """A rokae's, 0.03 s late: its fourth torque of one run, which is least where that begins."""
 

@@ -1,5 +1,7 @@
 """A position from another zero that little of the torques shows, planted in measured recordings."""
 
+import re
+
 import numpy as np
 import pytest
 from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log
@@ -46,6 +48,20 @@ def test_a_zero_that_explains_a_part_of_something_else(tmp_path):
 
 
 @pytest.mark.long
+def test_it_is_told_between_which_ones_it_is(tmp_path):
+    """Of a rokae's second position, 10 degrees off, 13 were told, and nothing of what else it may be."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["q2"] = table["q2"] + np.deg2rad(10)
+
+    study = strangers_log(tmp_path, "rokae_xmate3pro", (0, False, False, True), change)
+    (told,) = other_zeros(asked_of(study))
+    low, high = map(float, re.search(r"rad off \((\S+) to (\S+) by these torques", told.message).groups())
+    assert told.signals == ("q2",) and low < np.deg2rad(10) < high < 3 * low + 0.1
+
+
+@pytest.mark.long
 def test_a_zero_by_which_stretches_gain_unlike_amounts(tmp_path):
     """Of an AIRBOT's third position, 30 degrees off, nothing was said: all of twenty stretches gain, one of
     them a thousand times as much as another."""
@@ -64,7 +80,7 @@ def test_a_zero_of_a_radian(tmp_path):
     change = lambda c: {k: (x + (k == "q3"))[::5] for k, x in c.items()}  # noqa: E731
     (told,) = other_zeros(asked_of(parted(planted(tmp_path, change, measured("franka_panda")), 6.5, 9.8)))
     assert unsettled([told]) == (told,)
-    assert told.message.startswith("q3 starts from another zero, 0.98 rad off: ")
+    assert told.message.startswith("q3 starts from another zero, 0.98 rad off (")
 
 
 def test_a_number_that_steps_did_not_come_to_is_none():
