@@ -129,6 +129,19 @@ def test_a_torque_that_is_new_now_and_then_passes_zero():
     assert not emptied(np.stack([q, tau], axis=1), 1, np.zeros(2)).any()
 
 
+def test_a_torque_that_passes_zero_where_its_joint_turns_is_no_mark():
+    """Dry friction turns over within a few rows, one of which may read zero in coarse steps."""
+    t = np.arange(8000) / 500
+    turns, goes = 0.5 * np.sin(2 * t), np.sin(0.7 * t)
+    tau = np.round(0.05 * np.sin(t) + 0.3 * np.tanh(np.cos(2 * t) / 0.02), 3)
+    at = 393  # t = pi/4
+    tau[at - 1 : at + 2] = 0.036, 0.0, -0.035
+    signals = np.stack([turns, goes, tau], axis=1)
+    assert not emptied(signals, 2, np.zeros(3)).any()
+    signals[at + 1, 2] = 0.037  # to zero and back again
+    assert emptied(signals, 2, np.zeros(3))[at, 2]
+
+
 def test_a_joint_at_rest_at_zero_beside_one_whose_messages_are_lost():
     t = np.arange(4000) / 200
     still, moves = np.where(t < 5, 0.0, np.sin(t - 5)), 1 + 0.5 * np.sin(t)
