@@ -43,10 +43,11 @@ def opened_dry_arm(
     step: float = 0.0,
     moves: Moves = motion,
     hum: float = 0.0,
+    late: float = 0.0,
 ) -> State:
     """The first state of a diagnosis of two runs, 20 s and 12 s, with 0.02 N m of white noise; top: rate of
     every joint [rad/s], where the motion is not to be as fast as it comes; step: of the encoders [rad]; hum:
-    of the torques at 7.3 Hz [N m]."""
+    of the torques at 7.3 Hz [N m]; late: by what all torques are [s]."""
     (folder / "robot.yaml").write_text(ARM)
     model = generated.load(str(folder / "robot.yaml"), "A")
     rng = np.random.default_rng(seed)
@@ -58,9 +59,9 @@ def opened_dry_arm(
         t, q, dq, ddq = moves(seconds, rate_hz, k, 3, 2.0)
         share = 1.0 if top is None else top / np.abs(dq).max(axis=0)
         q, dq, ddq = share * q, share * dq, share * ddq
-        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign(q, dq))) + 0.02 * rng.normal(
-            size=(len(t), 3)
-        )
+        tau = np.asarray(model.torque(q, dq, ddq, chi, sign=sign(q, dq)))
+        tau = np.stack([np.interp(t - late, t, its) for its in tau.T], axis=1)
+        tau += 0.02 * rng.normal(size=(len(t), 3))
         tau += hum * np.sin(2 * np.pi * 7.3 * t)[:, None]
         q = np.round(q / step) * step if step > 0 else q
         columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(3)}

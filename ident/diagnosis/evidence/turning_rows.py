@@ -6,7 +6,9 @@ where no joint turns, too."""
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import scipy.linalg
@@ -38,14 +40,20 @@ def without_turning(state: State, m: Metric, as_far_as_felt: bool = False) -> Me
     return metric(replace(rows, use=beside), design, B, whiteners)
 
 
-def beside_any_turn(state: State, m: Metric, late: float = 0.0) -> Metric:
-    """The metric `m` beside a torque of each turn of a joint in its own channels, of each of some widths: it
-    may turn over there in any way; and at any time, where a torque is told to be so late [s]. (A clean arm
+def beside_any_turn(
+    state: State, m: Metric, late: float = 0.0, only: Collection[int] | None = None
+) -> Metric:
+    """The metric `m` beside a torque of each turn of a joint in its own channels, or in some of them `only`,
+    of each of some widths: it may turn over there in any way; and at any time, where a torque is told to be
+    so late [s]. (A clean arm
     whose encoder's steps are longer than its friction's travel was told to have a torque 20 ms late: every
     turn was, each by as much as its steps hid.)"""
     rows, (design, B) = state.rows, state.design
     whiteners = []
     for c, w in enumerate(m.whiteners):
+        if only is not None and c not in only:
+            whiteners.append(w)
+            continue
         j = state.model.channels[c].joint
         turn = state.turns.get(j, TurnOver())
         turns = [replace(turn, rate=k * turn.rate, travel=k * turn.travel) for k in WIDTHS]
@@ -62,7 +70,7 @@ def apart_from_turns(state: State, m: Metric, columns: Columns, tau: float) -> b
     beside any torque of each turn: else they are what is not known of turns. (Of a clean arm, whose encoder's
     steps were as long as its friction's travel, a function of dq1 and what the joint remembers said 20 nats
     more; -4 where it kept its direction, -3 beside any turn.)"""
-    asked = (make(state, m) for make in (without_turning, beside_any_turn))
+    asked = (make(state, m) for make in (without_turning, partial(beside_any_turn, only=columns)))
     return any(weigh(its, columns, np.ones(1)).log_e > tau for its in asked)
 
 

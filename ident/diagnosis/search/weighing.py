@@ -152,10 +152,10 @@ def beside_turn_over(as_judged: Callable[[int], Metric | None], r: Refined, e: E
     return its is None or _asked_in(its, r, e, tau)
 
 
-def _asked_in(m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
-    """Whether a metric's rows ask for it: by the judged ones alone, or given the fitted ones where that is
-    what is told."""
-    own = weigh(m, r.columns)
+def _asked_in(m: Metric, r: Refined, e: Evidence, tau: float, sizes: np.ndarray | None = None) -> bool:
+    """Whether a metric's rows ask for it, of some sizes or those that they want: by the judged ones alone, or
+    given the fitted ones where that is what is told."""
+    own = weigh(m, r.columns, sizes)
     if not e.given:
         return own.log_e > tau
     return bool(given_fitted(m, m.both, r.columns, own.sizes).per_channel.sum() > tau)
@@ -216,12 +216,15 @@ def is_one_quantity(m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
 def shifts_all(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
     """A torque that comes at another time does so where the joint keeps its direction, too: as far from turns
     as they are felt, or, where the model's parameters have all rows that are left, beside whatever each turn
-    may be. (20 ms of a TX40, whose runs last three seconds, left two to four rows of a torque.)"""
+    may be. (20 ms of a TX40, whose runs last three seconds, left two to four rows of a torque.) And by as
+    much as it is told there: turns that are wrong make more of it. (Of an arm whose torques were half a
+    millisecond early, and whose friction turned before its joints, 4.5 ms were told.)"""
     if not r.term.effect.shifts_time:
         return True
     away = without_turning(state, m, as_far_as_felt=True)
     hidden = e.log_e > tau and all(away.judged.free[c] <= 1.0 for c in r.columns)
-    return _asked_in(beside_any_turn(state, m, float(e.sizes[0])) if hidden else away, r, e, tau)
+    asked = beside_any_turn(state, m, float(e.sizes[0])) if hidden else away
+    return _asked_in(asked, r, e, tau, e.sizes)
 
 
 def lowers(plain: Metric, r: Refined, e: Evidence) -> bool:

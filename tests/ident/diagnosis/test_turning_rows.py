@@ -44,6 +44,22 @@ def test_friction_that_turns_over_late_is_no_late_torque(tmp_path):
     assert not shifts_all(state, m, r, e, TAU)
 
 
+@pytest.mark.parametrize("ms", [1.0, -1.0])
+def test_nor_is_what_turns_add_to_a_torque_that_is_late(tmp_path, ms):
+    """Torques a millisecond late, or early, of friction that turns over 8 ms late: where joints keep their
+    direction the millisecond is measured to 2 %; all rows together want 5 ms, or 3 ms of the other sign, and
+    that is not told."""
+    dry = opened_dry_arm(tmp_path, late(4), 500.0, 3, late=ms / 1000)
+    state = _by_rate_alone(dry, range(3))
+    m = state.metric
+    r = refine(m, state.scene, Term(effect("time_delay"), Place(side="motor"), {}))
+    e = weigh(m, r.columns)
+    away = weigh(without_turning(state, m, as_far_as_felt=True), r.columns)
+    assert away.log_e > TAU and away.sizes[0] * 1000 == pytest.approx(ms, rel=0.05)
+    assert abs(e.sizes[0] * 1000 - ms) > 3 and e.log_e > 50
+    assert not shifts_all(state, m, r, e, TAU)
+
+
 def test_torques_of_any_size_are_as_columns_of_the_model(tmp_path):
     """What is taken up row by row, and a model with a column for each turn: the same is said of anything."""
     state = _by_rate_alone(opened_dry_arm(tmp_path, late(4), 500.0, 3), range(3))
