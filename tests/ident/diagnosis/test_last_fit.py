@@ -10,6 +10,7 @@ from planted import ON_RECORDINGS, measured
 import ident
 from ident.diagnosis.extended import compared_exactly, last_fit
 from ident.diagnosis.extended.last_fit import _p_told, _vague, first_extended
+from ident.diagnosis.extended.on_judging_runs import behind
 from ident.equations.observation import ChannelFactor, stack
 from ident.estimation.least_squares import weighted_least_squares
 from ident.report.unexplained_words import unexplained_sentence
@@ -249,3 +250,24 @@ def test_how_dry_friction_turns_over_is_handed_over_where_nothing_is_named(tmp_p
     assert after < 0.9 * before
     again = ident.fit(diagnosis.extended_study).result.full_rate_error
     assert again["validate"]["total"] == pytest.approx(after)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "worse"),
+    [
+        # of a Franka in coarse steps, with 0.84 times its fifth torque: "the model lacks drive gain error"
+        (
+            [2.0, 15.8, 1.35, 1.06, 3.95, 17.7, 10.4, 20.8],
+            [2.4, 17.4, 2.29, 1.5, 2.18, 15.6, 8.5, 20.0],
+            True,
+        ),
+        # of an LWR4+ with its ripple on joint 3
+        ([1.5, 5.0, 1.0, 13.8, 1.2], [1.7, 5.0, 1.4, 1.6, 1.7], False),
+        ([2.0, 4.0, 4.0], [1.5, 4.4, 4.4], False),
+    ],
+)
+def test_more_newton_metres_of_all_need_torques_that_are_better(before, after, worse):
+    names = [f"tau_l{j}" for j in range(1, len(before))]
+    columns = SimpleNamespace(channels=names)
+    errors = [{"validate": dict(zip(["total", *names], its))} for its in (after, before)]
+    assert behind(*(SimpleNamespace(full_rate_error=its, columns=columns) for its in errors)) is worse
