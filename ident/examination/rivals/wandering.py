@@ -117,9 +117,13 @@ def wandering(asked: Asked) -> Iterator[Check]:
     takes off a tenth at most; of six seconds of a KR 300, whose joints do not come back, half.) Fits of each
     recording have to leave more: else these are apart. (Of an AIRBOT with 5 kg in one of them two were told.)
     A zero of each recording is asked first. (Of an AIRBOT whose torques had lost their averages, recording by
-    recording, the third was said to drift within them, by a twentieth of what these are apart.)
+    recording, the third was said to drift within them, by a twentieth of what these are apart.) Clipped
+    torques say nothing of others here. (Of an AIRBOT whose third one is, the second was to feel other weights
+    at the end of each recording.)
     """
+    clipped = [c for c in asked.seen if asked.name(c) in asked.clipped]
     whole, how = all_rows(asked.quick), asked.how
+    whole = whole.of([s.without(clipped) for s in whole.samples]) if clipped else whole
     before, lines = whole.fit(how).error, tuple(map(_lines, whole.samples))
     zeros = tuple(map(_zeros, whole.samples)) if len(whole.samples) > 2 else ()
     each = by_each_recording(whole, how)
