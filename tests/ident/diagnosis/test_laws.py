@@ -45,3 +45,9 @@ def test_a_gain_beside_a_friction_of_its_own_is_one():
 @pytest.mark.parametrize(("gain", "law"), [(400.0, True), (200.0, False)])
 def test_a_spring_says_as_much_as_any_function_of_the_position(gain, law):
     assert _law("spring", (300.0, gain), (("q2",), 20.0, 20.0), (310.0, 405.0)) is law
+
+
+@pytest.mark.parametrize(("signals", "law"), [(("dq2", "ddq2"), True), (("q2", "dq2"), False)])
+def test_a_spring_beside_a_strange_friction_is_one(signals, law):
+    """Functions of position and rate learn both."""
+    assert _law("spring", (1466.0, 2475.0), (signals, 128.0, 211.0), (1539.0, 2438.0)) is law
