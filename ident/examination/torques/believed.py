@@ -64,15 +64,16 @@ def believed(asked: Asked, h: Hypothesis) -> bool:
 
 def _a_part(asked: Asked, h: Hypothesis, taken: Asked) -> bool:
     """Whether a fit alone speaks for other torques, and these take off less than half of that by which the
-    torques contradict each other, and leave some that do. (Of a dual arm with two sensors turned and two
-    positions exchanged a third sensor was told to be turned, and by it a current; of an LWR4+ whose second
-    and third positions have other zeros the fifth torque was told to show friction alone. Of a TX40's second
-    torque, 101 times too small, which alone makes the third contradict the others, nothing was told.) Not of
-    what is said of most torques."""
+    torques contradict each other, and leave some that do, or are asked for less: one that is asked for no
+    bodies contradicts none. (Of a dual arm with two sensors turned and two positions exchanged a third sensor
+    was told to be turned, and by it a current; of an LWR4+ whose second and third positions have other zeros
+    the fifth torque was told to show friction alone. Of a TX40's second torque, 101 times too small, which
+    alone makes the third contradict the others, nothing was told.) Not of what is said of most torques."""
     if h.own or asked.of_robot(h) or not np.isfinite(h.gain):
         return False
     apart = gain_of(asked.fit.error, asked.alone)
-    return bool(h.gain < HALF * apart and contradicted(asked).any() and contradicted(taken).any())
+    left = h.quick is not None or contradicted(taken).any()
+    return bool(h.gain < HALF * apart and contradicted(asked).any() and left)
 
 
 def _changed(asked: Asked, h: Hypothesis) -> tuple[str, ...]:

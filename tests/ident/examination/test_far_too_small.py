@@ -31,13 +31,16 @@ def test_its_factor_is_told_by_what_others_gain_all_along():
     assert not _rejects(plain, none, 9)
 
 
-@pytest.mark.parametrize(("left", "part"), [(0.3, True), (0.06, False)])
-def test_what_leaves_no_torque_that_others_contradict_is_no_part_of_what_is_wrong(left, part):
-    """However little of what fits of each torque by itself explain better, of few seconds, it takes off."""
+@pytest.mark.parametrize(
+    ("left", "less", "part"), [(0.3, None, True), (0.06, None, False), (0.06, "less", True)]
+)
+def test_what_leaves_no_torque_that_others_contradict_is_no_part_of_what_is_wrong(left, less, part):
+    """However little of what fits of each torque by itself explain better, of few seconds, it takes off;
+    unless a torque is asked for less of it."""
     alone = np.array([0.01, 0.005, 0.02])
     asked = SimpleNamespace(
         fit=SimpleNamespace(error=np.array([0.1, 0.04, 0.26])), alone=alone, of_robot=lambda h: False
     )
     taken = SimpleNamespace(fit=SimpleNamespace(error=np.array([0.04, 0.04, left])), alone=alone)
-    h = SimpleNamespace(own=False, gain=2.0)
+    h = SimpleNamespace(own=False, gain=2.0, quick=less)
     assert believed._a_part(asked, h, taken) == part
