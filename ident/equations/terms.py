@@ -57,6 +57,13 @@ class Term:
         return tuple(name for name in self.linear if name not in self.known)
 
     @property
+    def values(self) -> dict[str, float]:
+        """Of the linear and the shape parameters, but for parts that are held at zero: it is told without
+        them. (A cable whose own ends springs of its joints stand for gives no energy when stretched.)"""
+        sizes = zip(self.linear, self.size)
+        return {name: x for name, x in sizes if self.known.get(name) != 0.0} | dict(self.theta)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Parameters of the equations: unknown linear ones, then free shape parameters."""
         return tuple(f"{self.label}.{name}" for name in (*self.unknown, *self.free))

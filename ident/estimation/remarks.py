@@ -32,7 +32,7 @@ def impossible(estimate: Estimate, std: np.ndarray, terms: Sequence[Term] = ()) 
             continue
         best = {n: x - np.sign(x) * std[k] for n, x, k in zip((*term.unknown, *term.free), term.at, at)}
         sure = all(abs(x) > std[k] for x, k in zip(term.at, at) if estimate.active[k])
-        values = {**dict(zip(term.linear, term.size)), **term.theta}
+        values = term.values
         reason = term.effect.physical(values)
         if reason and sure and term.effect.physical({**values, **best}):
             out.update(dict.fromkeys(term.names, f"{term.label}: {reason}"))

@@ -138,7 +138,7 @@ def _impossible(told: Sequence[FoundEffect], declared: int) -> list[int]:
 
 def _possible(term: StudyTerm) -> bool:
     """Whether physics allows the values of the fit."""
-    return term.effect.physical({**dict(zip(term.linear, term.size)), **term.theta}) is None
+    return term.effect.physical(term.values) is None
 
 
 def _ended(found: FoundEffect) -> bool:
