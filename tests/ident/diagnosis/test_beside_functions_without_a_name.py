@@ -96,7 +96,6 @@ recordings:
 @pytest.mark.skipif(
     not (DATA / "airbot_play").is_dir(), reason="the recordings of measured robots are not here"
 )
-@pytest.mark.xfail(reason="position dependent friction is told, this beside it: 5.3 % for 4.6")
 def test_the_friction_under_load_of_an_airbot_need_not_stand_beside_a_function_that_chance_makes(tmp_path):
     """The best of sixty functions of six joints said 12 nats on the fitted rows, of which chance makes 14;
     the friction says 32 on the judged ones. A run that decides nothing says whether it is there: the error of
