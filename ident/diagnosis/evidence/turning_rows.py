@@ -45,15 +45,11 @@ def beside_any_turn(
 ) -> Metric:
     """The metric `m` beside a torque of each turn of a joint in its own channels, or in some of them `only`,
     of each of some widths: it may turn over there in any way; and at any time, where a torque is told to be
-    so late [s]. (A clean arm
-    whose encoder's steps are longer than its friction's travel was told to have a torque 20 ms late: every
-    turn was, each by as much as its steps hid.)"""
+    so late [s]. (A clean arm whose encoder's steps are longer than its friction's travel was told to have a
+    torque 20 ms late: every turn was, each by as much as its steps hid.)"""
     rows, (design, B) = state.rows, state.design
-    whiteners = []
-    for c, w in enumerate(m.whiteners):
-        if only is not None and c not in only:
-            whiteners.append(w)
-            continue
+    whiteners = list(m.whiteners)
+    for c in range(rows.channels) if only is None else only:
         j = state.model.channels[c].joint
         turn = state.turns.get(j, TurnOver())
         turns = [replace(turn, rate=k * turn.rate, travel=k * turn.travel) for k in WIDTHS]
@@ -61,7 +57,7 @@ def beside_any_turn(
         if late:
             T = np.hstack([T, late_turns(state.segments, j, late)])
         T *= rows.scale[c][:, None]
-        whiteners.append(w.beside(T, (rows.fitted, rows.judged)))
+        whiteners[c] = whiteners[c].beside(T, (rows.fitted, rows.judged))
     return metric(rows, design, B, whiteners)
 
 
