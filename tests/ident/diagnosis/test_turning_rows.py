@@ -17,7 +17,7 @@ from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.rows.unknown_turns import unknown_turns
 from ident.diagnosis.rows.whitened import Whitener
-from ident.diagnosis.search.weighing import shifts_all
+from ident.diagnosis.search.weighing import _asked_in, shifts_all
 from modelgen.effects import effect
 from modelgen.effects.place import Place
 
@@ -117,3 +117,18 @@ def test_a_width_that_the_fitted_runs_had_is_no_law(tmp_path):
     make(254, tmp_path)
     found = ident.diagnose(ident.load(tmp_path / "study.yaml"))
     assert not found.findings and found.verdict == "none"
+
+
+def test_nor_what_the_rows_that_judge_reject(tmp_path):
+    """Told given the fitted rows, whose torque is 3 ms early where joints keep direction: of one that is on
+    time in those that judge not even a third of that is told, though together they ask for it."""
+    state = _by_rate_alone(opened_dry_arm(tmp_path, lambda q, dq: np.sign(dq), 500.0, 3), range(3))
+    r = refine(state.metric, state.scene, Term(effect("time_delay"), Place(side="motor"), {}))
+    rows = state.rows
+    early = np.stack([r.columns[c] @ np.array([-0.003]) for c in range(3)]) * rows.fitted
+    state = replace(state, rows=replace(rows, Y=rows.Y + early))
+    m = state.metric
+    e = replace(weigh(m, r.columns, np.array([-0.001])), given=True)
+    away = without_turning(state, m, as_far_as_felt=True)
+    assert _asked_in(away, r, e, TAU, e.sizes) and weigh(away, r.columns).log_e < -TAU
+    assert not shifts_all(state, m, r, e, TAU)
