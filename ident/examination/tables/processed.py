@@ -15,7 +15,7 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.tables.excerpt import Excerpt
-from ident.examination.tables.repeats import HELD_ALIKE, HELD_ROWS, HELD_S, SAME
+from ident.examination.tables.repeats import HELD_ALIKE, HELD_ROWS, SAME, seldom
 from ident.examination.tables.signals import MOVED, Columns
 from ident.signals.resolution import in_steps
 from ident.signals.runs import runs_of_equals
@@ -59,7 +59,7 @@ def interpolated(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator
         alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
         seconds = usual * float(np.median(steps))
         again = np.mean(np.abs(bend - np.median(bend)) <= 0.1 * np.median(bend) + least / seconds)
-        if usual >= HELD_ROWS and seconds > HELD_S and alike > HELD_ALIKE and not again > HELD_ALIKE:
+        if usual >= HELD_ROWS and seldom(seconds, columns) and alike > HELD_ALIKE and not again > HELD_ALIKE:
             found[k] = seconds, int(usual)
     if found:
         names, (seconds, rows) = [columns.signals[k] for k in found], max(found.values())

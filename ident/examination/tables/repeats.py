@@ -24,7 +24,8 @@ AT_REST = 0.1  # of its pace elsewhere: what a torque does while its joint rests
 TRAVEL = 0.02  # of the joint's range, moved through meanwhile
 MOST_STILL, FEW = 0.05, 40  # share of the samples; values of a signal that stands still by its resolution
 NEAR_ZERO, AWAY, VISITS = 0.01, 0.1, 8  # of the largest value
-HELD_S, HELD_ROWS, HELD_ALIKE = 0.04, 4, 0.6  # s and rows between changes, share of equal distances
+HELD_ROWS, HELD_ALIKE = 4, 0.6  # between changes, share of equal distances
+SHOWS = 5.0  # times the cut-off: at fewer values a second the way from one to the next is not all filtered
 TRAVELLED = 0.05  # rad or m, that a joint must move for its torque to be asked for more than noise
 FEWEST_STEPS, FEWEST_SCALES = 16, 4  # of means of one length, and lengths
 WHITE = 4.5  # standard deviations between scatter at one length and at the shortest
@@ -233,7 +234,7 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
         usual = float(np.median(every))
         alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
         seconds = usual * float(np.median(steps))
-        if usual >= HELD_ROWS and seconds > HELD_S and alike > HELD_ALIKE:
+        if usual >= HELD_ROWS and seldom(seconds, columns) and alike > HELD_ALIKE:
             slow[k] = (seconds, int(usual))
     if not slow:
         return [], set()
@@ -245,6 +246,12 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
     )
     remedy = "record them at the rate of the others; cut-offs above a fifth of theirs show the steps"
     return [Check("held_signal", names, text, remedy)], set(slow)
+
+
+def seldom(seconds: float, columns: Columns) -> bool:
+    """Whether values that are new only every so many s show behind the cut-off, to three digits, as stamps
+    have it. (Of a TX40's torques of 25 Hz, told from 40 ms on, those of one run of three were.)"""
+    return float(f"{seconds * SHOWS * columns.cutoff_hz:.3g}") > 1
 
 
 def stepped(x: np.ndarray) -> bool:

@@ -68,6 +68,20 @@ def test_a_signal_that_is_held_over_ten_rows(tmp_path, signal):
     assert said == {("held_signal", (signal,))}
 
 
+@pytest.mark.parametrize(("every", "told"), [(0.03, True), (0.02, False)])
+def test_values_that_are_new_so_seldom_that_the_cut_off_shows_it_are_held(tmp_path, every, told):
+    """Told from 40 ms on, torques of 25 Hz were in one run of a TX40's three, whose stamps made it a hair
+    more."""
+
+    def hold(c):
+        begin = c["t"][0] + every * np.floor((c["t"] - c["t"][0]) / every + 1e-6)
+        each = np.searchsorted(c["t"], begin - 1e-6)
+        return c | {k: x[each] for k, x in c.items() if k.startswith("tau")}
+
+    said = {c.check for c in tables(planted(tmp_path, hold, measured("franka_panda")))}
+    assert said == ({"held_signal"} if told else set())
+
+
 def test_a_torque_without_its_sign(tmp_path):
     said = {(c.check, c.signals) for c in tables(planted(tmp_path, changed("i2", np.abs)))}
     assert said == {("unsigned_torque", ("i2",))}
