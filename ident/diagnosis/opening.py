@@ -73,10 +73,7 @@ class Source:
     def built(self, progress: Progress = silent) -> tuple[tuple[RecordingSystem, ...], FineKeeper]:
         study, columns = self.prepared.study, self.prepared.columns
         keeper = FineKeeper(columns, self.cutoff_hz, study.filter.order, self.on_disk)
-        looked_at = ("identify", "validate")  # what a test run would say decides nothing
-        return build(
-            self.prepared, self.cutoff_hz, roles=looked_at, observer=keeper, progress=progress
-        ), keeper
+        return build(self.prepared, self.cutoff_hz, observer=keeper, progress=progress), keeper
 
     def looked_at(
         self, systems: Sequence[RecordingSystem], segments: Sequence[FineSegment]
@@ -90,6 +87,15 @@ class Source:
         """Those of the recordings that decide something, opened again."""
         systems, keeper = self.built()
         return self.looked_at(systems, keeper.segments(systems, self.cuts))
+
+
+def _deciding(prepared: Prepared) -> Prepared:
+    """Without test runs, which decide nothing: neither by what they say nor by how they were recorded. (Of a
+    KR 300 with one position in coarse steps in its test run alone, rows of another cut-off gave it another
+    friction.)"""
+    its = [both for both in zip(prepared.streams, prepared.banks) if both[0].role != "test"]
+    streams, banks = zip(*its)
+    return replace(prepared, streams=streams, banks=banks)
 
 
 def diagnosis_cutoff(prepared: Prepared) -> float:
@@ -110,6 +116,7 @@ def opened(
     memory [bytes]: what the process may take; None: half of what is free. fitted: the study's own effects
     where its fit has them, None: where they begin. (About a delay of zero, one of 17 ms is no delay, and what
     is left of it was told as structure.) Raises MemoryLimitError."""
+    prepared = _deciding(prepared)
     study, columns = prepared.study, prepared.columns
     cutoff = diagnosis_cutoff(prepared)
     slowest = min(stream.rate_hz for stream in prepared.streams)

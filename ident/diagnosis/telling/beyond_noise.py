@@ -89,7 +89,8 @@ def _oscillates(last: FitResult, state: State, c: int, fitted: np.ndarray, judge
     """log E of an oscillation of a channel's residual."""
     values, rows = state.design[0][c][1], state.rows
     learned, asked = (blocks(rows, state.residual[c], side, values) for side in (fitted, judged))
-    banks = [bank for stream in last.recordings if (bank := prepare(stream, last.study.filter)).lowest]
+    deciding = [stream for stream in last.recordings if stream.role != "test"]
+    banks = [bank for stream in deciding if (bank := prepare(stream, last.study.filter)).lowest]
     of_joints = zip(*([position for position, _ in bank.filters] for bank in banks))
     lowest = [min(its, key=lambda filter: filter.cutoff_hz) for its in of_joints]
     in_steps = [its for its in lowest if its.cutoff_hz < last.study.filter.position_cutoff_hz]
