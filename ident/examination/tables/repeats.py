@@ -131,10 +131,11 @@ def _standing_still(
 
 
 def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """Torques that come down to zero again and again and never below it; beside them those that have one sign
-    as well, which may be what the same logger made of torques that do not come down to zero. (Of a Franka's
-    magnitudes three were told, and of the others that two positions are exchanged.)"""
-    told, beside = [], []
+    """Torques that come down to zero again and again and never below it, together; beside them those that
+    have one sign as well, which may be what the same logger made of torques that do not come down to zero.
+    (Of a Franka's magnitudes three were told, and of the others that two positions are exchanged; of a
+    rokae's the first was to be left out with the third kept, and the third with the first.)"""
+    told, beside = dict[str, int](), list[str]()
     for k in range(columns.n, len(columns.signals)):
         x = excerpt.column(k)
         if x.min() < 0 < x.max() or excerpt.fewer(k, FEW):
@@ -143,19 +144,27 @@ def unsigned(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         state = np.where(size < NEAR_ZERO, 0, np.where(size > AWAY, 1, -1))
         visits = state[state >= 0]
         count = int(((visits[:-1] == 1) & (visits[1:] == 0)).sum())
-        name = columns.signals[k]
         if count < VISITS:
-            beside.append(name)
-            continue
-        told.append(name)
-        yield Check(
-            "unsigned_torque",
-            (name,),
-            f"{name} comes down to zero {count} times and never changes its sign: a magnitude, or a "
-            "sensor of one direction",
-            f"record it with its sign, or leave it out with {columns.without([name])}",
+            beside.append(columns.signals[k])
+        else:
+            told[columns.signals[k]] = count
+    if not told:
+        return
+    names, times = listed(told), listed(told.values())
+    text = (
+        f"{names} comes down to zero {times} times and never changes its sign: a magnitude, or a sensor of "
+    )
+    text, remedy = f"{text}one direction", "record it with its sign"
+    if len(told) > 1:
+        text = (
+            f"{names} come down to zero {times} times and never change their signs: magnitudes, or sensors "
         )
-    if told and beside:
+        text, remedy = f"{text}of one direction", "record them with their signs"
+    if len(told) < len(columns.signals) - columns.n:
+        where, them = ", where the others are right," if beside else "", "them" if len(told) > 1 else "it"
+        remedy += f", or{where} leave {them} out with {columns.without([*told])}"
+    yield Check("unsigned_torque", tuple(told), text, remedy)
+    if beside:
         verb, what = ("have", "magnitudes") if len(beside) > 1 else ("has", "a magnitude")
         yield Check(
             "unsigned_torque",

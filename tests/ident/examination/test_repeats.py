@@ -95,6 +95,9 @@ def test_torques_that_are_all_magnitudes(tmp_path):
     said = [c for c in examine_tables(prepared) if c.recording == study.recordings[0].label]
     assert {c.check for c in said} == {"unsigned_torque"}
     assert sorted(name for c in said for name in c.signals) == names
+    several, _ = said
+    assert len(several.signals) > 1 and "where the others are right, leave them out" in several.remedy
+    assert not set(several.signals) & set(several.remedy.split("channels: ")[1].strip("[]").split(", "))
     assert not examine_fit(prepared)
 
 
