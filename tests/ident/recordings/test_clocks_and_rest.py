@@ -9,7 +9,7 @@ from small_arm import ARM
 import generated
 from ident.equations.prepared import prepare_study
 from ident.estimation.fit import fit_study
-from ident.examination.tables.clock import Grid, goes_on, rounded_stamps, uniform_clock
+from ident.examination.tables.clock import Grid, goes_on, rounded_stamps, time_stamps, uniform_clock
 from ident.examination.tables.of_table import more_joints
 from ident.recordings.study import load_study
 
@@ -29,6 +29,20 @@ def stamps_told(t):
 def test_a_clock_behind_rounded_stamps(period):
     check = stamps_told(np.round(K * period, 2))
     assert check is not None and check.outcome == "mended" and f"{1 / period:.6g} Hz" in check.message
+
+
+@pytest.mark.parametrize(
+    ("seconds", "begin", "told"), [(1.1, 2.8, False), (1.4, 1.4, True), (1.4, 0.0, False)]
+)
+def test_a_rate_of_stamps_in_few_whole_seconds(seconds, begin, told):
+    """50 Hz of a TX40 were told to be 39.6: where its stamps pass a whole second twice they tell it, and once
+    they do not."""
+    t = np.round(begin + 0.02 * np.arange(50 * seconds))
+    clock = uniform_clock(lambda: [t])
+    assert clock.rates is not None and clock.rates[0] <= 50.0 * (1 + 1e-9) <= clock.rates[1] * (1 + 2e-9)
+    check = time_stamps("run", clock, len(t) - 2, len(t))
+    assert check.outcome == ("mended" if told else "refused")
+    assert "(50 to 52)" in check.message if told else "rate_hz" in check.remedy
 
 
 def test_no_clock_is_read_into_what_lost_rows_or_jitters():
