@@ -2,25 +2,27 @@
 
     i_j = (tau_j + friction and rotor of the motor) / g_j,   tau_j what the sensors' fit says
 
-is linear in 1 / g_j and what stands before the gear; where 1 / g_j is negative beyond its scatter on the
-fitted recordings and on those that validate, the signal has the other sign. (Turned sensors are told before:
-they contradict each other; where what is told of them leaves them contradicting each other, it may be the
-joint's sensor that is turned.)
+is linear in 1 / g_j and what stands before the gear. Where 1 / g_j is negative beyond its scatter on the
+fitted recordings and on those that validate, and dry friction does not go with the motion, the signal has the
+other sign. Where its friction does it is the joint's sensor that is turned, if that falls where the signal
+rises: no other torque of this robot, and no geometry, has a say in it. (Turned sensors are told before:
+they contradict each other; but in the geometry of another robot all torques do, and of a dual arm whose
+sensors 1 and 3 are turned two currents were told.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from ident.examination.check import Check, turned_sign
 from ident.examination.fits.hypothesis import WHICH, Asked
-from ident.examination.fits.quick import CLUSTERS, Fit
-from ident.examination.fits.samples import Sample
+from ident.examination.fits.quick import CLUSTERS
 from ident.examination.fits.unexplained import contradicted
-from ident.examination.torques.signs import SURE
+from ident.examination.torques.signs import FRICTION, SURE
+from modelgen.geometry.names import ParameterName
 
 
 def motor_signs(asked: Asked) -> Iterator[Check]:
@@ -29,49 +31,59 @@ def motor_signs(asked: Asked) -> Iterator[Check]:
     sensors = {int(columns.joint_of[c]): c for c in seen if c not in columns.gain_columns}
     doubtful = bool(contradicted(asked).any())
     known = np.abs(np.einsum("cii->i", quick.identify.G[seen])) > 0 if seen else np.zeros(0, bool)
-    for c, gain in columns.gain_columns.items():
-        slopes = [
-            _slope([s for s in quick.samples if s.role == role], asked.fit, c, gain, known)
-            for role in ("identify", "validate")
-        ]
-        if slopes[0] is None or slopes[0] > -SURE or (slopes[1] is not None and slopes[1] > -1.0):
+    for c in columns.gain_columns:
+        slope, friction = _against(asked, "identify", c, known)
+        if not slope < -SURE or _against(asked, "validate", c, known)[0] > -1.0:
             continue
         place = int(columns.joint_of[c])
         joint, sensor = columns.need.joints[place], sensors.get(place)
         name = f"{'i' if asked.currents else 'tau_m'}{joint}"
+        its = None if sensor is None else asked.name(sensor)
+        if friction > SURE:
+            if its is not None and _against(asked, "identify", c, known, sensor)[0] < -SURE:
+                why = f"it falls where {name} rises, whose dry friction goes with the motion"
+                yield turned_sign((its,), f"{its} has the other sign: {why}", asked.maps)
+            continue
         why = f"it falls where the torque that the sensors show at joint {joint} rises"
         said = f"{name} has the other sign"
-        if not doubtful or sensor is None:
+        if friction < -SURE or not doubtful or its is None:
             yield turned_sign((name,), f"{said}: {why}", asked.maps)
             continue
-        its = asked.name(sensor)
         check = turned_sign((name,), f"{said}, or {its} has the other sign{WHICH}: {why}", asked.maps)
         line = asked.line({its: {"sign": -1}})
         yield replace(check, remedy=f"{check.remedy}  # or {line}, where it is that")
 
 
-def _slope(samples: Sequence[Sample], fit: Fit, c: int, gain: int, known: np.ndarray) -> float | None:
-    """1 / gain in its standard deviations, from the scatter between stretches; None where nothing is seen."""
-    parts, signals = [], []
-    for s in samples:
-        own = np.flatnonzero(~known & np.any(s.W[c] != 0, axis=0))
-        own = own[own != gain]
-        torque = s.W[c][:, known] @ fit.chi[known]
-        parts.append((torque, s.W[c][:, own], own))
-        signals.append(-s.W[c][:, gain])
-    if not parts or not any(np.ptp(torque) > 0 for torque, _, _ in parts):
-        return None
-    every = np.unique(np.concatenate([own for _, _, own in parts]))
-    rows = []
-    for torque, W, own in parts:
-        wide = np.zeros((len(torque), 1 + len(every)))
-        wide[:, 0] = torque
-        wide[:, 1 + np.searchsorted(every, own)] = W
-        rows.append(wide)
-    X, y = np.vstack(rows), np.concatenate(signals)
+def _against(
+    asked: Asked, role: str, c: int, known: np.ndarray, sensor: int | None = None
+) -> tuple[float, float]:
+    """1 / gain, of what the fit says of the joint or of what its sensor reads, and the power of the signal's
+    own friction, each in its standard deviations, from the scatter between stretches; NaN where nothing is
+    seen."""
+    columns, samples = asked.quick.columns, [s for s in asked.quick.samples if s.role == role]
+    gain, joint, unseen = columns.gain_columns[c], int(columns.joint_of[c]), (np.nan, np.nan)
+    if not samples:
+        return unseen
+    W = np.concatenate([s.W[c] for s in samples])
+    if sensor is None:
+        torque = W[:, known] @ asked.fit.chi[known]
+    else:
+        torque = np.concatenate([s.Y[:, asked.how.order[sensor]] for s in samples])
+    if not np.ptp(torque) > 0:
+        return unseen
+    own = np.flatnonzero(~known & np.any(W != 0, axis=0) & (np.arange(len(known)) != gain))
+    X, y = np.column_stack([torque, W[:, own]]), -W[:, gain]
     size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
     inverse = np.linalg.pinv((X / size).T @ (X / size), rcond=1e-9)
     x = inverse @ (X / size).T @ y
-    scores = (X / size) * (y - X / size @ x)[:, None] @ inverse[:, :1]
-    scatter = sum(float(piece.sum()) ** 2 for piece in np.array_split(scores, CLUSTERS))
-    return float(x[0] / max(np.sqrt(scatter), 1e-300))
+    rubs = [name is not None and name.kind in FRICTION for name in map(ParameterName.of, columns.parameters)]
+    asks = np.zeros((len(x), 2))
+    asks[0, 0] = 1.0
+    asks[1:, 1] = np.where(
+        np.array(rubs)[own], np.concatenate([s.dq[:, joint] for s in samples]) @ W[:, own], 0
+    )
+    asks /= size[:, None]
+    scores = (X / size) * (y - X / size @ x)[:, None] @ inverse @ asks
+    scatter = sum(piece.sum(axis=0) ** 2 for piece in np.array_split(scores, CLUSTERS))
+    slope, friction = x @ asks / np.maximum(np.sqrt(scatter), 1e-300)
+    return float(slope), float(friction)
