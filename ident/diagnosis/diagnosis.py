@@ -30,7 +30,6 @@ from ident.diagnosis.telling.beside_checks import (
     of_fitted,
     told_by_checks,
     told_once,
-    unanswered,
 )
 from ident.diagnosis.telling.beyond_noise import beyond_noise
 from ident.diagnosis.telling.findings import (
@@ -46,6 +45,7 @@ from ident.diagnosis.telling.findings import (
     unexplained_of,
 )
 from ident.diagnosis.telling.floor import noise_floor, white_noise
+from ident.diagnosis.telling.unanswered import unanswered
 from ident.diagnosis.telling.unforeseen import white_at_most
 from ident.diagnosis.telling.visible import Visible, smallest_visible
 from ident.diagnosis.traced import Traced, trace_whole

@@ -3,25 +3,19 @@ other."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from ident.diagnosis.telling.findings import ESTABLISHED, PARTLY, Alternative, Finding
+from ident.diagnosis.telling.unanswered import read
 from ident.examination.check import Check
-from ident.examination.fits.hypothesis import BAD
 from ident.examination.undone import undoing
 from ident.recordings.study import Study
 from modelgen.effects import catalogue
 from modelgen.effects.effect import Effect
-
-Percents = Mapping[str, Mapping[str, float]]  # of recordings: of channels
-
-# torques that are not as they should be, whatever the cause
-UNKNOWN = ("unrelated_torque", "wrong_robot", "torque_step", "torque_zero", "changes_meanwhile")
-ANSWERED = 0.5  # of their error: with less of it left they may be explained
 
 
 def beside_faults(findings: Sequence[Finding], standing: Sequence[Check]) -> tuple[Finding, ...]:
@@ -43,38 +37,6 @@ def assumed(checks: Iterable[Check]) -> tuple[Check, ...]:
     return tuple(c for c in open_ if not _effects_of(c))
 
 
-def unanswered(checks: Iterable[Check], before: Percents, after: Percents) -> tuple[Check, ...]:
-    """Checks that torques are not what motion and model ask for, of a cause that no check tells, to which all
-    that was found is no answer: half of their error or more is left by it, or so much that nothing explains
-    them; {recording: {channel: percent}} without it and with it. (Of an LWR4+ whose torques are in reverse
-    order in one run a body was told that it has there, and 70 % were left; of one whose torques leap by a
-    quarter in the middle of each run contacts from other moments on.)"""
-    doubts = (c for c in checks if c.check in UNKNOWN and c.outcome == "warned" and not c.open)
-    return tuple(c for c in doubts if c.signals and not _answered(c, before, after))
-
-
-def _answered(check: Check, before: Percents, after: Percents) -> bool:
-    """By the error of its signals, in their geometric mean and in their median."""
-    runs = [check.recording] if check.recording in before else list(before)
-    names = [name for signal in check.signals for name in _compared(signal, before[runs[0]])]
-    if not names:
-        return False
-    had, left = (
-        np.array([np.sqrt(np.nanmean(np.square([its[run][name] for run in runs]))) for name in names])
-        for its in (before, after)
-    )
-    known = (had > 0) & (left > 0)
-    share = np.exp(np.mean(np.log(left[known] / had[known]))) if known.any() else 1.0
-    return bool(share < ANSWERED and np.median(left) < 100 * BAD)
-
-
-def _compared(signal: str, channels: Iterable[str]) -> list[str]:
-    """Channels that a recorded signal is in: its own, or of its joint where that is the difference of two."""
-    kind, joint = _read(signal)
-    mine = [name for name in channels if _read(name)[1] == joint]
-    return [name for name in mine if name == f"{kind}{joint}"] or mine
-
-
 def beside_doubts(
     findings: Sequence[Finding], doubts: Sequence[Check], fitted: Iterable[str]
 ) -> tuple[Finding, ...]:
@@ -82,7 +44,7 @@ def beside_doubts(
     all that is found beside such torques of a run that is fitted, as the parameters of all torques answer to
     them. (Of a Franka whose fourth torque is 0.7 times as large late in the fitted run its seventh joint had
     hysteresis, which was kept away where the fourth is as it was.)"""
-    in_doubt = {_read(name) for check in doubts for name in check.signals}
+    in_doubt = {read(name) for check in doubts for name in check.signals}
     fit_in_doubt = of_fitted(doubts, fitted)
 
     def shaken(f: Finding) -> bool:
@@ -126,7 +88,7 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
                 its = effect.reported[0]
                 std = None if check.spread is None else gain * check.spread
                 values[its.name] = {"value": gain, "std": std, "unit": its.unit, "at_bound": False}
-        read = [_read(name) for name in check.signals]
+        read = [read(name) for name in check.signals]
         joints = tuple(joint for _, joint in read)
         side = "tau_l" if any(its == "tau_l" for its, _ in read) else "tau_m"
         where = {"recording": check.recording} if check.recording else {}
@@ -189,7 +151,7 @@ def in_doubt(findings: Sequence[Finding], checks: Sequence[Check]) -> tuple[Find
 def _told_of(f: Finding, check: Check) -> set[tuple[str, int]]:
     """The signals of a check that tells a finding's effect, of one of its own or of all, too; of other checks
     none."""
-    signals = {_read(name) for name in check.signals}
+    signals = {read(name) for name in check.signals}
     of_it = not f.joints or bool(signals & _signals_of(f))
     return signals if of_it and check.check in catalogue()[f.effect].told_by else set()
 
@@ -202,9 +164,3 @@ def _effects_of(check: Check) -> list[Effect]:
 def _signals_of(f: Finding) -> set[tuple[str, int]]:
     """Side and joint of each torque, and the positions of the joints."""
     return {(kind, joint) for joint in f.joints for kind in (f.channel, "q")}
-
-
-def _read(signal: str) -> tuple[str, int]:
-    """Side and joint of a recorded signal; a current is its motor's torque."""
-    kind = signal.rstrip("0123456789")
-    return "tau_m" if kind == "i" else kind, int(signal[len(kind) :] or 0)

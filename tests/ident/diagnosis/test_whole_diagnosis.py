@@ -14,6 +14,7 @@ from ident.diagnosis import diagnose_study
 from ident.diagnosis.diagnosis import _doubted, _of_signals, _unexplained
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.evidence.sufficiency import signals_read
+from ident.diagnosis.extended.last_fit import _beside_the_point
 from ident.diagnosis.outcome import BUDGET, threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import (
@@ -31,7 +32,6 @@ from ident.diagnosis.telling.beside_checks import (
     in_doubt,
     not_found,
     told_once,
-    unanswered,
 )
 from ident.diagnosis.telling.findings import (
     ESTABLISHED,
@@ -39,6 +39,7 @@ from ident.diagnosis.telling.findings import (
     Finding,
     Unexplained,
 )
+from ident.diagnosis.telling.unanswered import unanswered
 from ident.diagnosis.weighed_again import pruned
 from ident.errors import FitFailedError, NotEnoughDataError
 from ident.estimation import fit
@@ -378,6 +379,24 @@ def test_what_leaves_most_of_a_contradiction_is_a_part_at_most():
     for its, runs in ((doubt, ["run1"]), (judged, ["run1", "run2"])):  # all parameters answer to it
         assert [f.grade for f in beside_doubts(found, [its], runs)] == [PARTLY] * 3
     assert beside_doubts([load, spring], (), ["run1"]) == (load, spring)
+
+
+def test_a_load_from_the_moment_on_at_which_a_torque_leaps_is_none():
+    """Of a KR 300 whose fifth torque leaps in one run by 467 N m a force of 792 N was told from there on."""
+
+    def fit(left, *terms):
+        errors = {"run1": {"tau_m5": 5.0}, "run3": {"tau_m5": left}}
+        rate = SimpleNamespace(by_recording=lambda: errors)
+        return SimpleNamespace(checks=(leap,), terms=terms, errors=SimpleNamespace(full_rate=rate))
+
+    leap = Check("torque_step", ("tau_m5",), "tau_m5 leaps", recording="run3", hint=True)
+    spring, here, there = (
+        SimpleNamespace(place=Place(recording=run, start=start))
+        for run, start in ((None, None), ("run3", 1.9), ("run1", 1.9))
+    )
+    for left, found in ((30.0, {1: None}), (10.0, {})):  # half of it is explained
+        assert _beside_the_point(fit(left, spring, here, there), fit(40.0), 0) == found
+    assert _beside_the_point(fit(30.0, spring, there), fit(40.0), 0) == {}
 
 
 def test_a_delay_that_was_not_found_stands():
