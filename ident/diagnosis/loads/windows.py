@@ -26,19 +26,10 @@ def windows_of(
     mine, t = since(state, place)
     if len(t) < 20:
         return [], np.zeros(0)
-    cells = np.unique(np.floor(t / STEP_S))  # a pause is one block, however long
-    edges = np.union1d(cells, cells + 1) * STEP_S
+    edges = _edges(t)
     sums = _sums(m, columns, mine, t, edges)
     B = len(edges) - 1
-    pairs: list[tuple[int, int]] = [(0, B)]
-    if not only_whole:
-        least, margin = int(SHORTEST_S / STEP_S), int(MARGIN_S / STEP_S)
-        length = float(least)
-        while length < 0.7 * B:
-            n = round(length)
-            pairs += [(a, a + n) for a in range(margin, B - n - margin + 1, max(1, n // 4))]
-            length *= RATIO
-        pairs += [(a, B) for a in range(least, B - least + 1)]
+    pairs = [(0, B)] if only_whole else _pairs(B)
     if part:
         pairs = pairs[1:]
     if not pairs:
@@ -47,6 +38,31 @@ def windows_of(
     gains = gains_of(sums, chosen)
     windows = [(None if a == 0 else float(edges[a]), None if b == B else float(edges[b])) for a, b in chosen]
     return windows, gains
+
+
+def windows_tried(state: State, place: Place) -> int:
+    """Of how many windows of its recording a load's has been chosen; 1 of what acts all along one."""
+    if place.recording is None or not comes_and_goes(place):
+        return 1
+    return max(len(_pairs(len(_edges(since(state, place)[1])) - 1)), 1)
+
+
+def _edges(t: np.ndarray) -> np.ndarray:
+    """(B+1,) [s] of the blocks of the search."""
+    cells = np.unique(np.floor(t / STEP_S))  # a pause is one block, however long
+    return np.union1d(cells, cells + 1) * STEP_S
+
+
+def _pairs(B: int) -> list[tuple[int, int]]:
+    """Windows by the blocks that they begin and end with: all of them, then parts."""
+    pairs = [(0, B)]
+    least, margin = int(SHORTEST_S / STEP_S), int(MARGIN_S / STEP_S)
+    length = float(least)
+    while length < 0.7 * B:
+        n = round(length)
+        pairs += [(a, a + n) for a in range(margin, B - n - margin + 1, max(1, n // 4))]
+        length *= RATIO
+    return pairs + [(a, B) for a in range(least, B - least + 1)]
 
 
 def _sums(
