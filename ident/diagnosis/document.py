@@ -143,7 +143,7 @@ def _unexplained(u: Unexplained) -> dict[str, Any]:
     return {
         "joints": list(u.joints),
         "channel": u.channel,
-        **({} if u.stretch is None else dict(zip(("recording", "from", "to"), u.stretch))),
+        **({} if u.stretch is None else dict(zip(("recording", "from", "to", "first_stamp"), u.stretch))),
         "depends_on": list(u.depends_on),
         "oscillates": u.oscillates,
         "or_on": list(u.alike),

@@ -32,15 +32,28 @@ def where(finding: Mapping[str, Any]) -> str:
         parts.append(f"link {finding['link']}")
     if finding.get("source_joint") is not None:
         parts.append(f"from joint {finding['source_joint']}")
-    start, stop = finding.get("from"), finding.get("to")
-    window = f" from {number(start)}" if start is not None else ""
-    window += f"{' to' if window else ' until'} {number(stop)}" if stop is not None else ""
-    window += " s" if window else ""
+    window = when(finding)
     if finding.get("recording"):
         parts.append(f"in {finding['recording']}{window}")
     elif window:
         parts.append(window.strip())
     return ", ".join(parts)
+
+
+def when(its: Mapping[str, Any]) -> str:
+    """` from 12 to 15.5 s after its start (stamps from 41.3 to 44.8 s)`; no stamps where these begin with
+    zero."""
+    if its.get("from") is None and its.get("to") is None:
+        return ""
+
+    def window(offset: float) -> str:
+        start, stop = (None if its.get(k) is None else number(its[k] + offset) for k in ("from", "to"))
+        if start is None:
+            return f"until {stop} s"
+        return f"from {start}{'' if stop is None else f' to {stop}'} s"
+
+    told, stamps = window(0.0), window(its.get("first_stamp") or 0.0)
+    return f" {told}" if stamps == told else f" {told} after its start (stamps {stamps})"
 
 
 def visible_in_words(document: Mapping[str, Any]) -> str:

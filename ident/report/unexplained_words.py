@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ident.report.finding_words import effect_name, place
+from ident.report.finding_words import effect_name, place, when
 from ident.report.wording import joined, number, percent
 
 
@@ -36,7 +36,7 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
     if item.get("recording") is not None:
         return (
             f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves on the fitted "
-            f"{sides} is of {item['recording']} from {number(item['from'], 3)} to {number(item['to'], 3)} s "
+            f"{sides} is of {item['recording']}{when(item)} "
             "alone, and no load or contact of the catalogue explains it: something happened there, or it "
             "alone shows what the model lacks; look at that stretch."
         )

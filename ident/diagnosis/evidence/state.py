@@ -130,6 +130,11 @@ class State:
         """With another in the place of one thing found, not settled yet."""
         return replace(self, found=tuple(other if k == number else f for k, f in enumerate(self.found)))
 
+    def begins(self, recording: str | None) -> float:
+        """First stamp of a recording [s], since which its windows count: `from:` of a study counts as its
+        stamps do."""
+        return min(s.begun for s in self.segments if s.label == recording)
+
     @property
     def terms(self) -> tuple[Term, ...]:
         return tuple(f.term for f in self.found if f.term is not None)

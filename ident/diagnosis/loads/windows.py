@@ -109,8 +109,7 @@ def since(state: State, place: Place) -> tuple[np.ndarray, np.ndarray]:
     """Rows of a place's recording and their time since its first sample."""
     number = state.rows.names.index(str(place.recording))
     mine = np.flatnonzero(state.rows.recording == number)
-    begun = next(s.begun for s in state.segments if s.label == place.recording)
-    return mine, state.rows.t[mine] - begun
+    return mine, state.rows.t[mine] - state.begins(place.recording)
 
 
 def part_alone(state: State, effect: Effect) -> bool:

@@ -67,7 +67,8 @@ def _of_stretch(its: Stretch, last: FitResult, state: State) -> list[Unexplained
     kinds: dict[str, list[int]] = {}
     for c in sorted(its.parts):
         kinds.setdefault(last.columns.channels[c].rstrip("0123456789"), []).append(c)
-    need, where, out = last.columns.need, (its.recording, its.start, its.stop), list[Unexplained]()
+    where = its.recording, its.start, its.stop, state.begins(its.recording)
+    need, out = last.columns.need, list[Unexplained]()
     for kind, own in kinds.items():
         joints = tuple(need.joints[need.channels[c].joint] for c in own)
         share = 100.0 * its.of(own)

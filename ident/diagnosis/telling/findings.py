@@ -16,6 +16,7 @@ from ident.diagnosis.extended.approximated import Moved
 from ident.diagnosis.extended.by_rows_that_judge import own_deviations
 from ident.diagnosis.extended.in_a_study import is_told, same
 from ident.diagnosis.extended.last_fit import Refusal
+from ident.diagnosis.loads.windows import comes_and_goes
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import place_of, without_terms
@@ -93,7 +94,9 @@ class Unexplained:
     errors: tuple[float, float] | None = None  # % without `nearest` and with it, which keep it away
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
     unseen: bool = False  # the judged rows do not go where it acts: they could not show it
-    stretch: tuple[str, float, float] | None = None  # recording, from, to [s]: there alone
+    stretch: tuple[str, float, float, float] | None = (
+        None  # recording, from, to, first stamp [s]: there alone
+    )
     oscillates: bool = False  # of its own: its past foretells it, not a function of time
 
 
@@ -166,6 +169,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         "from": place.start,
         "to": place.stop,
         "link": place.link,
+        "first_stamp": state.begins(place.recording) if comes_and_goes(place) else None,
     }
     left = {u.channel for u in outcome.unnamed}
     own = set(place.rows(state.model.channels))

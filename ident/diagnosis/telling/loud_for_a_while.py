@@ -97,6 +97,8 @@ def _loud(state: State, c: int, here: np.ndarray) -> Stretch | None:
     if beyond <= 0:
         return None
     number = int(rows.recording[inside][0])
-    begun = min(its.begun for its in state.segments if its.label == rows.names[number])
-    t, every = rows.t[inside] - begun, float(square[rows.fitted & rows.use[c]].sum())
+    t, every = (
+        rows.t[inside] - state.begins(rows.names[number]),
+        float(square[rows.fitted & rows.use[c]].sum()),
+    )
     return Stretch(rows.names[number], float(t[0]), float(t[-1] + rows.hop), {c: (beyond, every)})

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ident.report.diagnosis_report import View, binned_median, diagnosis_page
-from ident.report.finding_words import evidence_in_words, finding_sentence, separated_in_words
+from ident.report.finding_words import evidence_in_words, finding_sentence, separated_in_words, when
 from ident.report.fit_report import Curve, fit_page
 from ident.report.page import Table
 from ident.report.render import render
@@ -205,6 +205,11 @@ def test_a_finding_says_where_how_sure_and_what_else_it_may_be():
     assert load.startswith(
         "The whole robot, in run2 from 12.00 s: payload change; error of all channels on test"
     )
+    assert when({"from": 12.0, "to": 17.0, "first_stamp": 18.93}) == (
+        " from 12.00 to 17.00 s after its start (stamps from 30.93 to 35.93 s)"
+    )
+    assert when({"to": 17.0, "first_stamp": 1.0}) == " until 17.00 s after its start (stamps until 18.00 s)"
+    assert when({"from": 12.0, "first_stamp": 0.0}) == " from 12.00 s" and when({}) == ""
     weak = finding_sentence(DIAGNOSIS, DIAGNOSIS["findings"][0] | {"grade": "partly"})
     assert weak.startswith("Joint 4, motor side: partly explained by stribeck friction")
     assert evidence_in_words(DIAGNOSIS, DIAGNOSIS["findings"][0]).replace("\u00a0", " ") == (
