@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,7 +21,8 @@ from ident.diagnosis.evidence.metric import acting, whole
 from ident.diagnosis.evidence.refine import Refined, fit_sizes, refine
 from ident.diagnosis.evidence.settled import settled, with_found
 from ident.diagnosis.evidence.state import Found
-from ident.diagnosis.loads.events import Event, _says_more, _search, best_event
+from ident.diagnosis.loads import events
+from ident.diagnosis.loads.events import Event, _says_more, _search, _simplest, best_event
 from ident.diagnosis.loads.is_a_load import crossed, stands_apart
 from ident.diagnosis.loads.own_of_a_run import zero_columns
 from ident.diagnosis.loads.windows import gains_of
@@ -33,6 +35,7 @@ from ident.equations.prepared import prepare_study
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.effects import catalogue
+from modelgen.effects import effect as called
 from modelgen.effects.place import Place
 
 ALPHA = 0.01
@@ -362,3 +365,27 @@ def test_the_window_of_a_contact_is_sought_in_the_noise_that_it_leaves(tmp_path)
         force = its.parameters["force"]
         size = np.hypot(np.hypot(true["fx"], true["fy"]), true["fz"])
         assert abs(force["value"] - size) < max(3 * force["std"], 0.02 * size)
+
+
+def test_loads_are_compared_in_one_noise(monkeypatch):
+    """A body that a force imitates: 929 nats in the noise outside of that, 911 for the body in its own, and
+    930 in one noise."""
+    nats = {"external_force": 929.0, "payload_change": 911.0}
+    here = Place(side="link", recording="run2", start=16.7)
+    told = [
+        SimpleNamespace(log_e=nats[name], effect=called(name), place=replace(here, link=link))
+        for name, link in (("external_force", None), ("payload_change", 4))
+    ]
+    force, body = (
+        Event(Refined(Term(e.effect, e.place, {}), {}, np.ones(1), 0.0), e, 100.0, noise=object())
+        for e in told
+    )
+
+    def crosswise(state, noise, r):
+        return None, SimpleNamespace(log_e=930.0 if noise is force.noise else 911.0)
+
+    monkeypatch.setattr(events, "_crosswise", crosswise)
+    best = _simplest(None, None, [force, body], (), 8.3)
+    assert best.refined is body.refined and best.rivals == (force,)
+    alone = [replace(its, noise=None) for its in (force, body)]  # as runs foretell each other
+    assert _simplest(None, None, alone, (), 8.3).refined is force.refined
