@@ -87,7 +87,7 @@ def finding_sentence(document: Mapping[str, Any], finding: Mapping[str, Any]) ->
     grade = "partly explained by " if finding.get("grade") == "partly" else ""
     here = where(finding)
     text = f"{here[0].upper()}{here[1:]}: {grade}{effect_name(finding['effect'])}"
-    values = [_value(name, its) for name, its in finding["parameters"].items() if not _placed(name, its)]
+    values = [_value(name, its) for name, its in _told(finding["parameters"]).items()]
     text += "".join(f", {value}" for value in values) + _error_in_words(document, finding)
     if rivals := rivals_in_words(finding):
         text += f". These data cannot reject instead: {rivals}"
@@ -101,8 +101,12 @@ def _value(name: str, its: Mapping[str, Any]) -> str:
     return f"{text} (the end of the searched range)" if its.get("at_bound") else text
 
 
-def _placed(name: str, its: Mapping[str, Any]) -> bool:
-    return name in PLACED and not its.get("std")
+def _told(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """What is a value of its own: no place, and, where a fit measured others, nothing that it held at zero.
+    (Of a joint that yields `Iam = 0 kg m²` was told: the model has that rotor already.)"""
+    values = {n: p for n, p in parameters.items() if n not in PLACED or p.get("std")}
+    measured = any(p.get("std") for p in values.values())
+    return {n: p for n, p in values.items() if p.get("std") or p["value"] != 0 or not measured}
 
 
 def rivals_in_words(finding: Mapping[str, Any]) -> str:

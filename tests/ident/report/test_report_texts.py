@@ -205,6 +205,14 @@ def test_a_finding_says_where_how_sure_and_what_else_it_may_be():
     assert load.startswith(
         "The whole robot, in run2 from 12.00 s: payload change; error of all channels on test"
     )
+    measured = DIAGNOSIS["findings"][0]["parameters"]
+    held = {"value": 0.0, "std": None, "unit": "kg m^2", "at_bound": False}
+    with_held = finding_sentence(
+        DIAGNOSIS, DIAGNOSIS["findings"][0] | {"parameters": {**measured, "Iam": held}}
+    )
+    assert with_held.replace("\u00a0", " ") == first
+    tilt = {"gx": {**held, "value": 9.81, "unit": "m/s^2"}, "gy": {**held, "unit": "m/s^2"}}
+    assert "gy = 0" in finding_sentence(DIAGNOSIS, DIAGNOSIS["findings"][0] | {"parameters": tilt})
     assert when({"from": 12.0, "to": 17.0, "first_stamp": 18.93}) == (
         " from 12.00 to 17.00 s after its start (stamps from 30.93 to 35.93 s)"
     )
