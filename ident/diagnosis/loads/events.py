@@ -266,12 +266,14 @@ def _says_more(state: State, search: _Search, told: Event, tau: float, alpha: fl
             continue
         own, best = possible
         halves, evidence = _crosswise(state, own, best)
+        other, least = Event(best, evidence, r.gain, (told, *told.rivals), own), evidence.log_e - tau
         if (
-            evidence.log_e > _in_noise_of(state, Event(best, evidence, r.gain, noise=own), told) + tau
+            told.evidence.log_e < least
+            and _in_noise_of(state, other, told) < least
             and by_what_it_needs(halves, best.term, best.columns, evidence, tau, alpha)
             and is_load(state, halves, best.columns, evidence, search.limit, alpha)
         ):
-            more.append(Event(best, evidence, r.gain, (told, *told.rivals), own))
+            more.append(other)
     return max(more, key=lambda event: event.evidence.log_e, default=None)
 
 
