@@ -385,7 +385,26 @@ def test_loads_are_compared_in_one_noise(monkeypatch):
         return None, SimpleNamespace(log_e=930.0 if noise is force.noise else 911.0)
 
     monkeypatch.setattr(events, "_crosswise", crosswise)
+    monkeypatch.setattr(events, "_worth_most", lambda state, most, equal, tau: list(equal))
     best = _simplest(None, None, [force, body], (), 8.3)
     assert best.refined is body.refined and best.rivals == (force,)
     alone = [replace(its, noise=None) for its in (force, body)]  # as runs foretell each other
     assert _simplest(None, None, alone, (), 8.3).refined is force.refined
+
+
+def test_what_all_rows_tell_apart_is_no_equal(clean_arm):
+    """A force in the seconds of a body, of which blocks are taken to say as much."""
+    state, body = loaded(clean_arm, "payload_change", [0.3, 0.01, 0.0, 0.03], 5.0, 9.0, link=3)
+    state = settled(state, 3)
+    place = replace(body.term.place, link=None)
+    columns = state.scene.columns(
+        push := Term(called("external_force"), place, {"px": 0.0, "py": 0.0, "pz": 0.0})
+    )
+    own = outside_metric(state, Refined(body.term, body.columns, body.sizes, 0.0), acting(body.columns))
+    said = SimpleNamespace(log_e=100.0)
+    its, other = (
+        Event(Refined(term, z, np.ones(1), 0.0), said, 0.0, noise=own)
+        for term, z in ((body.term, body.columns), (push, columns))
+    )
+    assert events._worth_most(state, its, [other, its], 8.3) == [its]
+    assert events._worth_most(state, replace(its, noise=None), [other, its], 8.3) == [other, its]
