@@ -396,15 +396,12 @@ def test_what_all_rows_tell_apart_is_no_equal(clean_arm):
     """A force in the seconds of a body, of which blocks are taken to say as much."""
     state, body = loaded(clean_arm, "payload_change", [0.3, 0.01, 0.0, 0.03], 5.0, 9.0, link=3)
     state = settled(state, 3)
-    place = replace(body.term.place, link=None)
-    columns = state.scene.columns(
-        push := Term(called("external_force"), place, {"px": 0.0, "py": 0.0, "pz": 0.0})
-    )
+    _, push = loaded(clean_arm, "external_force", [0.5, -0.4, 0.4], 5.0, 9.0)
     own = outside_metric(state, Refined(body.term, body.columns, body.sizes, 0.0), acting(body.columns))
     said = SimpleNamespace(log_e=100.0)
     its, other = (
         Event(Refined(term, z, np.ones(1), 0.0), said, 0.0, noise=own)
-        for term, z in ((body.term, body.columns), (push, columns))
+        for term, z in ((body.term, body.columns), (push.term, push.columns))
     )
     assert events._worth_most(state, its, [other, its], 8.3) == [its]
     assert events._worth_most(state, replace(its, noise=None), [other, its], 8.3) == [other, its]
