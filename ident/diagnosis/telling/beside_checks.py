@@ -88,9 +88,9 @@ def told_by_checks(study: Study, mended: Study | None, checks: Sequence[Check]) 
                 its = effect.reported[0]
                 std = None if check.spread is None else gain * check.spread
                 values[its.name] = {"value": gain, "std": std, "unit": its.unit, "at_bound": False}
-        read = [read(name) for name in check.signals]
-        joints = tuple(joint for _, joint in read)
-        side = "tau_l" if any(its == "tau_l" for its, _ in read) else "tau_m"
+        signals = [read(name) for name in check.signals]
+        joints = tuple(joint for _, joint in signals)
+        side = "tau_l" if any(its == "tau_l" for its, _ in signals) else "tau_m"
         where = {"recording": check.recording} if check.recording else {}
         out.append(
             Finding(
