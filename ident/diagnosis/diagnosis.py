@@ -16,6 +16,7 @@ from ident.cores import one_blas_thread
 from ident.diagnosis.extended.approximated import moved
 from ident.diagnosis.extended.by_rows_that_judge import sized_by_judged
 from ident.diagnosis.extended.turning_over import turning_over
+from ident.diagnosis.extended.unanswered import unanswered
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import Outcome
 from ident.diagnosis.rows.room import thrifty
@@ -45,7 +46,6 @@ from ident.diagnosis.telling.findings import (
     unexplained_of,
 )
 from ident.diagnosis.telling.floor import noise_floor, white_noise
-from ident.diagnosis.telling.unanswered import unanswered
 from ident.diagnosis.telling.unforeseen import white_at_most
 from ident.diagnosis.telling.visible import Visible, smallest_visible
 from ident.diagnosis.traced import Traced, trace_whole

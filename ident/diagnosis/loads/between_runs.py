@@ -29,6 +29,7 @@ from ident.diagnosis.loads.own_of_a_run import (
     own_friction,
     says_as_much,
 )
+from ident.diagnosis.loads.windows import comes_and_goes
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.parameters_apart import closer
 
@@ -37,9 +38,13 @@ def comparable(state: State, term: Term, columns: Columns) -> bool:
     """Whether it is a load on a whole fitted run, beside others that are fitted, and the runs that judge have
     chosen nothing."""
     rows, inside = state.rows, acting(columns)
-    all_along = term.place.start is None and term.place.stop is None
     others = rows.fitted & ~inside & rows.use.any(axis=0)
-    return bool(all_along and rows.held_apart and not (inside & rows.judged).any() and others.any())
+    return bool(
+        not comes_and_goes(term.place)
+        and rows.held_apart
+        and not (inside & rows.judged).any()
+        and others.any()
+    )
 
 
 def says_between(state: State) -> Callable[[Columns], float]:

@@ -46,9 +46,7 @@ class Event:
     evidence: Evidence
     gain: float  # nats on all rows, in the noise of the model without it
     rivals: tuple[Event, ...] = ()  # on other links, or of another kind: not to be told apart
-    noise: Metric | None = field(
-        default=None, repr=False, compare=False
-    )  # in which blocks foretell each other
+    noise: Metric | None = field(default=None, repr=False, compare=False)  # in which its blocks are judged
 
 
 def best_event(

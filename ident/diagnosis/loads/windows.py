@@ -44,7 +44,7 @@ def windows_tried(state: State, place: Place) -> int:
     """Of how many windows of its recording a load's has been chosen; 1 of what acts all along one."""
     if place.recording is None or not comes_and_goes(place):
         return 1
-    return max(len(_pairs(len(_edges(since(state, place)[1])) - 1)), 1)
+    return len(_pairs(len(_edges(since(state, place)[1])) - 1))
 
 
 def _edges(t: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from ident.diagnosis.extended.unanswered import read
 from ident.diagnosis.telling.findings import ESTABLISHED, PARTLY, Alternative, Finding
-from ident.diagnosis.telling.unanswered import read
 from ident.examination.check import Check
 from ident.examination.undone import undoing
 from ident.recordings.study import Study

@@ -94,9 +94,7 @@ class Unexplained:
     errors: tuple[float, float] | None = None  # % without `nearest` and with it, which keep it away
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
     unseen: bool = False  # the judged rows do not go where it acts: they could not show it
-    stretch: tuple[str, float, float, float] | None = (
-        None  # recording, from, to, first stamp [s]: there alone
-    )
+    stretch: tuple[str, float, float, float] | None = None  # there alone: recording, from, to, first stamp
     oscillates: bool = False  # of its own: its past foretells it, not a function of time
 
 

@@ -96,9 +96,6 @@ def _loud(state: State, c: int, here: np.ndarray) -> Stretch | None:
     beyond = float(square[inside].sum() - inside.sum() * np.mean(square[here & ~inside]))
     if beyond <= 0:
         return None
-    number = int(rows.recording[inside][0])
-    t, every = (
-        rows.t[inside] - state.begins(rows.names[number]),
-        float(square[rows.fitted & rows.use[c]].sum()),
-    )
-    return Stretch(rows.names[number], float(t[0]), float(t[-1] + rows.hop), {c: (beyond, every)})
+    recording = rows.names[int(rows.recording[inside][0])]
+    t, every = rows.t[inside] - state.begins(recording), float(square[rows.fitted & rows.use[c]].sum())
+    return Stretch(recording, float(t[0]), float(t[-1] + rows.hop), {c: (beyond, every)})

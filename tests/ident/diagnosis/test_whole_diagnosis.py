@@ -15,6 +15,7 @@ from ident.diagnosis.diagnosis import _doubted, _of_signals, _unexplained
 from ident.diagnosis.document import diagnosis_document
 from ident.diagnosis.evidence.sufficiency import signals_read
 from ident.diagnosis.extended.last_fit import _beside_the_point
+from ident.diagnosis.extended.unanswered import unanswered
 from ident.diagnosis.outcome import BUDGET, threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import (
@@ -39,7 +40,6 @@ from ident.diagnosis.telling.findings import (
     Finding,
     Unexplained,
 )
-from ident.diagnosis.telling.unanswered import unanswered
 from ident.diagnosis.weighed_again import pruned
 from ident.errors import FitFailedError, NotEnoughDataError
 from ident.estimation import fit
