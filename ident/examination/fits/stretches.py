@@ -58,15 +58,31 @@ class Explained:
     def stretches(self) -> tuple[np.ndarray, ...]:
         """(stretches, C) of every recording that is fitted: sums of squared errors, as shares of a torque's
         mean square."""
-        its = (self.recorded or self.quick).identify
-        k, f, c = list(self.how.order), np.array(self.how.factor), np.arange(len(self.how.order))
-        size = np.maximum(f * f * its.yy[c, k] / np.maximum(its.rows, 1.0), 1e-300)
+        k, f, size = list(self.how.order), np.array(self.how.factor), self._mean_square
         out = []
         for s in self.quick.fitted:
             squares = s.weight * (f * s.Y[:, k] - self.predicted(s)) ** 2 / size
             ends = [len(rows) for rows in pieces(self.quick, s)]
             out.append(np.add.reduceat(squares, np.cumsum([0, *ends[:-1]]), axis=0))
         return tuple(out)
+
+    @cached_property
+    def sizes(self) -> tuple[np.ndarray, ...]:
+        """(C,) of every recording that is fitted: a torque's mean square there, as a share of that of all; 1
+        where there is none."""
+        k, f = list(self.how.order), np.array(self.how.factor)
+        out = []
+        for s in (self.recorded or self.quick).fitted:
+            square = (s.weight * (f * s.Y[:, k]) ** 2).sum(axis=0) / np.maximum(s.weight.sum(axis=0), 1.0)
+            out.append(np.where(square > 0, square / self._mean_square, 1.0))
+        return tuple(out)
+
+    @cached_property
+    def _mean_square(self) -> np.ndarray:
+        """(C,) of every torque, N m squared."""
+        its = (self.recorded or self.quick).identify
+        k, f, c = list(self.how.order), np.array(self.how.factor), np.arange(len(self.how.order))
+        return np.maximum(f * f * its.yy[c, k] / np.maximum(its.rows, 1.0), 1e-300)
 
 
 @dataclass(frozen=True)
@@ -116,11 +132,13 @@ def agreed(one: Explained, other: Explained, rate: float) -> bool:
 
 def steadily(one: Explained, other: Explained, rate: float) -> bool:
     """The same by logarithms of what is left of every torque in each stretch, so that no stretch says more
-    than another: a fault shows all along."""
+    than another: a fault shows all along. They are of shares of the recording's own torque. (Of an LWR4+ of
+    which one run had its first torque 1000 times too large that left less of each other run, as shares of
+    all, than its being taken so: another friction in that run stood before it.)"""
     seen = np.isfinite(one.fit.error)
     logs = [
-        0.5 * np.log(np.maximum(x, 1e-300) / np.maximum(y, 1e-300))[:, seen]
-        for x, y in zip(one.stretches, other.stretches)
+        0.5 * (np.log(np.maximum(x, 1e-300) / np.maximum(y, 1e-300)) - np.log(a / b))[:, seen]
+        for x, y, a, b in zip(one.stretches, other.stretches, one.sizes, other.sizes)
     ]
     return beyond_chance(np.concatenate([gain.sum(axis=1) for gain in logs]), rate)
 

@@ -421,3 +421,33 @@ def test_of_a_measured_robot_a_run_of_a_second_whose_joint_was_homed_elsewhere(t
 
     study = strangers_log(tmp_path, "staubli_tx40", (0, False, False, True), homed)
     assert said(examine_fit(prepare_study(study))) == [("position_zero", ("q2",), "run2")]
+
+
+def test_a_torque_far_too_large_in_one_run_is_no_other_friction_there(tmp_path):
+    """What is left of the other runs is little beside a torque of a thousand times theirs, whatever is taken
+    of it."""
+    (tmp_path / "small.yaml").write_text(ARM)
+    plan = [PlannedRun(f"run{k}", "identify" if k < 4 else "validate", 10.0) for k in (1, 2, 3, 4)]
+    runs = []
+    for k, run in enumerate(simulate(tmp_path / "small.yaml", runs=tuple(plan), seed=4).recordings):
+        tau = run.columns["tau_m1"]
+        noisy = tau + 2 * np.std(tau) * np.random.default_rng(1 + k).normal(size=len(tau))
+        columns = dict(run.columns) | {"tau_m1": (1000 if k == 2 else 1) * noisy}
+        runs.append(ident.Recording(pa.table(columns), run.use, name=run.label))
+    asked = asked_of(ident.Study(robot=str(tmp_path / "small.yaml"), recordings=runs))
+    (told,) = another_signal(asked, ())
+    assert (told.check, told.recording) == ("torque_scale", "run3") and "friction" not in told.message
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_of_a_measured_robot_a_torque_far_too_large_in_one_of_four_runs(tmp_path):
+    """Of an LWR4+'s first one, most of which is noise, nothing was said but that it is beyond its limit."""
+
+    def large(log):
+        log.tables["run3"]["tau_l1"] = 1000 * log.tables["run3"]["tau_l1"]
+
+    study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, False, True), large)
+    (told,) = examine_fit(prepare_study(study))
+    assert (told.check, told.signals, told.recording) == ("torque_scale", ("tau_l1",), "run3")

@@ -13,7 +13,8 @@ from ident.examination.torques import believed
 def explained(*torques):
     """A fit that leaves these squared errors (stretches,) of each torque."""
     stretches = np.column_stack(torques)
-    return SimpleNamespace(stretches=(stretches,), fit=SimpleNamespace(error=np.sqrt(stretches.mean(axis=0))))
+    fit = SimpleNamespace(error=np.sqrt(stretches.mean(axis=0)))
+    return SimpleNamespace(stretches=(stretches,), sizes=(np.ones(len(torques)),), fit=fit)
 
 
 def test_its_factor_is_told_by_what_others_gain_all_along():
