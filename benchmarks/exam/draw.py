@@ -48,6 +48,13 @@ OUTSIDE = (
     "position_damping",
     "cross_stiffness",
     "sloshing",
+    "damaged_tooth",
+    "acceleration_friction",
+    "creeping_seal",
+    "flipping_cable",
+    "clutch",
+    "leaking_balancer",
+    "bent_scale",
 )
 SEVERAL = (
     "stribeck_friction",
@@ -64,6 +71,8 @@ COVERABLE = (
     "dead_zone",
     "saturation",
     "cable",
+    "damaged_tooth",
+    "bent_scale",
 )  # a catalogue may rightly own these
 
 
@@ -300,4 +309,25 @@ def _outside(
         case "sloshing":
             f, beta = float(rng.uniform(0.5, 2.0)), float(rng.uniform(2.0, 6.0))
             return Drawn(lambda a: one(("t",), A=a, f=f, beta=beta), 0.05 * S, 0.0, 0.4 * S)
+        case "damaged_tooth":
+            sharp = float(rng.uniform(4, 12))
+            return Drawn(
+                lambda a: one((me,), A=sign * a, wavenumber=k, phi=phi, sharpness=sharp), 0.1 * S, 0.0, S
+            )
+        case "acceleration_friction":
+            a0 = 0.3 * float(np.sqrt(np.mean(run.ddq[:, j] ** 2)))
+            return Drawn(lambda a: one(("d" + me, "dd" + me), F=a, a=a0), 0.05 * S, 0.0, 0.5 * S)
+        case "creeping_seal":
+            lasts = float(rng.uniform(0.1, 0.5))
+            return Drawn(lambda a: one(("d" + me, "t"), F=a, T=lasts), 0.1 * S, 0.0, 0.6 * S)
+        case "flipping_cable":
+            low, high = (float(x) for x in np.quantile(q, (0.35, 0.65)))
+            return Drawn(lambda a: one((me,), F=sign * a, low=low, high=high), 0.05 * S, 0.0, 0.5 * S)
+        case "clutch":
+            v = float(np.quantile(np.abs(dq), rng.uniform(0.5, 0.8)))
+            return Drawn(lambda a: one(("d" + me,), F=a, v=v), 0.1 * S, 0.0, 0.6 * S)
+        case "leaking_balancer":
+            return Drawn(lambda a: one((me, "t"), A=a, phi=phi), 0.1 * S, 0.0, 0.6 * S)
+        case "bent_scale":
+            return Drawn(lambda a: one(("tau",), on=s, bend=sign * a / (3 * S) ** 2), 0.1, 0.0, 0.3)
     raise KeyError(name)

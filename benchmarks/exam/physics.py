@@ -232,10 +232,43 @@ def _own(e: Injected, run: Run, s: dict[str, np.ndarray], plant: Plant) -> np.nd
             return p["k"] * np.sin(q) * s["q"][:, k] ** 2
         case "sloshing":
             return p["A"] * np.sin(2 * np.pi * p["f"] * t + p["beta"] * np.sin(2 * np.pi * 0.05 * t))
+        case "damaged_tooth":
+            return p["A"] * np.exp(p["sharpness"] * (np.cos(p["wavenumber"] * q + p["phi"]) - 1))
+        case "acceleration_friction":
+            return p["F"] * np.tanh(s["ddq"][:, j] / p["a"])
+        case "creeping_seal":
+            return p["F"] * np.exp(-_since_reversal(t, dq) / p["T"]) * sgn
+        case "flipping_cable":
+            return p["F"] * _latched(q, p["low"], p["high"])
+        case "clutch":
+            return p["F"] * (1 + np.tanh((np.abs(dq) - p["v"]) / (0.1 * p["v"]))) / 2 * sgn
+        case "leaking_balancer":
+            return p["A"] * np.sin(q + p["phi"]) * t / t[-1]
     raise KeyError(e.name)
 
 
-MEASURED = {"drive_gain_error", "sensor_crosstalk", "offset_drift", "time_delay", "saturation", "dead_zone"}
+def _since_reversal(t: np.ndarray, dq: np.ndarray) -> np.ndarray:
+    """(N,) seconds since the rate last changed its sign, or since the recording began."""
+    turns = np.flatnonzero(np.diff(np.sign(dq), prepend=0.0) != 0)
+    return t - t[turns[np.searchsorted(turns, np.arange(len(t)), side="right") - 1]]
+
+
+def _latched(q: np.ndarray, low: float, high: float) -> np.ndarray:
+    """(N,) 1 from where the position rose past `high` until it falls past `low`, else -1."""
+    crossed = np.where(q > high, 1.0, np.where(q < low, -1.0, 0.0))
+    at = np.maximum.accumulate(np.where(crossed != 0, np.arange(len(q)), 0))
+    return np.where(crossed[at] != 0, crossed[at], -1.0)
+
+
+MEASURED = {
+    "drive_gain_error",
+    "sensor_crosstalk",
+    "offset_drift",
+    "time_delay",
+    "saturation",
+    "dead_zone",
+    "bent_scale",
+}
 MOTION = {"joint_elasticity", "backlash", "hysteresis"}
 
 
@@ -259,6 +292,8 @@ def _measured(e: Injected, t: np.ndarray, tau_m: np.ndarray, tau_l: np.ndarray) 
         case "dead_zone":
             x = tau[:, j]
             tau[:, j] = np.sign(x) * np.maximum(np.abs(x) - p["width"], 0)
+        case "bent_scale":
+            tau[:, j] -= p["bend"] * tau[:, j] ** 3
 
 
 def simulate(plant: Plant, run: Run, effects: list[Injected]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

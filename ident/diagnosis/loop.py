@@ -108,7 +108,7 @@ def trace(
             on_time, taken = late is None, late and _settled(late, late.tried)
         if taken is None and (loads or not weighed.passed):  # without any at first asked again at the end
             progress(f"{step}: loads and contacts", done)
-            event = best_event(state, library.events, library.layout, tau, alpha)
+            event = best_event(state, library, tau, alpha)
             loads = event is not None
             taken = _load(state, event, weighed, tau, alpha)
         told = {u.nearest.term.key for u in unnamed if u.nearest is not None}

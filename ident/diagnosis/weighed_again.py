@@ -77,7 +77,7 @@ def _another_load(state: State, number: int, library: Library, tau: float, alpha
     if term is None or number == len(state.found) - 1:
         return None
     its = replace(library.layout, recordings=(str(term.place.recording),))
-    event = best_event(state.but(number), library.events, its, tau, alpha)
+    event = best_event(state.but(number), library, tau, alpha, its)
     return event if event is not None and what(event.refined.term) != what(term) else None
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from itertools import chain
 
 import numpy as np
 
@@ -30,12 +31,15 @@ from ident.diagnosis.loads.is_a_load import (
 )
 from ident.diagnosis.loads.windows import comes_and_goes, part_alone, windows_of, with_window
 from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library
 from ident.diagnosis.search.parameters_apart import times_noise
 from ident.diagnosis.search.weighing import Equivalent
 from modelgen.effects.effect import Effect
 from modelgen.effects.place import Layout, Place
 
 TRIED = 8  # loads that are judged
+
+_Told = tuple[float, Term]  # what it says [nats]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,18 +54,19 @@ class Event:
 
 
 def best_event(
-    state: State, effects: Sequence[Effect], layout: Layout, tau: float, alpha: float
+    state: State, library: Library, tau: float, alpha: float, layout: Layout | None = None
 ) -> Event | None:
-    """The load that explains most of any recording, if its blocks predict each other; alone, or beside
-    another that holds beside it."""
-    search = _search(state, effects, layout, tau)
+    """The load that explains most of any recording (of a `layout`, where one is given), if its blocks predict
+    each other; alone, or beside another that holds beside it."""
+    layout = layout or library.layout
+    search = _search(state, library, layout, tau)
     if search is None:
         return None
     held = [event for r in search.asked if (event := _held(state, r, search.limit, tau, alpha)) is not None]
     if held:
         told = _simplest(state, search.m, held, search.asked, tau)
         return _says_more(state, search, told, tau, alpha) or told
-    return _beside_another(state, search, effects, layout, tau, alpha)
+    return _beside_another(state, search, library, layout, tau, alpha)
 
 
 @dataclass(frozen=True)
@@ -73,18 +78,17 @@ class _Search:
     limit: float
 
 
-def _search(state: State, effects: Sequence[Effect], layout: Layout, tau: float) -> _Search | None:
-    loads = [effect for effect in effects if effect.windowed]
-    if not loads:
+def _search(state: State, library: Library, layout: Layout, tau: float) -> _Search | None:
+    if not library.events:
         return None
     m = whole(state.metric, state.rows.usable)
-    listed, tried = _likely(m, state, loads, layout, tau)
-    asked = tuple(sized(m, term, columns, state) for term, columns in listed)
+    listed, tried = _likely(m, state, library, layout, tau)
+    asked = tuple(sized(m, term, _all_along(state, term), state) for term in listed)
     return _Search(m, asked, tau + float(np.log(max(tried, 1))))
 
 
 def _beside_another(
-    state: State, search: _Search, effects: Sequence[Effect], layout: Layout, tau: float, alpha: float
+    state: State, search: _Search, library: Library, layout: Layout, tau: float, alpha: float
 ) -> Event | None:
     """Of two loads, of which one comes and goes, that one, where each holds with the other in the model:
     fitted to the other one's rows, the model predicts none of its blocks. (Two contacts of an arm, 43 nats
@@ -95,7 +99,7 @@ def _beside_another(
     if first is None:
         return None
     beside = _with(state, first)
-    others = _search(beside, effects, layout, tau)
+    others = _search(beside, library, layout, tau)
     if others is None:
         return None
     for r in sorted(others.asked, key=lambda r: -r.gain):
@@ -170,14 +174,17 @@ def _comes(state: State, own: Metric, r: Refined, tau: float) -> bool:
     """Whether what comes and goes says more than it would all along its recording: what was there before is
     no contact. (Half a kilogram at an AIRBOT's flange throughout a run in coarse encoder steps, whose
     inertial forces these drown, was told as a force of its weight on all but the first second.)"""
-    always = state.scene.columns(with_window(r.term, None, None))
+    always = _all_along(state, r.term)
     return r.gain > fit_sizes(whole(own, state.rows.usable), always)[1] + tau
 
 
-def _likely(
-    m: Metric, state: State, loads: Sequence[Effect], layout: Layout, tau: float
-) -> tuple[list[tuple[Term, dict[int, np.ndarray]]], int]:
-    """The loads to judge, each with its best window and its columns, and how many windows were tried.
+def _all_along(state: State, term: Term) -> dict[int, np.ndarray]:
+    """Columns of a load as if it were there all along its recording."""
+    return state.scene.columns(with_window(term, None, None))
+
+
+def _likely(m: Metric, state: State, library: Library, layout: Layout, tau: float) -> tuple[list[Term], int]:
+    """The loads to judge, each with its best window, and how many windows were tried.
 
     The noise at hand is that of a model without the load. A load on a whole run, which the model's own
     parameters answer half, is most of it: in that noise a weight on a Franka's second link came 27th.
@@ -185,17 +192,15 @@ def _likely(
     common: of a weight on an LWR4+'s second link, whose mirror on the other run is as quiet, that is told."""
     done = {term.key for term in state.terms}
     plain = whole(state.plain_metric, state.rows.usable)
-    found: list[tuple[float, Term, dict[int, np.ndarray]]] = []
-    all_along: list[tuple[float, Term, dict[int, np.ndarray]]] = []
-    in_common: list[tuple[float, Term, dict[int, np.ndarray]]] = []
+    found, all_along, in_common = list[_Told](), list[_Told](), list[_Told]()
     says, tried = says_between(state), 0
-    for effect in loads:
+    for effect in library.events:
         for place in effect.places(layout):
             if place.recording is None:
                 continue
             term = Term(effect, place, dict(_first(effect, place, state))).beside(done)
             only_whole = _only_whole(effect, place, layout)
-            columns = {} if term.copy and only_whole else state.scene.columns(term)
+            columns = {} if term.copy and only_whole else library.columns(state, term)
             if not columns:
                 continue
             windows, gains = windows_of(m, columns, state, place, part_alone(state, effect), only_whole)
@@ -204,20 +209,17 @@ def _likely(
                 continue
             k = int(np.argmax(gains))
             if gains[k] > tau:
-                found = _best([*found, (float(gains[k]), with_window(term, *windows[k]), columns)])
+                found.append((float(gains[k]), with_window(term, *windows[k])))
             if (None, None) in windows:
-                all_along = _best([*all_along, (quiet(plain, columns), term, columns)])
+                all_along.append((quiet(plain, columns), term))
                 if comparable(state, term, columns) and (nats := says(columns)) > tau:
-                    in_common = _best([*in_common, (nats, term, columns)])
-    best = (*all_along, *found, *in_common)
-    listed = {(t.key, t.place.start, t.place.stop): (t, columns) for _, t, columns in best}
-    return list(listed.values()), tried
+                    in_common.append((nats, term))
+    best = chain.from_iterable(_best(ranked) for ranked in (all_along, found, in_common))
+    return list({(t.key, t.place.start, t.place.stop): t for _, t in best}.values()), tried
 
 
-def _best(
-    ranked: Sequence[tuple[float, Term, dict[int, np.ndarray]]],
-) -> list[tuple[float, Term, dict[int, np.ndarray]]]:
-    return sorted(ranked, key=lambda item: -item[0])[:TRIED]  # their columns are large
+def _best(ranked: Sequence[_Told]) -> list[_Told]:
+    return sorted(ranked, key=lambda item: -item[0])[:TRIED]
 
 
 def _simplest(state: State, m: Metric, held: Sequence[Event], asked: Sequence[Refined], tau: float) -> Event:

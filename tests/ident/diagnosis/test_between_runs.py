@@ -24,6 +24,7 @@ from ident.diagnosis.loads.own_of_a_run import drives_of, one_number, own_column
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search.candidates import Library
 from ident.diagnosis.search.parameters_apart import closer
 from ident.diagnosis.search.searched import without_explained
 from ident.equations.prepared import prepare_study
@@ -200,7 +201,7 @@ def test_the_link_that_carries_the_weight_is_told_where_motions_are_alike(tmp_pa
     path = with_fault("kuka_lwr4plus", "a weight", tmp_path)
     begun = opened(prepare_study(ident.load(path)))
     loads = [effect for effect in catalogue().values() if effect.windowed]
-    event = best_event(begun.state, loads, begun.layout, TAU, 0.01)
+    event = best_event(begun.state, Library(loads, begun.layout), TAU, 0.01)
     assert event is not None and event.refined.term.place.link == 2
     mx, my = event.refined.sizes
     assert my == pytest.approx(1.1, abs=0.15) and abs(mx) < 0.05

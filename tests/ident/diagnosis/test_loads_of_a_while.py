@@ -43,7 +43,7 @@ ALPHA = 0.01
 
 def event_of(made):
     loads = [effect for effect in catalogue().values() if effect.windowed]
-    return best_event(made.state, loads, made.layout, threshold(ALPHA), ALPHA)
+    return best_event(made.state, Library(loads, made.layout), threshold(ALPHA), ALPHA)
 
 
 def test_nothing_where_nothing_is(clean_arm):
@@ -145,7 +145,8 @@ def test_a_body_on_the_link_that_says_more_stands_before_the_one_that_showed_it(
     one before it were told, with nothing beside."""
     state, body = loaded(clean_arm, "payload_change", [0.3, 0.01, 0.0, 0.03], link=3)
     state, tau = settled(state, 3), threshold(ALPHA)
-    search = _search(state, [catalogue()["payload_change"]], clean_arm.layout, tau)
+    library = Library([catalogue()["payload_change"]], clean_arm.layout)
+    search = _search(state, library, clean_arm.layout, tau)
     on = {r.term.place.link: r for r in search.asked if r.term.place.recording == "run1"}
     quiet = Evidence(30.0, 30.0, *np.ones((2, 12)), on[2].sizes, np.zeros(3), np.zeros(3), 1.0, np.ones(3))
     told = _says_more(state, search, Event(on[2], quiet, 30.0), tau, ALPHA)
