@@ -50,7 +50,7 @@ def written(terms: Sequence[Term]) -> CEffects:
 def _reason(term: Term) -> str:
     """Why a term is not in the C, "" where it is."""
     effect, place = term.effect, term.place
-    if place.recording is not None or place.start is not None or place.stop is not None:
+    if place.recording is not None or place.comes_and_goes:
         return "it acts in one recording"
     if effect.kind == "measurement":
         return "it is of what is recorded, not of the torque that acts"

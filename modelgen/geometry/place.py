@@ -62,6 +62,11 @@ class Place:
             if c.side in seen and self.joint in (None, c.joint)
         }
 
+    @property
+    def comes_and_goes(self) -> bool:
+        """Whether it acts in a part of its recording alone."""
+        return self.start is not None or self.stop is not None
+
     def gate(self, recording: str, t: Array) -> Array:
         """(N,) 1 inside its recording and window (start <= t < stop), else 0; t in s since the first
         sample."""

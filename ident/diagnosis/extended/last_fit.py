@@ -14,7 +14,7 @@ from ident.diagnosis.extended.in_a_study import study_term
 from ident.diagnosis.extended.on_judging_runs import behind, judged_error, spoilt
 from ident.diagnosis.extended.turning_over import turned_as_found
 from ident.diagnosis.extended.unanswered import unanswered
-from ident.diagnosis.loads.windows import comes_and_goes, windows_tried
+from ident.diagnosis.loads.windows import windows_tried
 from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
 from ident.equations.placing import entry_of
@@ -246,7 +246,7 @@ def _alone(last: FitResult, declared: int) -> dict[int, None]:
     tests = {entry.label for entry in last.study.recordings if entry.use == "test"}  # which decide nothing
     for k in range(len(last.terms) - 1, declared - 1, -1):
         place = last.terms[k].place
-        if place.recording is None or comes_and_goes(place):
+        if place.recording is None or place.comes_and_goes:
             continue
         others = [after[run]["total"] for run in after if run not in (place.recording, *tests)]
         if others and min(others) > 100 * EXPLAINED:
@@ -263,7 +263,7 @@ def _beside_the_point(last: FitResult, base: FitResult, declared: int) -> dict[i
     runs = {check.recording for check in doubts}
     for k in range(len(last.terms) - 1, declared - 1, -1):
         place = last.terms[k].place
-        if place.recording in runs and comes_and_goes(place):
+        if place.recording in runs and place.comes_and_goes:
             return {k: None}
     return {}
 

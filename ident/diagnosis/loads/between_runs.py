@@ -29,7 +29,6 @@ from ident.diagnosis.loads.own_of_a_run import (
     own_friction,
     says_as_much,
 )
-from ident.diagnosis.loads.windows import comes_and_goes
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.parameters_apart import closer
 
@@ -40,7 +39,7 @@ def comparable(state: State, term: Term, columns: Columns) -> bool:
     rows, inside = state.rows, acting(columns)
     others = rows.fitted & ~inside & rows.use.any(axis=0)
     return bool(
-        not comes_and_goes(term.place)
+        not term.place.comes_and_goes
         and rows.held_apart
         and not (inside & rows.judged).any()
         and others.any()

@@ -13,7 +13,7 @@ from ident.diagnosis.evidence.refine import Refined, fit_sizes
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.loads.edge_gains import gains_with_edge
 from ident.diagnosis.loads.is_a_load import SHORTEST_S
-from ident.diagnosis.loads.windows import STEP_S, comes_and_goes, part_alone, since, windows_of, with_window
+from ident.diagnosis.loads.windows import STEP_S, part_alone, since, windows_of, with_window
 from ident.diagnosis.rows.terms import Term
 from modelgen.effects.place import Place
 
@@ -31,7 +31,7 @@ def in_noise_outside(state: State, r: Refined, limit: float) -> tuple[Metric, Re
         own = outside_metric(state, r, acting(r.columns))
         m = whole(own, state.rows.usable)
         r = Refined(r.term, r.columns, *fit_sizes(m, r.columns))
-        if r.gain < limit or not comes_and_goes(r.term.place):
+        if r.gain < limit or not r.term.place.comes_and_goes:
             return own, r
         wide = wide or state.scene.columns(with_window(r.term, None, None))  # its window alone is moved
         term, columns = moved(m, _anew(m, r, wide, state), wide, state)

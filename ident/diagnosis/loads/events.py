@@ -29,7 +29,7 @@ from ident.diagnosis.loads.is_a_load import (
     is_load,
     stands_apart,
 )
-from ident.diagnosis.loads.windows import comes_and_goes, part_alone, windows_of, with_window
+from ident.diagnosis.loads.windows import part_alone, windows_of, with_window
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import Library
 from ident.diagnosis.search.parameters_apart import times_noise
@@ -94,7 +94,7 @@ def _beside_another(
     fitted to the other one's rows, the model predicts none of its blocks. (Two contacts of an arm, 43 nats
     that the rest of the run contradicted by 17; a body on one run, and another one from a moment on in the
     next.)"""
-    windows = [r for r in search.asked if r.gain > search.limit and comes_and_goes(r.term.place)]
+    windows = [r for r in search.asked if r.gain > search.limit and r.term.place.comes_and_goes]
     first = max(windows, key=lambda r: r.gain, default=None)
     if first is None:
         return None

@@ -42,7 +42,7 @@ def windows_of(
 
 def windows_tried(state: State, place: Place) -> int:
     """Of how many windows of its recording a load's has been chosen; 1 of what acts all along one."""
-    if place.recording is None or not comes_and_goes(place):
+    if place.recording is None or not place.comes_and_goes:
         return 1
     return len(_pairs(len(_edges(since(state, place)[1])) - 1))
 
@@ -119,7 +119,3 @@ def part_alone(state: State, effect: Effect) -> bool:
 
 def with_window(term: Term, start: float | None, stop: float | None) -> Term:
     return replace(term, place=replace(term.place, start=start, stop=stop))
-
-
-def comes_and_goes(place: Place) -> bool:
-    return (place.start, place.stop) != (None, None)

@@ -16,7 +16,6 @@ from ident.diagnosis.extended.approximated import Moved
 from ident.diagnosis.extended.by_rows_that_judge import own_deviations
 from ident.diagnosis.extended.in_a_study import is_told, same
 from ident.diagnosis.extended.last_fit import Refusal
-from ident.diagnosis.loads.windows import comes_and_goes
 from ident.diagnosis.outcome import BUDGET, Outcome, Step, Unnamed
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import place_of, without_terms
@@ -167,7 +166,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         "from": place.start,
         "to": place.stop,
         "link": place.link,
-        "first_stamp": state.begins(place.recording) if comes_and_goes(place) else None,
+        "first_stamp": state.begins(place.recording) if place.comes_and_goes else None,
     }
     left = {u.channel for u in outcome.unnamed}
     own = set(place.rows(state.model.channels))
