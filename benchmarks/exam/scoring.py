@@ -16,6 +16,7 @@ EQUIVALENT = {
     "temperature_step": {"thermal_friction"},
     "saturation": {"current_saturation"},
     "cable": {"cable_coupling"},
+    "damaged_tooth": {"gear_ripple"},
 }
 RATIOS = {
     *("Fc", "Fv", "off", "Ia", "Fs", "vs", "Fv3", "Fva", "mu", "a", "T", "sigma", "A", "wavenumber", "k"),

@@ -22,6 +22,7 @@ from ident.diagnosis.evidence.sufficiency import (
     ask,
     explained_share,
     heard,
+    heard_where_fitted,
     in_both_noises,
     move_alike,
     signals_read,
@@ -58,6 +59,7 @@ def leftovers(
             continue
         near = None if doubt is None else doubt.nearest
         if not _carries_over(state, m, c, flex, tau, alpha):
+            flex, m = heard_where_fitted(state, c, tau, asked) or (flex, m)
             alone = _fitted_alone(c, flex, m, near)
             if near is not None or (
                 alone.share > LEAST
@@ -133,14 +135,13 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
 
 
 def _unseen(state: State, alone: Unnamed, flex: Flexible, tau: float) -> Unnamed:
-    """What the fitted rows alone show, with whether the judged ones, in the noise that they have, could not,
-    and its share of the fitted torque where they could not. (Of a stop that a rokae's second joint touched in
-    the fitted run alone nothing was told beside a force in the other: 9 % of that torque.) No other rows are
-    at the same time."""
-    if "t" in flex.variables or not flex.evidence.expected.sum() < tau:
-        return alone
+    """What the fitted rows alone show, with its share of their torque and whether the judged ones, in the
+    noise that they have, could not show it. (Of a stop that a rokae's second joint touched in the fitted run
+    alone nothing was told beside a force in the other: 9 % of that torque.) No other rows are at the same
+    time."""
+    could = "t" in flex.variables or not flex.evidence.expected.sum() < tau
     share = explained_share(state, alone.channel, flex.column, state.rows.fitted)
-    return replace(alone, unseen=True, share=share)
+    return replace(alone, unseen=not could, share=share)
 
 
 def chosen_by_chance(state: State, tau: float) -> float:

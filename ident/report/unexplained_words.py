@@ -8,6 +8,8 @@ from typing import Any
 from ident.report.finding_words import effect_name, place, when
 from ident.report.wording import joined, number, percent
 
+PAST = {"memory": "where its joint came from"}  # signals that are none of a recording
+
 
 def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
     """Signals, share, nearest effect and what speaks against it; that it does not carry over."""
@@ -89,7 +91,8 @@ def _on_fitted(item: Mapping[str, Any], sides: str) -> str:
 def _depends(item: Mapping[str, Any]) -> str:
     share = item["share_of_residual_percent"]
     part = "a part too small to show" if share < 0.05 else percent(share)
-    return f"{part} of what the model leaves there depends on {joined(list(item['depends_on']))}"
+    signals = joined([PAST.get(name, name) for name in item["depends_on"]])
+    return f"{part} of what the model leaves there depends on {signals}"
 
 
 def _as_nearest(item: Mapping[str, Any], near: Mapping[str, Any], sides: str) -> str:

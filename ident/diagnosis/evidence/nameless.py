@@ -1,9 +1,9 @@
 """What anything smooth could explain: penalised functions of one signal or two, without a name.
 
 Per channel, groups of functions of the joint's own position, rate, acceleration, load and time, of what it
-remembers of its last reversal, of the other joints' motion, products of two of them, and waves over the
-position. None is made after the shape of an effect. A group's evidence on the fitted rows is that of a
-Gaussian prior of one common size on its scaled columns (Bayesian ridge),
+remembers of its last reversal and of its path, of the other joints' motion, products of two of them, and
+waves over the position. None is made after the shape of an effect. A group's evidence on the fitted rows is
+that of a Gaussian prior of one common size on its scaled columns (Bayesian ridge),
 
     max over lambda of  1/2 sum_i [ (U'g)_i^2 lambda / (1 + lambda s_i) - ln(1 + lambda s_i) ],
 
@@ -105,6 +105,7 @@ def _groups(signals: Signals, joint: int, segments: int, on_rows: Column, short:
         (f"dq{number}", "memory"),
         lambda: on_rows(lambda k: np.stack([every[name][k] for name in memory], axis=1)),
     )
+    yield (f"q{number}", "memory"), lambda: on_rows(lambda k: signals.loops[k])
     main = [f"q{number}", f"dq{number}", "tau", f"ddq{number}", "t"]
     for name in main:
         yield (name,), one(name)

@@ -10,6 +10,8 @@ import numpy as np
 from ident.diagnosis.evidence.metric import Metric
 from ident.equations.fine import FineSegment
 
+LEVELS = 6  # of the position that it remembers to have passed
+
 
 @dataclass(frozen=True, slots=True)
 class Signals:
@@ -18,6 +20,7 @@ class Signals:
     own: dict[str, list[np.ndarray]]
     others: dict[str, list[np.ndarray]]
     rate_widths: tuple[float, ...]  # of signs of the scaled rate
+    loops: list[np.ndarray]  # (N, k) of the position's past: `_loops`
 
 
 def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:
@@ -41,7 +44,8 @@ def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.nd
             others[f"ddq{k + 1}"] = scaled([s.ddq[:, k] for s in segments], False)
     speed = np.abs(np.concatenate(own[f"dq{number}"]))
     low = float(np.quantile(speed, 0.05))
-    return Signals(own, others, tuple(np.geomspace(max(low, 3e-3), 0.5, 4)))
+    widths = tuple(np.geomspace(max(low, 3e-3), 0.5, 4))
+    return Signals(own, others, widths, _loops([s.q[:, joint] for s in segments]))
 
 
 def scaled(parts: Sequence[np.ndarray], centre: bool) -> list[np.ndarray]:
@@ -88,4 +92,18 @@ def _memory(segments: Sequence[FineSegment], joint: int) -> dict[str, list[np.nd
         out["memory_near"].append(sign * np.exp(-travel / (0.01 * reach)))
         out["memory_late"].append(sign * np.exp(-age / 0.5))
         out["memory_fast"].append(sign * np.exp(-age / 0.1))
+    return out
+
+
+def _loops(parts: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """(N, k) relays of Preisach's model, of which whatever remembers a path and not its pace is made: 1 from
+    where the position rises past a level until it falls past a lower one, -1 from there on, 0 until either is
+    known."""
+    levels = np.quantile(np.concatenate(list(parts)), (np.arange(LEVELS) + 0.5) / LEVELS)
+    low, high = levels[np.array(np.triu_indices(LEVELS, 1))]
+    out = []
+    for q in parts:
+        known = (q[:, None] >= high).astype(int) - (q[:, None] <= low)
+        last = np.maximum.accumulate(np.where(known != 0, np.arange(len(q))[:, None], 0), axis=0)
+        out.append(np.take_along_axis(known, last, axis=0).astype(float))
     return out

@@ -4,7 +4,7 @@ own torque."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -22,9 +22,9 @@ class Picture:
     channel: str
     against: str
     unit: str
-    x: np.ndarray
-    before: np.ndarray
-    effect: np.ndarray
+    x: np.ndarray = field(repr=False)
+    before: np.ndarray = field(repr=False)
+    effect: np.ndarray = field(repr=False)
 
 
 def picture(state: State, term: Term | None, c: int, variables: Sequence[str] = ()) -> Picture | None:

@@ -22,6 +22,7 @@ from ident.diagnosis.evidence.sufficiency import (
     sufficiency,
     sufficient,
 )
+from ident.diagnosis.left_over import leftovers
 from ident.diagnosis.opening import opened
 from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
@@ -30,6 +31,9 @@ from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from ident.twin.trajectories import Motion
 from modelgen.effects import catalogue
+
+
+MET, STIFF = 0.4, 20.0  # rad, N m/rad^2
 
 
 def asked(state, c, wanted=5.0, only=None):
@@ -282,3 +286,29 @@ def test_a_gain_says_no_less_than_functions_of_everything(arm):
     r = refine(state.metric, state.scene, Term(effect, place, {}), turns=2)
     short = short_of(state, state.metric, r, weigh(state.metric, r.columns), 1, threshold(0.01))
     assert short is not None and set(short.flex.variables) == {"q1", "q2"}
+
+
+def _flipped_over(columns):
+    """A cable that falls to the other side at one position on the way up, at another one on the way down."""
+    q = columns["q2"]
+    known = np.where(q > 0.0, 1.0, np.where(q < -0.5, -1.0, 0.0))
+    last = np.maximum.accumulate(np.where(known != 0, np.arange(len(q)), 0))
+    columns["tau_m2"] = columns["tau_m2"] + 0.3 * known[last]
+
+
+def test_what_remembers_where_its_joint_came_from(arm):
+    state = opened(prepare_study(arm(change=_flipped_over))).state
+    found, _ = heard(state, 1, 5.0)
+    assert found.variables == ("q2", "memory") and found.evidence.log_e > threshold(0.01)
+
+
+def _stopped(columns):
+    """A soft stop that the fitted run meets, and the one that judges hardly: it does not go so far."""
+    columns["tau_m2"] = columns["tau_m2"] + STIFF * np.maximum(columns["q2"] - MET, 0) ** 2
+
+
+def test_what_one_run_alone_met_is_heard_in_the_noise_beside_it(arm):
+    state, tau = opened(prepare_study(arm(change=_stopped))).state, threshold(0.01)
+    _, _, left = leftovers(state, [], [], tau, 0.01)
+    (told,) = left
+    assert told.channel == 1 and "q2" in told.variables and not told.carries_over and told.share > 0.9
