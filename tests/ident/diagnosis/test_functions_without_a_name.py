@@ -32,7 +32,6 @@ from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from ident.twin.trajectories import Motion
 from modelgen.effects import catalogue
 
-
 MET, STIFF = 0.4, 20.0  # rad, N m/rad^2
 
 
