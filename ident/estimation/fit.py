@@ -176,8 +176,13 @@ def _with_gains_of(study: Study, model: str, progress: Progress) -> FitResult:
 
 
 def drive_gains(result: FitResult) -> list[float]:
-    """Identified gains [N m per drive unit], one per joint."""
-    return [float(result.estimate.chi[column]) for _, column in sorted(result.columns.gain_columns.items())]
+    """Identified gains [N m per drive unit], one per joint; 1 of a joint whose motor's signal `channels:`
+    leaves out, which nothing reads."""
+    columns = result.columns
+    gains = [1.0] * len(columns.need.joints)
+    for channel, place in columns.gain_columns.items():
+        gains[int(columns.joint_of[channel])] = float(result.estimate.chi[place])
+    return gains
 
 
 def _fit(known: Examined, progress: Progress) -> FitResult:

@@ -43,9 +43,11 @@ def estimate_with_gains(factors: Sequence[ChannelFactor], columns: Columns) -> E
     assert estimate is not None
     for j, place in columns.gain_columns.items():
         if not estimate.chi[place] > 0:
+            joint, signal = columns.need.joints[columns.joint_of[j]], columns.channels[j]
             raise FitFailedError(
-                f"drive_gains: the gain of joint {columns.need.joints[j]} has no positive value: with these "
-                "positions its motor signal does not go with the torques; check both, their signs first"
+                f"drive_gains: the gain of joint {joint} has no positive value: with these positions its "
+                "motor signal does not go with the torques; check both, their signs first, or leave "
+                f"{signal} out of channels:"
             )
     return estimate
 

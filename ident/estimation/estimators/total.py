@@ -51,15 +51,16 @@ def total_least_squares(prepared: Prepared, factors: Sequence[ChannelFactor], fi
     columns, chi = prepared.columns, first.chi.copy()
     linear = []
     for j, (factor, noise) in enumerate(zip(factors, signal_noises(prepared))):
+        joint = columns.need.joints[columns.joint_of[j]]
         place = int(np.searchsorted(factor.columns, columns.gain_columns[j]))
         R = np.column_stack([factor.R[:, :-1], -factor.R[:, -1]])  # tau = g i - W chi
         seen = np.linalg.norm(R[:, :-1], axis=0) > 1e-12 * np.linalg.norm(R)
         if not seen[place]:
-            raise FitFailedError(f"drive_gains: no current flows in joint {columns.need.joints[j]}")
+            raise FitFailedError(f"drive_gains: no current flows in joint {joint}")
         g, others, _ = gain_and_parameters(R[:, np.append(seen, True)], int(seen[:place].sum()), noise)
         if not g > 0:
             raise FitFailedError(
-                f"drive_gains: the gain of joint {columns.need.joints[j]} has no positive value; check the "
+                f"drive_gains: the gain of joint {joint} has no positive value; check the "
                 "signs of its motor signal and its torque sensor"
             )
         chi[factor.columns[seen]] = np.insert(others, int(seen[:place].sum()), g)

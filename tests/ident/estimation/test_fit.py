@@ -14,7 +14,7 @@ from ident.equations.build import build
 from ident.equations.observation import stack
 from ident.equations.prepared import prepare_study
 from ident.errors import StudyError
-from ident.estimation.fit import fit_models, fit_study
+from ident.estimation.fit import drive_gains, fit_models, fit_study
 from ident.recordings.study import load_study
 from ident.report.files import comparison_table, error_table, fit_document, parameter_table, write_into
 
@@ -247,6 +247,9 @@ def test_drive_gains_are_identified_with_both_signals(tmp_path):
         found = [result.estimate.chi[result.columns.parameters.index(f"g{j + 1}")] for j in range(7)]
         assert np.allclose(found, gains, rtol=0.02), model
         assert result.relative_error["identify"]["total"] < 5
+    some = [f"tau_{kind}{j}" for kind in "ml" for j in range(1, 8) if (kind, j) != ("m", 4)]
+    result = run(tmp_path, [{"file": "run.parquet"}], model="C", drive_gains="identify", channels=some)
+    assert np.allclose(drive_gains(result), [*gains[:3], 1.0, *gains[4:]], rtol=0.02)
     alone = run(tmp_path, [{"file": "run.parquet"}], model="A", drive_gains="identify")
     assert alone.notes[0].startswith("drive gains as identified by model C") and inside(
         alone, truth_of("A", truth), 0.7
