@@ -234,7 +234,7 @@ def test_a_load_all_along_one_run_is_seen_against_others_that_are_explained():
         by_run = {run: {"total": percent} for run, percent in errors.items()}
         runs = [SimpleNamespace(label=run, use="test" if run == "run3" else "identify") for run in errors]
         full_rate = SimpleNamespace(by_recording=lambda: by_run)
-        place = SimpleNamespace(recording="run1", start=start, stop=None)
+        place = Place(recording="run1", start=start)
         return SimpleNamespace(
             terms=[SimpleNamespace(place=place)],
             errors=SimpleNamespace(full_rate=full_rate),
