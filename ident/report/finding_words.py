@@ -112,7 +112,10 @@ def _told(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str,
 def rivals_in_words(finding: Mapping[str, Any]) -> str:
     """The explanations that these data cannot reject beside the finding's own."""
     return joined(
-        [f"{effect_name(r['effect'])} on {rival_place(r)}" for r in finding.get("equivalent") or ()]
+        [
+            f"{effect_name(r['effect'])} on {rival_place(r, finding.get('side'))}"
+            for r in finding.get("equivalent") or ()
+        ]
     )
 
 
@@ -223,10 +226,15 @@ def errors_about(
     return (before, undone) if "evidence" in item and by_examination(item) else (undone, after)
 
 
-def rival_place(rival: Mapping[str, Any]) -> str:
-    """ "joint 2", or "link 3" of a load; in which recording, where that is another one."""
+def rival_place(rival: Mapping[str, Any], side: str | None = None) -> str:
+    """ "joint 2", or "link 3" of a load; on which side, where that is not the finding's `side`; in which
+    recording, where that is another one."""
     body = rival.get("link") and not rival["joints"]
     here = f"link {rival['link']}" if body else place(rival["joints"])
+    its = rival.get("side")
+    steady = its == "link" and not rival["joints"]  # a load: all that it can be on
+    if its not in (None, side) and not steady:
+        here += f", {SIDES.get(its, its)}"
     return here + (f" in {rival['recording']}" if rival.get("recording") else "")
 
 

@@ -42,11 +42,13 @@ class Alternative:
     seconds: float | None = None  # of motion as recorded until the two are told apart
     recording: str | None = None  # the only one in which it acts
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)  # as the fitted rows have it
+    side: str | None = None  # of its place; None: every torque of its joints
 
     @property
     def named(self) -> dict[str, Any]:
         """Effect, place and parameters as the document has them."""
         where = {"source_joint": self.source_joint, "link": self.link, "recording": self.recording}
+        where["side"] = self.side
         beside = {**where, "parameters": self.parameters or None}
         known = {name: value for name, value in beside.items() if value is not None}
         return {"effect": self.effect, "joints": list(self.joints), **known}
@@ -238,9 +240,8 @@ def _alternative(its: Equivalent, state: State, free: float) -> Alternative:
     place, labels = its.term.place, state.problem.robot.joint_labels
     source = None if place.source is None else int(labels[place.source])
     drop = drop_percent(its.log_e, free)
-    return Alternative(
-        its.term.effect.name, _joints(its.term, state), float(its.log_e), drop, source, place.link
-    )
+    joints, log_e = _joints(its.term, state), float(its.log_e)
+    return Alternative(its.term.effect.name, joints, log_e, drop, source, place.link, side=place.side)
 
 
 def hint_of(step: Step, outcome: Outcome) -> Hint:

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 from ident.report.diagnosis_report import View, binned_median, diagnosis_page
-from ident.report.finding_words import evidence_in_words, finding_sentence, separated_in_words, when
+from ident.report.finding_words import (
+    evidence_in_words,
+    finding_sentence,
+    rivals_in_words,
+    separated_in_words,
+    when,
+)
 from ident.report.fit_report import Curve, fit_page
 from ident.report.page import Table
 from ident.report.render import render
@@ -397,3 +403,12 @@ def test_numbers_are_short_and_keep_their_digits():
         and with_deviation(0.061, 0.002, "-") == "0.0610 ± 0.0020"
     )
     assert readable_rule("rl3**2*(M3 + M4)") == "rl3²\u00a0(M3 + M4)"
+
+
+def test_a_rival_on_another_side_is_told_with_its_side():
+    """ "The whole robot: time delay. These data cannot reject instead: time delay on the whole robot." """
+    late = {"effect": "time_delay", "joints": [], "equivalent": [{"effect": "time_delay", "joints": []}]}
+    assert rivals_in_words(late) == "time delay on the whole robot"
+    late["equivalent"][0]["side"] = "sensor"
+    assert rivals_in_words(late) == "time delay on the whole robot, torque sensor"
+    assert rivals_in_words({**late, "side": "sensor"}) == "time delay on the whole robot"
