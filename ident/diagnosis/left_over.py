@@ -59,14 +59,10 @@ def leftovers(
             continue
         near = None if doubt is None else doubt.nearest
         if not _carries_over(state, m, c, flex, tau, alpha):
-            flex, m = heard_where_fitted(state, c, tau, asked) or (flex, m)
-            alone = _fitted_alone(c, flex, m, near)
-            if near is not None or (
-                alone.share > LEAST
-                and _is_there(flex, state, tau)
-                and _is_foretold(flex, state, m, c, tau, alpha)
-            ):
-                out.append(_unseen(state, alone, flex, tau))
+            told = _where_fitted(state, c, flex, m, near, tau, alpha)
+            if told is None and (again := heard_where_fitted(state, c, tau, asked)) is not None:
+                told = _where_fitted(state, c, *again, near, tau, alpha)
+            out += [] if told is None else [told]
             continue
         share = explained_share(state, c, flex.column)
         told = Unnamed(c, flex.variables, flex.evidence.log_e, flex.evidence.gain, share, near)
@@ -134,11 +130,18 @@ def _is_there(flex: Flexible, state: State, tau: float) -> bool:
     return flex.prior_evidence > chosen_by_chance(state, tau)
 
 
-def _unseen(state: State, alone: Unnamed, flex: Flexible, tau: float) -> Unnamed:
-    """What the fitted rows alone show, with its share of their torque and whether the judged ones, in the
-    noise that they have, could not show it. (Of a stop that a rokae's second joint touched in the fitted run
-    alone nothing was told beside a force in the other: 9 % of that torque.) No other rows are at the same
-    time."""
+def _where_fitted(
+    state: State, c: int, flex: Flexible, m: Metric, near: Equivalent | None, tau: float, alpha: float
+) -> Unnamed | None:
+    """What the fitted rows alone show, if it is much of what is left there and their blocks foretell each
+    other by it, or if it kept a name away; None: nothing that is told. With its share of their torque and
+    whether the judged ones, in the noise that they have, could not show it. (Of a stop that a rokae's second
+    joint touched in the fitted run alone nothing was told beside a force in the other: 9 % of that torque.)
+    No other rows are at the same time."""
+    alone = _fitted_alone(c, flex, m, near)
+    there = alone.share > LEAST and _is_there(flex, state, tau)
+    if near is None and not (there and _is_foretold(flex, state, m, c, tau, alpha)):
+        return None
     could = "t" in flex.variables or not flex.evidence.expected.sum() < tau
     share = explained_share(state, alone.channel, flex.column, state.rows.fitted)
     return replace(alone, unseen=not could, share=share)
