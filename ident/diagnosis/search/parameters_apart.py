@@ -123,7 +123,7 @@ def _of_whole(m: Metric, columns: Columns, told: Evidence) -> tuple[float, float
     """What is left of log E, and kappa, all channels in one regression."""
     white = m.whiten(columns)
     torque = {c: z @ told.sizes for c, z in white.items()}
-    noise = np.maximum(told.rss / told.free, 1e-300)
+    noise = np.where(told.free > 0, told.rss / np.maximum(told.free, 1), 0.0)
     joined = [_joined(m, side, torque, noise) for side in (m.fitted, m.judged)]
     rss = [_left(products) for products in (joined[0] + joined[1], *joined)]
     parameters = rss[1][1] + rss[2][1] - rss[0][1]
@@ -144,6 +144,8 @@ def _joined(m: Metric, side: Side, torque: Columns, noise: np.ndarray) -> np.nda
     """Of all channels' columns, their torque, and this less the other torque, in units of the noise (C,)."""
     out = np.zeros((m.B + 2, m.B + 2))
     for c, (places, values) in enumerate(m.X):
+        if noise[c] <= 0:  # no row that judges is left there: in no noise at all it would say everything
+            continue
         on = side.mask & m.rows.use[c]
         less = m.y[c, on] - torque[c][on] if c in torque else m.y[c, on]
         here = np.column_stack([values[on], m.y[c, on], less]) / np.sqrt(noise[c])

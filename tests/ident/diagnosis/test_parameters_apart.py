@@ -11,7 +11,7 @@ from ident.diagnosis.evidence.evidence import weigh
 from ident.diagnosis.evidence.metric import Metric
 from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.rows.rows import Rows
-from ident.diagnosis.search.parameters_apart import _distances, beside_changes
+from ident.diagnosis.search.parameters_apart import _distances, beside_changes, times_noise
 from ident.report.unexplained_words import unexplained_sentence
 
 TAU, M, WAVES = 8.3, 2400, 30
@@ -104,6 +104,16 @@ def test_judged_rows_as_few_as_the_parameters_have_no_noise_of_their_own(tiny):
     few = replace(rows, judged=rows.judged & (np.cumsum(rows.judged) <= 10))
     (without, with_it), parameters = _distances(tiny["metric"](few), 0, 0.0 * z[:, 0])
     assert without == with_it and without < 10 * parameters
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_torque_without_rows_that_judge_tells_of_no_change(tiny):
+    """Of a Franka whose first joint was dead in the run that judges its noise was none, and all products of
+    its fitted rows without end."""
+    others, f = made(tiny, 3, 0.0, 0.4)
+    rows = others.rows
+    unseen = replace(rows, Y=1e5 * rows.Y, use=rows.use & rows.fitted)
+    assert times_noise(tiny["metric"](unseen), f.columns, f.sizes) == 1.0
 
 
 @pytest.mark.parametrize("signals", [("dq1",), ()])
