@@ -2,7 +2,7 @@
 
     a torque takes up a share of another one, drifts, is larger in one recording or from an instant on, or has
     another zero there or from then on, or is recorded as a power of itself
-    a joint's friction changes with its load
+    a joint's friction changes with its load, or a spring pulls on it
     a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, drifts, or holds another joint's
     a gear yields, so that its link is not where the motor's position says
@@ -137,6 +137,9 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
     _, rival = found(lambda r, s: np.abs(s.Y[:, own]) * np.sign(s.dq[:, joint]), True)
     if rival:
         yield replace(rival, words=f"the friction of joint {label} changes with its load")
+    _, rival = found(lambda r, s: s.q[:, joint])
+    if rival:
+        yield replace(rival, words=f"the model lacks a spring on joint {label}")
     slope, rival = found(lambda r, s: s.t)
     if rival:
         yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} {unit} a minute")
