@@ -54,13 +54,16 @@ def leftovers(
         changes = doubt is not None and doubt.times_noise is not None  # larger than any function there
         if changes or not (state.rows.use[c] & state.rows.judged).any():
             continue
-        flex, m = heard(state, c, tau, asked)
+        made: dict[int, np.ndarray] = {}
+        if c not in asked:
+            asked[c] = in_both_noises(state, c, tau, made=made)
+        flex, m = heard(state, c, tau, asked, made=made)
         if flex is None:
             continue
         near = None if doubt is None else doubt.nearest
         if not _carries_over(state, m, c, flex, tau, alpha):
             told = _where_fitted(state, c, flex, m, near, tau, alpha)
-            if told is None and (again := heard_where_fitted(state, c, tau, asked)) is not None:
+            if told is None and (again := heard_where_fitted(state, c, tau, asked[c], made)):
                 told = _where_fitted(state, c, *again, near, tau, alpha)
             out += [] if told is None else [told]
             continue

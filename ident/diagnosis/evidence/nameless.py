@@ -105,7 +105,7 @@ def _groups(signals: Signals, joint: int, segments: int, on_rows: Column, short:
         (f"dq{number}", "memory"),
         lambda: on_rows(lambda k: np.stack([every[name][k] for name in memory], axis=1)),
     )
-    yield (f"q{number}", "memory"), lambda: on_rows(lambda k: signals.loops[k])
+    yield (f"q{number}", "memory"), lambda: on_rows(signals.loops().__getitem__)
     main = [f"q{number}", f"dq{number}", "tau", f"ddq{number}", "t"]
     for name in main:
         yield (name,), one(name)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +21,7 @@ class Signals:
     own: dict[str, list[np.ndarray]]
     others: dict[str, list[np.ndarray]]
     rate_widths: tuple[float, ...]  # of signs of the scaled rate
-    loops: list[np.ndarray]  # (N, k) of the position's past: `_loops`
+    loops: Callable[[], list[np.ndarray]]  # (N, k) of the position's past, not made before they are asked
 
 
 def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.ndarray]) -> Signals:
@@ -45,7 +46,7 @@ def signals_of(segments: Sequence[FineSegment], joint: int, load: Sequence[np.nd
     speed = np.abs(np.concatenate(own[f"dq{number}"]))
     low = float(np.quantile(speed, 0.05))
     widths = tuple(np.geomspace(max(low, 3e-3), 0.5, 4))
-    return Signals(own, others, widths, _loops([s.q[:, joint] for s in segments]))
+    return Signals(own, others, widths, partial(_loops, [s.q[:, joint] for s in segments]))
 
 
 def scaled(parts: Sequence[np.ndarray], centre: bool) -> list[np.ndarray]:

@@ -155,17 +155,17 @@ def heard(
     tau: float,
     asked: Mapping[int, InBothNoises] = MappingProxyType({}),
     only: frozenset[str] | None = None,
+    made: dict[int, np.ndarray] | None = None,
 ) -> tuple[Flexible | None, Metric]:
     """The best function of everything (of channels `asked`, it is known), or of some signals `only`, and the
     noise that it was heard in: the one at hand, or what is left beside the best function of plain rows, which
-    foretells itself from its own past and would count as noise."""
-    made: dict[int, np.ndarray] = {}
+    foretells itself from its own past and would count as noise. made: as of `ask_each`."""
+    made = {} if made is None else made
     at_hand, plain = asked[c] if c in asked else in_both_noises(state, c, tau, only, made)
     found = at_hand, state.metric
     if plain is None or plain.evidence.log_e <= 0:  # nor do the judged rows know of it
         return found
-    m = beside_function(state, c, plain.column, plain.variables)
-    (again,) = ask_each(state, [m], c, tau, only, made)
+    again, m = _beside(state, c, plain, tau, only, made)
     here = -np.inf if at_hand is None else at_hand.evidence.log_e
     if again is None or (here > tau and here > again.evidence.log_e):
         return found
@@ -175,19 +175,32 @@ def heard(
 
 
 def heard_where_fitted(
-    state: State, c: int, tau: float, asked: Mapping[int, InBothNoises] = MappingProxyType({})
+    state: State, c: int, tau: float, asked: InBothNoises, made: dict[int, np.ndarray]
 ) -> tuple[Flexible, Metric] | None:
-    """The best function of everything in what is left beside the best one of plain rows, whatever the rows
-    that judge say of it: they may not have been where it is. None where it is a course of time, as slow noise
-    is. (A stop that an LWR4+ met in the fitted run was 3 % of its torque, and 45 nats in a noise that had
-    swallowed it; the run that judges hardly touched it, and nothing was said.)"""
-    made: dict[int, np.ndarray] = {}
-    _, plain = asked[c] if c in asked else in_both_noises(state, c, tau, made=made)
+    """The best function of everything in what is left beside the best one of plain rows (`asked`), whatever
+    the rows that judge say of it: they may not have been where it is; made: as of `ask_each`. None where it
+    is a course of time, as slow noise is. (A stop that an LWR4+ met in the fitted run was 3 % of its torque,
+    and 45 nats in a noise that had swallowed it; the run that judges hardly touched it, and nothing was
+    said.)"""
+    _, plain = asked
     if plain is None:
         return None
-    m = beside_function(state, c, plain.column, plain.variables)
-    (again,) = ask_each(state, [m], c, tau, made=made)
+    again, m = _beside(state, c, plain, tau, None, made)
     return None if again is None or "t" in again.variables else (again, m)
+
+
+def _beside(
+    state: State,
+    c: int,
+    plain: Flexible,
+    tau: float,
+    only: frozenset[str] | None,
+    made: dict[int, np.ndarray],
+) -> tuple[Flexible | None, Metric]:
+    """The best function in the noise that one of plain rows leaves, and that noise."""
+    m = beside_function(state, c, plain.column, plain.variables)
+    (again,) = ask_each(state, [m], c, tau, only, made)
+    return again, m
 
 
 @dataclass(frozen=True)
