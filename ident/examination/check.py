@@ -149,11 +149,12 @@ def nothing_tells(words: Sequence[str], fallen: str, recording: str = "") -> Che
     """Of so many causes, in words, none is told; fallen: what each explains."""
     whose = "of this recording contradict the other recordings', or theirs it" if recording else ""
     file = "" if recording else ", the one that the robot file describes"
+    none = "none of them, but another robot or load" if recording else "none of them"
     return Check(
         "unrelated_torque",
         (),
         f"torques and motion {whose or 'contradict each other'}, and nothing tells by what: "
-        f"{words[0]}{instead(words[1:])} would each explain as much, and it may be none of them: {fallen}",
+        f"{words[0]}{instead(words[1:])} would each explain as much, and it may be {none}: {fallen}",
         f"check that all signals are of one run and that the recordings are of one robot{file}",
         recording=recording,
         open=True,

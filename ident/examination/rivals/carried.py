@@ -165,7 +165,7 @@ def ambiguous(held: np.ndarray | None, told: Sequence[Carried]) -> Check:
         f"what is fitted does not predict the recordings that validate (errors of {span(held)}), and its "
         f"motions do not show why: {words}: "
         f"{'each of these' if len(told) > 1 else 'this'} alone would "
-        f"{'explain' if len(told) > 1 else 'predict'} them far better",
+        f"{'explain' if len(told) > 1 else 'predict'} them far better, and it may be something else",
         "check each of them, and record a motion that moves all joints more",
     )
 

@@ -196,8 +196,9 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
         yield Check(
             "poor_excitation",
             (),
-            f"these motions do not show how the base is mounted: with gravity turned by {angle:.0f} degrees "
-            f"the model explains the torques about as well (errors of {span(now)}, as told {span(plain)})",
+            f"these recordings do not show how the base is mounted: with gravity turned by {angle:.0f} "
+            f"degrees the model explains the torques about as well (errors of {span(now)}, as told "
+            f"{span(plain)})",
             "gravity is taken as the robot file has it, make sure that it is",
         )
 

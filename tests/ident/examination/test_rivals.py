@@ -250,15 +250,15 @@ def test_another_robot_s_run_is_no_torque_s_factor(tmp_path):
     of_ur = {name: table[name].to_numpy() for name in table.column_names}
     motor = {f"tau_m{j}": 11.0 * of_ur[f"i{j}"] for j in range(1, 7)}
     (check,) = _said(_kr300(tmp_path, traj_b=lambda c: {k: v for k, v in of_ur.items() if k in c} | motor))
-    assert check.check == "unrelated_torque" and "another robot or load in one of traj_a" in check.message
+    assert check.check == "unrelated_torque" and check.open and "another robot or load" in check.message
 
 
 @pytest.mark.long
-def test_a_position_twice_too_large_is_told_beside_a_share_of_another_torque(tmp_path):
+def test_a_position_that_is_too_large_is_told_beside_a_share_of_another_torque(tmp_path):
     """A TX40's fifth drive is coupled with its sixth one."""
-    twice = lambda c: c | {"q5": 2 * c["q5"]}  # noqa: E731
-    (check,) = _said(parted(planted(tmp_path, twice, measured("staubli_tx40")), 2.8, 3.9))
-    assert "q5 is about 2.09 times too large" in check.message
+    larger = lambda c: c | {"q5": 2.5 * c["q5"]}  # noqa: E731
+    (check,) = _said(parted(planted(tmp_path, larger, measured("staubli_tx40")), 2.8, 4.9))
+    assert "q5 is about 2.66 times too large" in check.message and "something else" in check.message
 
 
 def _lwr4plus(study):
@@ -288,13 +288,15 @@ def test_positions_that_are_smoothed_are_no_torque_that_is_early(tmp_path):
 
 @pytest.mark.long
 def test_clipped_torques_are_in_no_other_order(tmp_path):
-    """Of an LWR4+ with all torques clipped joints 5 and 7 were told as exchanged."""
+    """Of an LWR4+ with all torques clipped joints 5 and 7 were told as exchanged. That what is left of them
+    does not show which way is down may be said."""
 
     def clipped(c):
         most = {f"tau_l{j}": 0.6 * np.abs(c[f"tau_l{j}"]).max() for j in range(1, 8)}
         return c | {k: np.clip(c[k], -m, m) for k, m in most.items()}
 
-    assert _said(_lwr4plus(planted(tmp_path, clipped, measured("kuka_lwr4plus")))) == ()
+    said = _said(_lwr4plus(planted(tmp_path, clipped, measured("kuka_lwr4plus"))))
+    assert all("how the base is mounted" in check.message for check in said)
 
 
 @pytest.mark.long
