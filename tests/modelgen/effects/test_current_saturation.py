@@ -45,4 +45,6 @@ def test_it_starts_at_the_largest_recorded_torque():
 def test_places_signs_and_spread():
     assert len(list(E.places(layout(arm_model())))) == 4
     assert "limit would be negative" in E.physical({"share": 1.0, "limit": -1.0})
+    assert "recorded than is missing" in E.physical({"share": 0.17, "limit": 0.3})  # of a cubic scale
+    assert E.physical({"share": 0.9, "limit": 0.3}) is None
     check_report("current_saturation")
