@@ -131,7 +131,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     """What is said of what was traced, beside what the checks say."""
     outcome, last = traced.outcome, traced.last
     found = findings_of(outcome, last, moved(its.known, outcome.last, its.base, last))
-    standing = tuple(dict.fromkeys((*unsettled(its.base.checks), *not_found(its.known.checks, found))))
+    standing = tuple(dict.fromkeys((*unsettled(its.base.checks), *not_found(its.checks, found))))
     taken = assumed(its.checks)
     errors = (fit.errors.full_rate.by_recording() for fit in (its.base, last))
     doubts = unanswered(its.base.checks, *errors)

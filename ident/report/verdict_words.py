@@ -29,7 +29,7 @@ def verdict(document: Mapping[str, Any]) -> str:
         first = (
             "Correct the robot file first, in whose equations all else is told"
             if fault["robot_file"]
-            else "Settle first what was recorded, as all else is told with it in the data"
+            else "Settle this first, as all else is told with it in the data"
         )
         sentences.append(f"{first}: {_fault(fault)}")
     for fault in document.get("assumed", ())[:1]:

@@ -27,6 +27,7 @@ from ident.examination.tables.signals import (
 )
 from ident.examination.tables.smoothed_wraps import smoothed_wraps
 from ident.examination.tables.stopped_at_once import stopped_at_once
+from ident.examination.tables.torque_drops import torque_drops
 from ident.examination.tables.torque_leaps import torque_leaps
 
 TORQUES = ("tau_m", "tau_l", "i")
@@ -69,6 +70,7 @@ def of_table(
         processed.scaled(columns, excerpt),
         stopped_at_once(columns, excerpt, slow | gone),
         torque_leaps(columns, excerpt),
+        torque_drops(columns, excerpt),
         repeats.copies(columns, excerpt),
         repeats.standing(columns, excerpt, slow | gone | banded),
         repeats.noise_alone(columns, excerpt),

@@ -56,6 +56,7 @@ class Backlash(MotionEffect):
     sizes = ("gap",)
     proportional = False
     typical = {"gap": 2e-3, "drop": 0.0}
+    told_by = ("torque_drop",)  # checks of a recording that are this effect
 
     def variants(self) -> tuple[tuple[str, ...], ...]:
         """Gravity need not show the shift, nor the gear a drop."""

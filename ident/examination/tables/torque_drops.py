@@ -1,0 +1,120 @@
+"""Torques that fall to zero for a moment and come back, again and again, where one joint turns.
+
+The rows in which a joint turns are no equations (what its friction does there is not known), so that nothing
+of it is left in a fit; and a moment of some rows is gone in what is filtered. Friction that turns over is a
+step, and no moment that a torque comes back from. (Of a rokae whose second gear has play, a sensor and a
+drive fell from 60 N m to 0 for 0.01 s behind each turn: 4 % were left of the torque for 0.8, and all of it
+was called noise.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.stats import binom
+
+from ident.examination.check import Check, listed
+from ident.examination.tables.excerpt import Excerpt
+from ident.examination.tables.mending import STEP
+from ident.examination.tables.signals import BESIDE_ROWS, CHANCE, Columns
+from ident.signals.runs import runs_of
+
+LONGEST = 0.05  # s: what lasts longer is in the rows that are fitted
+SHARE = 0.1  # of a torque's range that it falls by at least; of a joint's usual rate, below which it turns
+LEFT = 0.25  # of the torque, at most, for a fall to zero
+AFTER = (0.05, 0.1, 0.2, 0.4)  # s behind a turn
+
+
+def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """One check of all torques that fall where the same joint turns."""
+    n = columns.n
+    drops: list[tuple[int, float, float]] = []  # torque, when, how long
+    moments: list[float] = []  # at which one or several of them fall
+    pieces = [(t, x) for _, t, x in excerpt.pieces if len(t) >= 4 * BESIDE_ROWS and (np.diff(t) > 0).all()]
+    for t, values in pieces:
+        dt = float(np.median(np.diff(t)))
+        around = int(np.clip(round(LONGEST / dt), 4, 2 * BESIDE_ROWS))
+        found = [(c, t[a], t[b - 1] - t[a] + dt) for c, a, b in _falls(values[:, n:].T, around)]
+        drops += found
+        moments += _apart(sorted(at for _, at, _ in found), LONGEST)
+    if not moments:
+        return
+    stretches = [(float(t[0]), float(t[-1])) for t, _ in pieces]
+    turns = [[t[_turns(uniform_filter1d(x[:, j], 5))] for t, x in pieces] for j in range(n)]
+    tied = [_tied(np.concatenate(its), np.array(moments), stretches) for its in turns]
+    joint = int(np.argmin([chance for chance, *_ in tied]))
+    chance, count, after, share = tied[joint]
+    if not chance * n * len(AFTER) < CHANCE or 2 * count <= len(moments):
+        return
+    which = sorted({c for c, _, _ in drops})
+    names, longest = tuple(columns.signals[n + c] for c in which), max(long for *_, long in drops)
+    label = columns.labels[joint]
+    yield Check(
+        "torque_drop",
+        names,
+        f"{listed(names)} {'falls' if len(names) == 1 else 'fall'} to about zero {len(moments)} times, for "
+        f"up to {longest:.2g} s, {count} of them within {after:g} s after joint {label} turns, which is "
+        f"{100 * share:.2g} % of the time: nothing is passed on meanwhile, as while a gear with play goes "
+        "from one flank to the other",
+        f"look for play in the gear of joint {label}, and record it faster than this log to measure it",
+    )
+
+
+def _falls(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int]]:
+    """Which of torques (C, N) falls to zero, and its first row and the one behind its last."""
+    low, high = np.quantile(x, [0.05, 0.95], axis=1)
+    sides = np.minimum(np.abs(x[:, : -2 * around]), np.abs(x[:, 2 * around :]))
+    may = (np.abs(x[:, around:-around]) < LEFT * sides) & (sides > SHARE * (high - low)[:, None])
+    for c in np.flatnonzero(may.any(axis=1)).tolist():
+        course = median_filter(x[c], size=2 * around + 1, mode="nearest")
+        off = np.abs(x[c] - course)
+        least = max(STEP * np.quantile(off, 0.9), SHARE * (high[c] - low[c]))
+        for first, last in runs_of(off > least).tolist():
+            if last - first <= around and first > 0 and last < x.shape[1]:
+                k = first + int(np.argmax(off[first:last]))
+                if abs(x[c, k]) < LEFT * abs(course[k]):
+                    yield c, first, last
+
+
+def _apart(moments: Sequence[float], least: float) -> list[float]:
+    """The first of those that are closer to each other."""
+    return [at for at, before in zip(moments, [-np.inf, *moments]) if at - before > least]
+
+
+def _turns(q: np.ndarray) -> np.ndarray:
+    """Rows in which a position (N,) turns: the farthest one between two ways."""
+    rate = np.gradient(q)
+    ways = np.flatnonzero(np.abs(rate) > SHARE * np.quantile(np.abs(rate), 0.9))
+    if not len(ways):
+        return ways
+    sign = np.sign(rate[ways])
+    changes = np.flatnonzero(sign[1:] != sign[:-1])
+    return np.array(
+        [ways[k] + int(np.argmax(sign[k] * q[ways[k] : ways[k + 1] + 1])) for k in changes.tolist()], int
+    )
+
+
+def _tied(
+    turns: np.ndarray, moments: np.ndarray, stretches: Sequence[tuple[float, float]]
+) -> tuple[float, int, float, float]:
+    """By what chance so many moments are so close behind a joint's turns, how many of them are, within which
+    time, and the share of the time that is as close."""
+    whole = sum(end - begin for begin, end in stretches)
+    best = (1.0, 0, 0.0, 0.0)
+    for after in AFTER:
+        share = min(_covered(turns, after, stretches) / whole, 1.0)
+        since = moments[:, None] - turns[None, :]
+        count = int(((since >= 0) & (since <= after)).any(axis=1).sum())
+        best = min(best, (float(binom.sf(count - 1, len(moments), share)), count, after, share))
+    return best
+
+
+def _covered(turns: np.ndarray, after: float, stretches: Sequence[tuple[float, float]]) -> float:
+    """Seconds that are at most so long behind a turn."""
+    covered = 0.0
+    for begin, end in stretches:
+        at = np.append(np.sort(turns[(turns >= begin) & (turns <= end)]), end)
+        covered += float(np.minimum(np.diff(at), after).sum())
+    return covered
