@@ -320,7 +320,7 @@ def test_what_nothing_found_explains_is_said_first():
     said = diagnosis_verdict(
         DIAGNOSIS | {"unanswered": [{"recording": "", "message": message}], "unsettled": [first]}
     )
-    assert said.startswith("Settle first") and message not in said
+    assert said.startswith("Settle this first") and message not in said
 
 
 def test_what_is_taken_for_one_of_several_causes_is_said_first():
