@@ -46,6 +46,7 @@ from ident.diagnosis.telling.findings import (
     unexplained_of,
 )
 from ident.diagnosis.telling.floor import noise_floor, white_noise
+from ident.diagnosis.telling.multiples import multiples
 from ident.diagnosis.telling.unforeseen import white_at_most
 from ident.diagnosis.telling.visible import Visible, smallest_visible
 from ident.diagnosis.traced import Traced, trace_whole
@@ -155,7 +156,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         {name: min(its, floor.get(name, its)) for name, its in white.items()},
         explainable(outcome),
         alpha,
-        (*sized_by_judged(outcome.last, last), *turning_over(its.study, last)),
+        (*multiples(findings, alpha), *sized_by_judged(outcome.last, last), *turning_over(its.study, last)),
         outcome,
         smallest_visible(outcome.last, library, outcome.tau, alpha, closed),
         () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
