@@ -56,12 +56,16 @@ def reconsidered(
         best, evidence = simplest(weighed, tau)
         if _is_behind(weighed, best, evidence, f.term, tau, steps[at].evidence.given):
             continue
+        c = main_channel(evidence, best.term, others)
+        another = best.term.key != f.term.key
+        if another and short_of(others, weighed.metric, best, evidence, c, tau) is not None:
+            own = next((its for its in weighed.all if its[0].term.key == f.term.key), None)
+            if own is None:
+                continue
+            best, evidence = own  # with what no law was told for, and may be there all the same
         rivals = rivals_of(weighed, best, evidence, tau, alpha)
         if best.term.key == f.term.key:
             steps[at] = replace(steps[at], equivalent=rivals)
-            continue
-        c = main_channel(evidence, best.term, others)
-        if short_of(others, weighed.metric, best, evidence, c, tau) is not None:
             continue
         steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
         instead = state.swapped(number, Found(best.term, best.columns, best.sizes))
