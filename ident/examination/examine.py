@@ -135,8 +135,8 @@ def _beside(prepared: Prepared, its: InTurn, found: Sequence[Check]) -> list[Che
         beside = _first(
             (True, lambda: (c for c in meanwhile if len(c.signals) > 1)),  # which no torque's zero makes so
             (quiet and not meanwhile, lambda: unpredicted(asked)),
+            (quiet, lambda: tilted(prepared, asked)),  # before a torque's weights, which it changes
             (quiet, lambda: wandering(asked)),
-            (quiet, lambda: tilted(prepared, asked)),
             (clean, lambda: other_zeros(asked)),
             (True, lambda: meanwhile),
             (True, lambda: foretold_badly(asked, apart)),
