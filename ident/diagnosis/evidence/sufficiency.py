@@ -175,16 +175,12 @@ def heard(
 
 
 def heard_where_fitted(
-    state: State, c: int, tau: float, asked: InBothNoises, made: dict[int, np.ndarray]
+    state: State, c: int, tau: float, plain: Flexible, made: dict[int, np.ndarray]
 ) -> tuple[Flexible, Metric] | None:
-    """The best function of everything in what is left beside the best one of plain rows (`asked`), whatever
-    the rows that judge say of it: they may not have been where it is; made: as of `ask_each`. None where it
-    is a course of time, as slow noise is. (A stop that an LWR4+ met in the fitted run was 3 % of its torque,
-    and 45 nats in a noise that had swallowed it; the run that judges hardly touched it, and nothing was
-    said.)"""
-    _, plain = asked
-    if plain is None:
-        return None
+    """The best function of everything in what is left beside the best one of plain rows, whatever the rows
+    that judge say of it: they may not have been where it is; made: as of `ask_each`. None where it is a
+    course of time, as slow noise is. (A stop that an LWR4+ met in the fitted run was 3 % of its torque, and
+    45 nats in a noise that had swallowed it; the run that judges hardly touched it, and nothing was said.)"""
     again, m = _beside(state, c, plain, tau, None, made)
     return None if again is None or "t" in again.variables else (again, m)
 

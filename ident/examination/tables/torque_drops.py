@@ -12,8 +12,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.ndimage import median_filter, uniform_filter1d
-from scipy.stats import binom
 
 from ident.examination.check import Check, listed
 from ident.examination.tables.excerpt import Excerpt
@@ -24,6 +22,7 @@ from ident.signals.runs import runs_of
 LONGEST = 0.05  # s: what lasts longer is in the rows that are fitted
 SHARE = 0.1  # of a torque's range that it falls by at least; of a joint's usual rate, below which it turns
 LEFT = 0.25  # of the torque, at most, for a fall to zero
+SMOOTH = 5  # rows
 AFTER = (0.05, 0.1, 0.2, 0.4)  # s behind a turn
 
 
@@ -42,7 +41,7 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     if not moments:
         return
     stretches = [(float(t[0]), float(t[-1])) for t, _ in pieces]
-    turns = [[t[_turns(uniform_filter1d(x[:, j], 5))] for t, x in pieces] for j in range(n)]
+    turns = [[t[_turns(x[:, j])] for t, x in pieces] for j in range(n)]
     tied = [_tied(np.concatenate(its), np.array(moments), stretches) for its in turns]
     joint = int(np.argmin([chance for chance, *_ in tied]))
     chance, count, after, share = tied[joint]
@@ -67,6 +66,10 @@ def _falls(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int]]:
     low, high = np.quantile(x, [0.05, 0.95], axis=1)
     sides = np.minimum(np.abs(x[:, : -2 * around]), np.abs(x[:, 2 * around :]))
     may = (np.abs(x[:, around:-around]) < LEFT * sides) & (sides > SHARE * (high - low)[:, None])
+    if not may.any():
+        return
+    from scipy.ndimage import median_filter  # not at the top: a fit needs no SciPy
+
     for c in np.flatnonzero(may.any(axis=1)).tolist():
         course = median_filter(x[c], size=2 * around + 1, mode="nearest")
         off = np.abs(x[c] - course)
@@ -85,6 +88,7 @@ def _apart(moments: Sequence[float], least: float) -> list[float]:
 
 def _turns(q: np.ndarray) -> np.ndarray:
     """Rows in which a position (N,) turns: the farthest one between two ways."""
+    q = np.convolve(np.pad(q, SMOOTH // 2, mode="edge"), np.full(SMOOTH, 1 / SMOOTH), mode="valid")
     rate = np.gradient(q)
     ways = np.flatnonzero(np.abs(rate) > SHARE * np.quantile(np.abs(rate), 0.9))
     if not len(ways):
@@ -101,6 +105,8 @@ def _tied(
 ) -> tuple[float, int, float, float]:
     """By what chance so many moments are so close behind a joint's turns, how many of them are, within which
     time, and the share of the time that is as close."""
+    from scipy.stats import binom  # not at the top, as above
+
     whole = sum(end - begin for begin, end in stretches)
     best = (1.0, 0, 0.0, 0.0)
     for after in AFTER:

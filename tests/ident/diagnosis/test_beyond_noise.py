@@ -87,6 +87,6 @@ def test_a_stretch_in_which_something_unknown_happens(arm, size):
         assert not loud and (check.signals, check.recording) == (("tau_m2",), "run1")
         return
     (what,) = loud
-    recording, start, stop = what.stretch
+    recording, start, stop, _ = what.stretch
     assert (what.joints, recording) == ((2,), "run1")
     assert 3 < start < 6 and 7 < stop < 10
