@@ -27,7 +27,8 @@ AFTER = (0.05, 0.1, 0.2, 0.4)  # s behind a turn
 
 
 def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """One check of all torques that fall where the same joint turns."""
+    """One check of all torques that fall where the same joint turns, with the joints that turn with it: whose
+    gear it is these do not tell."""
     n = columns.n
     drops: list[tuple[int, float, float]] = []  # torque, when, how long
     moments: list[float] = []  # at which one or several of them fall
@@ -41,23 +42,29 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     if not moments:
         return
     stretches = [(float(t[0]), float(t[-1])) for t, _ in pieces]
-    turns = [[t[_turns(x[:, j])] for t, x in pieces] for j in range(n)]
-    tied = [_tied(np.concatenate(its), np.array(moments), stretches) for its in turns]
-    joint = int(np.argmin([chance for chance, *_ in tied]))
-    chance, count, after, share = tied[joint]
-    if not chance * n * len(AFTER) < CHANCE or 2 * count <= len(moments):
+    turns = [np.concatenate([t[_turns(x[:, j])] for t, x in pieces]) for j in range(n)]
+    tied = [_tied(its, np.array(moments), stretches) for its in turns]
+    told = [j for j in range(n) if tied[j][0] * n * len(AFTER) < CHANCE and 2 * tied[j][1] > len(moments)]
+    joint = min(range(n), key=lambda j: tied[j][0])
+    if joint not in told:
         return
-    which = sorted({c for c, _, _ in drops})
-    names, longest = tuple(columns.signals[n + c] for c in which), max(long for *_, long in drops)
-    label = columns.labels[joint]
+    _, count, after, share = tied[joint]
+    there = _behind(turns[joint], np.array([at for _, at, _ in drops]), after)
+    mine = [drop for drop, its in zip(drops, there) if its]
+    names = tuple(columns.signals[n + c] for c in sorted({c for c, _, _ in mine}))
+    longest, label = max(long for *_, long in mine), columns.labels[joint]
+    others = [columns.labels[j] for j in told if j != joint]
+    turning = f"{label} turns" + (f", and joint {listed(others)} with it" if others else "")
+    looked = "" if excerpt.every == 1 else f" in the rows that were looked at, one in {excerpt.every}"
+    gears = " or ".join((label, *others))
     yield Check(
         "torque_drop",
         names,
-        f"{listed(names)} {'falls' if len(names) == 1 else 'fall'} to about zero {len(moments)} times, for "
-        f"up to {longest:.2g} s, {count} of them within {after:g} s after joint {label} turns, which is "
-        f"{100 * share:.2g} % of the time: nothing is passed on meanwhile, as while a gear with play goes "
-        "from one flank to the other",
-        f"look for play in the gear of joint {label}, and record it faster than this log to measure it",
+        f"{listed(names)} {'falls' if len(names) == 1 else 'fall'} to about zero {len(moments)} times"
+        f"{looked}, for up to {longest:.2g} s, {count} of them within {after:g} s after joint {turning}, "
+        f"which is {100 * share:.2g} % of the time: nothing is passed on meanwhile, as while a gear with "
+        "play goes from one flank to the other",
+        f"look for play in the gear of joint {gears}, and record it faster than this log to measure it",
     )
 
 
@@ -111,10 +118,15 @@ def _tied(
     best = (1.0, 0, 0.0, 0.0)
     for after in AFTER:
         share = min(_covered(turns, after, stretches) / whole, 1.0)
-        since = moments[:, None] - turns[None, :]
-        count = int(((since >= 0) & (since <= after)).any(axis=1).sum())
+        count = int(_behind(turns, moments, after).sum())
         best = min(best, (float(binom.sf(count - 1, len(moments), share)), count, after, share))
     return best
+
+
+def _behind(turns: np.ndarray, moments: np.ndarray, after: float) -> np.ndarray:
+    """Which moments are at most so long behind a turn."""
+    since = moments[:, None] - turns[None, :]
+    return np.asarray(((since >= 0) & (since <= after)).any(axis=1))
 
 
 def _covered(turns: np.ndarray, after: float, stretches: Sequence[tuple[float, float]]) -> float:

@@ -11,9 +11,9 @@ T = np.arange(6000) / 250.0
 Q = np.stack([np.sin(1.6 * T), 0.7 * np.cos(2.6 * T)], axis=1)
 
 
-def _said(tau):
+def _said(tau, q=Q):
     excerpt = Excerpt()
-    excerpt.take((np.arange(len(T)), T, np.hstack([Q + 1e-5 * _noise(2), tau])))
+    excerpt.take((np.arange(len(T)), T, np.hstack([q + 1e-5 * _noise(2), tau])))
     names, joints = ("q1", "q2", "tau_m1", "tau_m2"), np.array([0, 1, 0, 1])
     columns = Columns("run", names, joints, ("1", "2"), {}, ("tau_m1", "tau_m2"), np.zeros(2, bool))
     return list(torque_drops(columns, excerpt))
@@ -44,6 +44,17 @@ def test_what_falls_to_zero_where_a_joint_turns(joint):
     assert f"{many} times, for up to 0.01" in told.message
     assert f"{many} of them within 0.05 s after joint {joint + 1} turns" in told.message
     assert f"gear of joint {joint + 1}" in told.remedy
+
+
+def test_joints_that_turn_together_are_both_told():
+    """One signal for both: whose gear it is nothing tells. A torque that falls elsewhere is not named."""
+    tau = _torques()
+    for row in _turning(1):
+        tau[row + 2 : row + 5, 1] = 0.0
+    tau[1003:1006, 0] = 0.0
+    (told,) = _said(tau, Q[:, [1, 1]] * [0.5, 1.0])
+    assert told.signals == ("tau_m2",)
+    assert "gear of joint 2 or 1" in told.remedy or "gear of joint 1 or 2" in told.remedy
 
 
 @pytest.mark.parametrize("way", ["anywhere", "half", "stays", "away"])
