@@ -31,14 +31,19 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     gear it is these do not tell."""
     n = columns.n
     drops: list[tuple[int, float, float]] = []  # torque, when, how long
-    moments: list[float] = []  # at which one or several of them fall
+    away = np.zeros(len(columns.signals) - n, int)  # moments at which a torque goes anywhere and comes back
     pieces = [(t, x) for _, t, x in excerpt.pieces if len(t) >= 4 * BESIDE_ROWS and (np.diff(t) > 0).all()]
     for t, values in pieces:
         dt = float(np.median(np.diff(t)))
         around = int(np.clip(round(LONGEST / dt), 4, 2 * BESIDE_ROWS))
-        found = [(c, t[a], t[b - 1] - t[a] + dt) for c, a, b in _falls(values[:, n:].T, around)]
-        drops += found
-        moments += _apart(sorted(at for _, at, _ in found), LONGEST)
+        for c, a, b, to_zero in _moments(values[:, n:].T, around):
+            away[c] += 1
+            if to_zero:
+                drops.append((c, t[a], t[b - 1] - t[a] + dt))
+    # one that goes elsewhere at least as often has spikes, of which some end near zero by chance
+    often = [2 * sum(c == its for its, *_ in drops) > away[c] for c in range(len(away))]
+    drops = [drop for drop in drops if often[drop[0]]]
+    moments = _apart(sorted(at for _, at, _ in drops), LONGEST)
     if not moments:
         return
     stretches = [(float(t[0]), float(t[-1])) for t, _ in pieces]
@@ -68,8 +73,9 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     )
 
 
-def _falls(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int]]:
-    """Which of torques (C, N) falls to zero, and its first row and the one behind its last."""
+def _moments(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int, bool]]:
+    """Which of torques (C, N) goes away for a moment, its first row, the one behind its last, and whether
+    it falls to zero; of those alone that do so once."""
     low, high = np.quantile(x, [0.05, 0.95], axis=1)
     sides = np.minimum(np.abs(x[:, : -2 * around]), np.abs(x[:, 2 * around :]))
     may = (np.abs(x[:, around:-around]) < LEFT * sides) & (sides > SHARE * (high - low)[:, None])
@@ -84,8 +90,7 @@ def _falls(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int]]:
         for first, last in runs_of(off > least).tolist():
             if last - first <= around and first > 0 and last < x.shape[1]:
                 k = first + int(np.argmax(off[first:last]))
-                if abs(x[c, k]) < LEFT * abs(course[k]):
-                    yield c, first, last
+                yield c, first, last, bool(abs(x[c, k]) < LEFT * abs(course[k]))
 
 
 def _apart(moments: Sequence[float], least: float) -> list[float]:

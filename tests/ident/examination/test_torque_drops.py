@@ -68,3 +68,14 @@ def test_what_does_so_by_itself(way):
         else:
             tau[row + 2 : row + 5, 1] *= {"half": 0.5, "away": 2.0}.get(way, 0.0)  # sticking friction
     assert not _said(tau)
+
+
+def test_spikes_where_joints_stop_of_which_some_end_near_zero_are_no_falls():
+    """As of a robot whose friction takes the other sign for one row, at each stop of all joints at once."""
+    tau, rows = _torques(), _turning(1)
+    sizes = np.where(np.arange(len(rows)) % 3 == 0, 20.0, 35.0)
+    tau[rows + 2, 1] -= sizes
+    assert not _said(tau)
+    tau = _torques()
+    tau[rows + 2, 1] -= 20.0
+    assert _said(tau)
