@@ -117,7 +117,7 @@ class TrapezoidalAcceleration:
         h, j = x - self.starts[i], self.jerk[i]
         s0, v0, a0 = self.knots[i].T
         s = s0 + v0 * h + a0 * h**2 / 2 + j * h**3 / 6
-        v = v0 + a0 * h + j * h**2 / 2
+        v = np.maximum(v0 + a0 * h + j * h**2 / 2, 0.0)  # no rounding at its end turns a move round
         a = a0 + j * h
         ended = (x <= 0.0) | (x >= 1.0)
         return np.where(x >= 1.0, 1.0, s), np.where(ended, 0.0, v), np.where(ended, 0.0, a)
