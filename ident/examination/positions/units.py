@@ -226,7 +226,16 @@ def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
     gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
     known = so_many_times(*factor.ends())
     said = f"in {unit}{gear} ({1 / scale:.3g} to a rad, {known} by these torques)"
-    said = said if unit else f"{1 / scale:.3g} times too large ({known}), in a unit that is not told"
+    motors, each = "", ""
+    if not unit and len(names) > 1:  # of gears of 51 to 101 as one number explained as much as one for each
+        motors = ", or each times the ratio of its own gear, as its motor counts"
+        each = "  # or each by its own gear's ratio, where motors are what is recorded"
+    one = "where it is one number for all, " * bool(motors)
+    said = (
+        said
+        if unit
+        else f"{1 / scale:.3g} times too large ({one}{known}), in a unit that is not told{motors}"
+    )
 
     def told(other: Fit) -> Check:
         return Check(
@@ -234,7 +243,7 @@ def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
             tuple(names),
             f"{subject or listed(names)} {'are' if len(names) > 1 else 'is'} {said}: "
             f"taken so, {falls(fit, other)}",
-            f"write {asked.line({name: {'scale': float(f'{scale:.6g}')} for name in names})}",
+            f"write {asked.line({name: {'scale': float(f'{scale:.6g}')} for name in names})}{each}",
             outcome="refused",
         )
 

@@ -36,7 +36,8 @@ SHORTEST, FEWEST_HIGH = 256, 20  # rows of a piece whose spectrum is looked at; 
 
 
 def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """Two signals of which one is the other but for scale and offset."""
+    """Two signals of which one is the other but for scale and offset; which of them is in its place is not
+    known here. (Of two arms whose second torque held the third one's the third was to be left out.)"""
     thin = slice(None, None, max(1, len(excerpt.column(0)) // 4000))
     x = np.stack([excerpt.column(k)[thin] for k in range(len(columns.signals))], axis=1)
     span = np.ptp(x, axis=0)
@@ -52,13 +53,19 @@ def copies(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         names, same_joint = (columns.signals[k], columns.signals[m]), columns.joint[k] == columns.joint[m]
         soft = m < columns.n or (k >= columns.n and same_joint)  # a mimicking joint, a torque from a current
         outcome: Outcome = "warned" if soft else "refused"
+        torques = [name for name, place in zip(names, (k, m)) if place >= columns.n]
         yield Check(
             "copied_signal",
             names,
-            f"{names[1]} is {names[0]} again{'' if np.isclose(slope, 1) else ' times a number'}: one column "
-            "read for two signals, or a log that repeats it",
-            f"map the right columns with columns: {{{names[1]}: ...}}"
-            + (f", or leave it out with {columns.without([names[1]])}" if m >= columns.n else ""),
+            f"{names[0]} and {names[1]} are the same{'' if np.isclose(slope, 1) else ' times a number'}: one "
+            "column read for two signals, or a log that repeats one in the place of the other, and nothing "
+            "here tells which is right",
+            f"map the wrong one with columns: {{{names[0]}: ...}} or columns: {{{names[1]}: ...}}"
+            + (
+                f", or leave it out with {' or '.join(columns.without([name]) for name in torques)}"
+                if torques
+                else ""
+            ),
             outcome=outcome,
         )
 

@@ -131,12 +131,18 @@ def test_measured_positions_in_turns(tmp_path, joints):
     [
         ("ur10e", 200 / np.pi, range(1, 7), "the positions are in gon (63.7 to a rad, "),
         ("ur10e", 180 / np.pi, range(1, 7), "the positions are in degrees (57.3 to a rad, "),
-        ("barrett_wam_2dof", 1800 / np.pi, range(1, 3), "in a unit that is not told"),
+        (
+            "barrett_wam_2dof",
+            1800 / np.pi,
+            range(1, 3),
+            "in a unit that is not told, or each times the ratio of its own gear",
+        ),
         ("dualarm_v2_7dof", 200 / np.pi, [2], ""),  # the others hardly move beside it, or are in that unit
     ],
 )
 def test_measured_positions_in_a_unit(tmp_path, robot, to_a_rad, joints, words):
-    """Of gon degrees were told, and of the last one that all positions are in them."""
+    """Of gon degrees were told, and of the last one that all positions are in them. Of a UR10e and an AIRBOT
+    whose motors were recorded, behind gears of 51 to 101, that all of them are 97 to 107 times too large."""
     names = {f"{d}q{j}" for j in joints for d in ("", "d")}
     change = lambda c: {k: to_a_rad * v if k in names else v for k, v in c.items()}  # noqa: E731
     study, (first, second, *_) = measured(robot), measured(robot).recordings
@@ -152,6 +158,7 @@ def test_measured_positions_in_a_unit(tmp_path, robot, to_a_rad, joints, words):
     for check in told:
         scale = float(check.remedy.split("scale: ")[1].split("}")[0])
         assert scale * to_a_rad == pytest.approx(1.0, rel=1e-4 if "rad" in words else 0.15)
+        assert ("own gear's ratio" in check.remedy) == ("own" in check.message) == ("rad" not in words)
 
 
 @pytest.mark.long
