@@ -185,7 +185,8 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
     """Said where another axis of the base could as well be upright: what few joints feel of gravity, first
     moments make up for, and only their part in the inertia contradicts. A base told wrongly is not named. Of
     torques none of which is explained every base explains as much. (Of an AIRBOT whose second position was a
-    rate so much was said of errors of 23 to 79 %.)"""
+    rate so much was said of errors of 23 to 79 %.) What a controller's gravity leaves of the arm's, where
+    torques are logged without it, has as little to do with inertia, either."""
     plain, held = errors(identify, validate, assumed)
     if not np.nanmin(plain) < BAD_TOGETHER:
         return
@@ -203,7 +204,8 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
             f"these recordings do not show how the base is mounted: with gravity turned by {angle:.0f} "
             f"degrees the model explains the torques about as well (errors of {span(now)}, as told "
             f"{span(plain)})",
-            "gravity is taken as the robot file has it, make sure that it is",
+            "gravity is taken as the robot file has it, make sure that it is, and that torques are not "
+            "logged less what a controller adds to carry the arm",
         )
 
 

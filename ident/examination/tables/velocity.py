@@ -149,7 +149,7 @@ def _strangers(columns: Columns, strangers: Mapping[str, str], correlations: Seq
     looks = ", ".join(f"{listed(its)} {'goes' if len(its) == 1 else 'go'} as {w}" for w, its in known.items())
     return Check(
         "clock_rate",
-        (*names, *(f"q{j}" for j in strangers)),
+        (*names, *(f"q{j}" for j, what in strangers.items() if not what)),  # which may be another signal
         f"{listed(names)} {'is' if len(names) == 1 else 'are'} not the derivative of "
         f"{listed('q' + j for j in strangers)}{unlike}: "
         f"{looks or 'one of the two is' + ANOTHERS}",

@@ -2,14 +2,15 @@
 
 from dataclasses import replace
 from importlib.resources import files
+from itertools import pairwise
 
 import numpy as np
 import pytest
 import yaml
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log
 
 from ident.equations.prepared import prepare_study
-from ident.examination.examine import examine_fit
+from ident.examination.examine import examine_fit, examine_tables
 from ident.examination.robot.axes import OtherTables
 from modelgen.geometry.kinematics import Geometry
 
@@ -183,3 +184,18 @@ def test_a_length_of_the_other_sign(tmp_path):
     reverse = lambda links: links[2].update(d=f"-({links[2]['d']})")  # noqa: E731
     (told,) = _told(tmp_path, "ur10e", reverse)
     assert "link 3: d has the other sign" in told.check.message
+
+
+@pytest.mark.long
+def test_columns_that_are_named_as_those_before_them_are_no_other_table(tmp_path):
+    """Of a UR10e's header that lost its first name: its joints are its second to its sixth, and no sixth."""
+
+    def change(log):
+        for name, c in log.tables.items():
+            names = [key for key in c if key != "t"]
+            log.tables[name] = c | {key: c[other] for key, other in pairwise(names)}
+
+    prepared = prepare_study(strangers_log(tmp_path, "ur10e", (0, False, True, False), change))
+    said = [*examine_tables(prepared), *examine_fit(prepared)]
+    assert "dq6 is not the derivative of q6" in said[0].message and "q6" in said[0].signals
+    assert not any("robot file seems wrong" in check.message for check in said)
