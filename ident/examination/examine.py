@@ -96,7 +96,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     found = [*its.found, *motor_signs(its.asked)]
     beside = _beside(prepared, its, found)
     beside += asked_for(study, its.asked) if whole_model else []
-    if not found and not beside and len(prepared.columns.need.joints) > 1:
+    if not found and not beside and len(prepared.columns.need.joints) > 1 and not _elsewhere(prepared):
         beside += unseen_base(prepared, its.asked)
     return (*_joined(found, its.asked.maps), *beside)
 
@@ -151,8 +151,13 @@ def _beside(prepared: Prepared, its: InTurn, found: Sequence[Check]) -> list[Che
 def _judged_badly(prepared: Prepared, asked: Asked) -> bool:
     """Whether the recordings that judge are, and no table shows that a position is wrong."""
     held = asked.fit.validate
-    elsewhere = any(c.hint and c.signals[0][0] == "q" for s in prepared.streams for c in s.checks)
-    return held is not None and not elsewhere and gain_of(held, asked.fit.error) > CARRIED
+    return held is not None and not _elsewhere(prepared) and gain_of(held, asked.fit.error) > CARRIED
+
+
+def _elsewhere(prepared: Prepared) -> bool:
+    """Whether a table shows that a position is wrong. (Of a TX40 whose motors were recorded in the place of
+    its joints that was told, and that the base may hang upside down.)"""
+    return any(c.hint and c.signals[0][0] == "q" for s in prepared.streams for c in s.checks)
 
 
 def _carried(asked: Asked) -> list[Check]:

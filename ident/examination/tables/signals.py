@@ -451,8 +451,8 @@ def units(
         yield Check(
             "angle_unit",
             tuple(names),
-            f"{names[0]} reaches {reach[counts[0]]:.4g}, which no joint does in rad: {listed(names)} look "
-            "like an encoder's counts",
+            f"{names[0]} reaches {reach[counts[0]]:.4g}, which no joint does in rad: {listed(names)} "
+            f"{'look' if counts[1:] else 'looks'} like an encoder's counts",
             f"write columns: {{{names[0]}: {{scale: {change['scale']}}}, ...}} in the study, as a number",
             outcome="refused",
         )
@@ -462,11 +462,12 @@ def units(
         names = [columns.signals[k] for k in far]
         going = (highest - lowest)[:n] > MOVED
         others = {*np.flatnonzero(going & ~columns.prismatic)} - {*far}
+        another = ", or like another signal in its column" * bool(others)
         yield Check(
             "angle_unit",
             tuple(names),
             f"{names[0]} reaches {reach[far[0]]:.4g}, more than two turns in rad, it looks like degrees or "
-            f"the motor's side of the gear (joints {listed(columns.labels[k] for k in far)})",
+            f"the motor's side of the gear{another} (joints {listed(columns.labels[k] for k in far)})",
             "if degrees, write "
             + columns.line({name: {"scale": 0.0174533} for name in names})
             + "; if the motor's side, the same with scale: 1/ratio of the gear (100: 0.01)",

@@ -199,3 +199,16 @@ def test_columns_that_are_named_as_those_before_them_are_no_other_table(tmp_path
     said = [*examine_tables(prepared), *examine_fit(prepared)]
     assert "dq6 is not the derivative of q6" in said[0].message and "q6" in said[0].signals
     assert not any("robot file seems wrong" in check.message for check in said)
+
+
+@pytest.mark.long
+def test_a_row_whose_lengths_are_exchanged_stands_beside_another_clock(tmp_path):
+    """Of a TX40's third, behind which little turns: that t is 2.46 times too large, and nothing else."""
+
+    def change(log):
+        row = log.robot["links"][2]
+        row["d"], row["r"] = row["r"], row["d"]
+
+    study = strangers_log(tmp_path, "staubli_tx40", (0, False, False, False), change)
+    (told,) = examine_fit(prepare_study(study))
+    assert "link 3: d and r are exchanged, these recordings do not tell which" in told.message

@@ -216,3 +216,20 @@ def test_a_measured_joint_of_the_motors_side_in_the_run_that_judges(tmp_path, jo
         ("angle_unit", (f"q{joint}", f"i{joint}"), "run2")
     ]
     assert f"times too large with {sign} sign and i{joint} as many times too small" in checks[0].message
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_of_motors_in_the_place_of_joints_nothing_is_told_of_the_base(tmp_path):
+    """Of a TX40 behind gears of 51 to 101: that it may hang upside down, by 6 to 24 % for as much."""
+
+    def change(log):
+        for table in log.tables.values():
+            for j, gear in enumerate((101, 101, 101, 80, 80, 51), 1):
+                table[f"q{j}"] *= gear
+                table[f"tau_m{j}"] /= gear
+
+    study = strangers_log(tmp_path, "staubli_tx40", (100, False, False, False), change)
+    prepared = prepare_study(study)
+    assert all(c.check == "angle_unit" for stream in prepared.streams for c in stream.checks)
+    assert not examine_fit(prepared)
