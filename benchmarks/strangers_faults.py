@@ -1,12 +1,13 @@
 """Faults of strangers' logs, drawn at random, planted in recordings of real robots: what ident says of each.
 
-    python benchmarks/strangers_faults.py [--seed 17] [--draws 0 60] [--diagnose] [--table] [-o FOLDER]
+    python benchmarks/strangers_faults.py [--seed 17] [--draws 0 60] [--more] [--diagnose] [-o DIR]
 
 A draw's robot, fault, joint, size and runs come from the seed and its number, sometimes in a slower log, in
 coarse steps, without rates. The robot as it is, in the same log, is asked too: what that gets is no false
 answer. `moved`: how far the fit foretells other torques of the clean test run than the fit as it is does, in
-percent of these, the most of a channel. A JSON file a draw; what is there is not asked again. Whether an
-answer is right is for its reader to judge.
+percent of these, the most of a channel. --more draws from the faults of another person; draws without it are
+what they were before. A JSON file a draw; what is there is not asked again. Whether an answer is right is
+for its reader to judge.
 """
 
 from __future__ import annotations
@@ -38,6 +39,7 @@ from benchmarks.planted_faults import (
     Table,
     _robot,
     _table,
+    _twin,
     carried,
     limited,
     tilted,
@@ -210,11 +212,236 @@ OTHERS: tuple[Callable[[Log], str], ...] = (exchanged, exchanged, lost, gravity,
 OTHERS += (rearranged, rows_exchanged, row_off, row_off, load, load)  # as often as they are met
 
 
-def planted(log: Log) -> str:
+def ahead(x: np.ndarray, t: np.ndarray, s: float, u: float) -> np.ndarray:
+    return np.interp(t + s, t, x)
+
+
+def filtered(x: np.ndarray, t: np.ndarray, s: float, u: float, both: bool = False) -> np.ndarray:
+    low = scipy.signal.butter(2, s, fs=1 / float(np.median(np.diff(t))), output="sos")
+    return np.asarray(
+        scipy.signal.sosfiltfilt(low, x) if both else scipy.signal.sosfilt(low, x - x[0]) + x[0]
+    )
+
+
+def bursts(x: np.ndarray, t: np.ndarray, s: float, u: float) -> np.ndarray:
+    return x + s * np.sin(1e9 * u * t**2) * (np.sin(10 * np.pi * (t - t[0]) / np.ptp(t)) > 0.8)
+
+
+def stale(x: np.ndarray, t: np.ndarray, s: float, u: float) -> np.ndarray:
+    over = np.maximum((t - t[0]) % s - 0.8 * s, 0)
+    return np.asarray(x[np.searchsorted(t, t - over).clip(max=len(x) - 1)])
+
+
+def interpolated(x: np.ndarray, t: np.ndarray, s: float, u: float) -> np.ndarray:
+    return np.interp(t, new := np.arange(t[0], t[-1], 1 / s), np.interp(new, t, x))
+
+
+def later(x: np.ndarray, t: np.ndarray, u: float) -> np.ndarray:
+    return np.arange(len(x)) > u * len(x)
+
+
+MORE_SIGNALS: tuple[tuple[str, tuple[str, ...], tuple[float, ...], Change], ...] = (
+    ("commanded, {} s ahead", ("q dq", "qs dqs"), (0.03, 0.06), ahead),
+    ("behind a filter of {} Hz", ("tau", "taus"), (1, 3), filtered),
+    ("smoothed to {} Hz", ("taus",), (1, 3), lambda x, t, s, u: filtered(x, t, s, u, both=True)),
+    ("hum of {} deviations", ("tau",), (0.3, 0.7), lambda x, t, s, u: x + s * np.sin(2 * np.pi * 50.02 * t)),
+    ("slow hum of {} deviations", ("tau",), (0.3,), lambda x, t, s, u: x + s * np.sin(2 * np.pi * 3.1 * t)),
+    ("bursts of {} deviations", ("tau",), (1, 3), bursts),
+    ("times {} from there on", ("tau", "taus"), (-1, 0.7, 1.3), lambda x, t, s, u: x * s ** later(x, t, u)),
+    ("overflows at {} deviations", ("tau",), (1.5, 2.5), lambda x, t, s, u: (x + s) % (2 * s) - s),
+    (
+        "by a clock {} as fast",
+        ("taus",),
+        (0.995, 1.003),
+        lambda x, t, s, u: ahead(x, t, (s - 1) * (t - t[0]), u),
+    ),
+    ("stale once in {} s", (ALL, "taus"), (0.8, 3), stale),
+    ("zero for {} s", ("taus", ALL), (0.3, 2), lambda x, t, s, u: np.where(within(t, s, u), 0, x)),
+    ("{} now and then", ("tau", "q"), (-9999, 0), lambda x, t, s, u: np.where(spikes(0 * x, t, 1, u), s, x)),
+    (
+        "in counts of {} a turn",
+        ("q dq", "qs dqs"),
+        (4096, 131072),
+        lambda x, t, s, u: np.round(x * s / 6.2832),
+    ),
+    ("from {} Hz, interpolated", ("qs dqs", ALL), (20,), interpolated),
+    ("slips by {} degrees", ("q",), (1, 5), lambda x, t, s, u: x + np.deg2rad(s) * later(x, t, u)),
+    ("eccentric by {} degrees", ("q",), (1, 3), lambda x, t, s, u: x + np.deg2rad(s) * np.sin(x)),
+    ("twice each", ("t",), (0,), lambda x, t, s, u: x[np.arange(len(x)) // 2 * 2]),
+    ("set by {} s on the way", ("t",), (0.4, -0.4), lambda x, t, s, u: x + s * later(x, t, u)),
+    ("in float32 since 1970", ("t",), (1.7e9,), lambda x, t, s, u: (x + s).astype(np.float32).astype(float)),
+)
+
+
+def renamed(log: Log) -> str:
+    """Joints numbered from the tip, or columns under the names of those before them."""
+    tip = log.drawn(True, False)
+    for name in log.hit:
+        table, names = log.tables[name], log.signals("qs dqs taus")
+        turned = [
+            f"{x.rstrip('0123456789')}{log.n + 1 - int(x[len(x.rstrip('0123456789')) :])}" for x in names
+        ]
+        log.tables[name] = table | {x: table[k] for x, k in zip(names, turned if tip else names[1:])}
+    return "joints numbered from the tip" if tip else "a header that lost its first name"
+
+
+def copied(log: Log) -> str:
+    kind, other = log.drawn("dq", log.base.torque), log.joint % log.n + 1
+    for name in log.hit:
+        log.tables[name][f"{kind}{log.joint}"] = log.tables[name][f"{kind}{other}"]
+    return f"{kind}{log.joint} is {kind}{other}"
+
+
+def absolute(log: Log) -> str:
+    """A position against the link before the last, as linkages and coupled wrists have it."""
+    a, sign = max(log.joint, 2), log.drawn(1, -1)
+    for name in log.hit:
+        table = log.tables[name]
+        both = [kind for kind in ("q", "dq") if f"{kind}{a}" in table]
+        log.tables[name] = table | {f"{k}{a}": table[f"{k}{a}"] + sign * table[f"{k}{a - 1}"] for k in both}
+    return f"q{a} {'+' if sign > 0 else '-'} q{a - 1} as q{a}"
+
+
+def of_drives(log: Log) -> str:
+    """Per cent of what is rated, or motors in the place of joints."""
+    rated, gears = (100, 90, 50, 20, 15, 10, 10), (101, -101, 101, 80, -80, 51, 51)
+    what = log.drawn("torques in per cent of what is rated", "torques of the motors", "all of the motors")
+    for name in log.hit:
+        for key in (table := log.tables[name]):
+            kind, place = key.rstrip("0123456789"), int(key[1:][-1:] if key[-1].isdigit() else 0) - 1
+            if kind == log.base.torque:
+                table[key] = (
+                    table[key] / (rated if "rated" in what else gears)[place] * (30 if "rated" in what else 1)
+                )
+            elif kind in ("q", "dq") and what.startswith("all"):
+                table[key] = table[key] * gears[place]
+    return what
+
+
+def weighing(
+    log: Log, gravity: Callable[[Table, np.ndarray], np.ndarray], share: float, tool: bool = False
+) -> None:
+    """Adds to torques what bodies weigh under gravity(table, g) (N, 3): those of a fit, or one of 1 kg at the
+    tip."""
+    twin, n, gains = _twin(log.base), log.n, np.array(log.base.gains or np.ones(log.n))
+    first = next(iter(log.tables.values()))
+    told, none = np.array(twin.model.gravity.linear), np.zeros(n)
+
+    def of(table: Table, kind: str) -> np.ndarray:
+        return np.stack([table[f"{kind}{j}"] for j in range(1, n + 1)], axis=1)
+
+    def columns(q: np.ndarray, g: np.ndarray) -> np.ndarray:
+        twin.model.gravity.linear = g
+        its = twin.regressor(q, none, none)
+        return np.stack([x for key, x in its.items() if key[1][0] == "M"], axis=1)
+
+    heavy = [key for key in twin.regressor(none, none, none) if key[1][0] == "M"]
+    rows = np.linspace(0, len(first["t"]) - 1, 400).astype(int)
+    A = np.concatenate([columns(x, told) for x in of(first, "q")[rows]])
+    y = (of(first, log.base.torque)[rows] * gains).ravel()
+    bodies = (
+        np.array([key == (n, "M") for key in heavy], float) if tool else np.linalg.lstsq(A, y, rcond=1e-4)[0]
+    )
+    for name in log.hit:
+        table = log.tables[name]
+        added = np.array([columns(q, g) @ bodies for q, g in zip(of(table, "q"), gravity(table, told))])
+        torques = {f"{log.base.torque}{j + 1}": share * added[:, j] / gains[j] for j in range(n)}
+        log.tables[name] = table | {key: table[key] + x for key, x in torques.items()}
+
+
+def compensated(log: Log) -> str:
+    weighing(log, lambda table, g: np.tile(g, (len(table["t"]), 1)), -1.0)
+    return "torques less a controller's gravity"
+
+
+def rolling(log: Log) -> str:
+    """By small angles what is added is gravity along the ground."""
+    degrees, u = log.drawn(2, 5), log.drawn(0, 1)
+
+    def aside(table: Table, g: np.ndarray) -> np.ndarray:
+        slope = np.linspace(u, 1, len(table["t"]))
+        return np.outer(slope, np.deg2rad(degrees) * np.linalg.norm(g) * np.eye(3)[int(np.argmin(np.abs(g)))])
+
+    weighing(log, aside, 1.0)
+    return f"a cart that tilts {'' if u else 'slowly '}by {degrees} degrees"
+
+
+def touched(log: Log) -> str:
+    """A hand or a collision at the tip: what 1 kg would weigh there under another gravity."""
+    log.hit, share, u = log.hit[:1], log.drawn(0.03, 0.25), log.rng.uniform(0.2, 0.7)
+    size = log.drawn(10, 40)
+
+    def force(table: Table, g: np.ndarray) -> np.ndarray:
+        at = (np.arange(len(table["t"])) / len(table["t"]) - u) / share
+        return np.outer(np.sin(np.pi * at) * ((at > 0) & (at < 1)), size * np.array([0.6, 0.6, 0.5]))
+
+    weighing(log, force, 1.0, tool=True)
+    return f"{size} N at the tip for {share} of the run"
+
+
+def concatenated(log: Log) -> str:
+    a, b = (log.tables[name] for name in [*log.tables][:2])
+    begin = a["t"][-1] + a["t"][1] - a["t"][0] - b["t"][0]
+    log.tables[next(iter(log.tables))] = {k: np.concatenate([a[k], b[k] + begin * (k == "t")]) for k in a}
+    return "two runs in one"
+
+
+def braked(log: Log) -> str:
+    """Stands at both ends without torque."""
+    for name in log.hit:
+        table = log.tables[name]
+        count = len(t := table["t"]) // 2
+        ends = {k: [np.full(count, x[i] if k[0] == "q" else 0.0) for i in (0, -1)] for k, x in table.items()}
+        dt = np.diff(t)[:count].cumsum()
+        ends["t"] = [t[0] - dt[::-1], t[-1] + dt]
+        log.tables[name] = {k: np.concatenate([ends[k][0], x, ends[k][1]]) for k, x in table.items()}
+    return "brakes at both ends"
+
+
+def twice(log: Log) -> str:
+    first, *_, last = log.tables
+    log.tables[last] = dict(log.tables[first])
+    return f"{last} is {first}"
+
+
+def table_of_another_hand(log: Log) -> str:
+    """Of the other convention, two lengths of a row exchanged, alpha turned round, or millimetres."""
+    links, row = log.robot["links"], log.robot["links"][log.joint - 1]
+    what = log.drawn("standard Denavit-Hartenberg", "d and r exchanged", "-alpha", "d and r in mm")
+    if what.startswith("standard"):
+        lower = [(x["alpha"], x["d"]) for x in links[1:]] + [(0, 0)]
+        for link, (alpha, d) in zip(links, lower):
+            link["alpha"], link["d"] = alpha, d
+        return f"the table is of {what}"
+    if what.startswith("-"):
+        row["alpha"] = f"-({row['alpha']})"
+    else:
+        size = 1000 if "mm" in what else 1
+        d, r = (row[k] for k in ("d", "r")) if "mm" in what else (row[k] for k in ("r", "d"))
+        row["d"], row["r"] = (f"{size} * ({x})" for x in (d, r))
+    return f"row {log.joint} of the table: {what}"
+
+
+MORE: tuple[Callable[[Log], str], ...] = (renamed, copied, absolute, of_drives, compensated, rolling)
+MORE += (touched, concatenated, braked, twice, table_of_another_hand, table_of_another_hand)
+WHOLE = (
+    gravity,
+    left_out,
+    another_robot,
+    rows_exchanged,
+    row_off,
+    concatenated,
+    twice,
+    table_of_another_hand,
+)
+
+
+def planted(log: Log, more: bool = False) -> str:
     """A fault put into the log, in words."""
     log.joint, runs = int(log.rng.integers(1, log.n + 1)), sorted(log.tables)
     log.hit = runs if log.rng.random() < 0.6 else [log.drawn(*runs)]
-    kind = log.drawn(*((row, names) for row in SIGNALS for names in row[1]), *OTHERS)
+    signals, others = (MORE_SIGNALS, MORE) if more else (SIGNALS, OTHERS)
+    kind = log.drawn(*((row, names) for row in signals for names in row[1]), *others)
     if callable(kind):
         said = kind(log)
     else:
@@ -227,7 +454,7 @@ def planted(log: Log) -> str:
             table = log.tables[name]
             size = {k: s * (float(np.std(table[k])) if "deviations" in words else 1) for k in names}
             log.tables[name] = table | {k: change(table[k], table["t"], size[k], u) for k in names}
-    everywhere = log.hit == runs or kind in (gravity, left_out, another_robot, rows_exchanged, row_off)
+    everywhere = log.hit == runs or kind in WHOLE
     return said if everywhere else f"{said} in {log.hit[0]}"
 
 
@@ -306,10 +533,10 @@ def draw(a: argparse.Namespace, number: int) -> dict[str, Any]:
     plain, faults, wanted = json.loads(kept.read_text()), list[str](), 1 + (rng.random() < 0.12)
     while len(faults) < wanted:
         try:
-            faults.append(planted(log))
-        except (ValueError, IndexError):  # not one of this robot
+            faults.append(planted(log, a.more))
+        except (ValueError, IndexError, KeyError):  # not one of this robot
             log, faults = log_of(base, how, rng), []
-    its = asked(log, a.output / f"{a.seed}-{number}", a.diagnose, motion, a.limit)
+    its = asked(log, a.output / f"{a.seed}-{number}{'-more' * a.more}", a.diagnose, motion, a.limit)
     torques = [{k: np.array(x) for k, x in said.get("torque", {}).items()} for said in (its, plain)]
     away = [
         np.linalg.norm(torques[0][k] - x) / np.linalg.norm(x) for k, x in torques[1].items() if torques[0]
@@ -339,13 +566,14 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=17)
     parser.add_argument("--draws", type=int, nargs=2, default=[0, 60], help="from, to")
     parser.add_argument("--robots", nargs="+", default=[b.robot for b in BASES])
+    parser.add_argument("--more", action="store_true", help="other faults, another person's")
     parser.add_argument("--diagnose", action="store_true")
     parser.add_argument("--limit", type=int, default=300, help="processor seconds of one answer")
     parser.add_argument("--table", action="store_true", help="only what is there already")
     a = parser.parse_args()
     a.output.mkdir(parents=True, exist_ok=True)
     for number in range(*a.draws):
-        file = a.output / f"{a.seed}-{number}.json"
+        file = a.output / f"{a.seed}-{number}{'-more' * a.more}.json"
         if not file.exists() and not a.table:
             file.write_text(json.dumps(draw(a, number)))
         if file.exists():
