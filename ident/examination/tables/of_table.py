@@ -66,6 +66,7 @@ def of_table(
         limits_hit(columns, excerpt, slow | few | gone, repeats.stepped),
         bands,
         said,
+        repeats.stale(columns, excerpt) if not slow else (),
         processed.interpolated(columns, excerpt, slow | few),
         processed.scaled(columns, excerpt),
         stopped_at_once(columns, excerpt, slow | gone),

@@ -16,7 +16,7 @@ from ident.examination.check import Check, Outcome, listed
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.signals import MOVED, Columns
 from ident.signals.resolution import in_steps, resolution
-from ident.signals.runs import runs_of_equals
+from ident.signals.runs import runs_of, runs_of_equals
 
 SAME = 1e-9  # of a signal's range
 STILL_S, STILL_ROWS, STILL_TIMES = 0.3, 30, 10.0  # s, rows, times the longest usual run of equal values
@@ -262,6 +262,37 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
     )
     remedy = "record them at the rate of the others; cut-offs above a fifth of theirs show the steps"
     return [Check("held_signal", names, text, remedy)], set(slow)
+
+
+def stale(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
+    """Rows that repeat the one before in every signal, some at a time, behind which a joint has gone on by
+    what it does in as many: messages that were lost, the last one written on; fewer at a time than are told
+    by themselves. (Of a UR10e at 50 Hz, of which each 0.8 s the last 0.16 were, it was told that its clock is
+    6 times too slow, or its lengths 40 times too large.)"""
+    number, rows, seconds, span = 0, 0, list[float](), list[int]()
+    for its, t, values in excerpt.pieces:
+        rows += len(its)
+        steps = np.abs(np.diff(values[:, : columns.n], axis=0))
+        usual = [np.median(x[x > 0]) if (x > 0).any() else np.inf for x in steps.T]
+        for begin, end in runs_of((values[1:] == values[:-1]).all(axis=1)):
+            count = int(end - begin)
+            if count < HELD_ROWS or end == len(steps):
+                continue
+            if (steps[end] > HELD_ALIKE * count * np.array(usual)).any():
+                number += count
+                seconds.append(float(t[end + 1] - t[begin]))
+                span += [int(its[begin]) + 2, int(its[end]) + 1]
+    if number > MOST_STILL * rows and seldom(float(np.median(seconds)), columns):
+        yield Check(
+            "frozen",
+            (),
+            f"{100 * number / rows:.2g} % of the rows repeat the one before in every signal, for "
+            f"{np.median(seconds):.2g} s at a time, though joints were on their way (rows {min(span)} to "
+            f"{max(span)}): messages that were lost, the last one written on",
+            "record it again, or without the rows that repeat",
+            outcome="refused",
+            rows=(min(span), max(span)),
+        )
 
 
 def seldom(seconds: float, columns: Columns) -> bool:

@@ -241,3 +241,15 @@ def test_torques_that_stand_still_at_once_are_told_at_once(tmp_path):
     text, checks = refused(strangers_log(tmp_path, "barrett_wam_2dof", (100, False, False, False), off))
     assert checks == {"dead_channel"} and "tau_m1, tau_m2 stand still at 0" in text
     assert text.endswith("leave the stretch out with from: and to:")
+
+
+def test_rows_that_repeat_the_one_before_some_at_a_time(tmp_path):
+    """Of a UR10e at 50 Hz it was told that its clock is 6 times too slow, or lengths 40 times too large."""
+
+    def change(log):
+        for name, table in log.tables.items():
+            last = np.arange(len(table["t"])) - np.maximum(np.arange(len(table["t"])) % 40 - 32, 0)
+            log.tables[name] = {key: x if key == "t" else x[last] for key, x in table.items()}
+
+    text, checks = refused(strangers_log(tmp_path, "ur10e", (50, True, False, False), change))
+    assert checks == {"frozen"} and "repeat the one before in every signal, for 0.16 s at a time" in text
