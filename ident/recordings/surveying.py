@@ -198,7 +198,10 @@ def _step(steps: np.ndarray) -> float:
 def _refuse_time(stream: RecordingStream, t: np.ndarray, dt: np.ndarray, rows: np.ndarray) -> None:
     if not (dt < 0).any():
         raise RecordingError(
-            stream.file, "the time column does not advance; map the right column with columns: {t: ...}"
+            stream.file,
+            "the time column does not advance: another column, or stamps that "
+            "were stored with too few digits, as seconds since 1970 are in single precision; map the right "
+            "column with columns: {t: ...}, or leave t out and give rate_hz: beside the file",
         )
     k = int(np.argmax(dt < 0))
     at = float(t[k])

@@ -85,7 +85,10 @@ def test_time_running_backwards(tmp_path, good):
 
 
 def test_time_that_stands_still(tmp_path, good):
-    assert "time" in refusal(tmp_path, changed(good, "t", np.zeros_like(good["t"])))
+    """As do seconds since 1970 in single precision, whose steps are two minutes."""
+    t = (1.7e9 + good["t"]).astype(np.float32).astype(float)
+    text = refusal(tmp_path, changed(good, "t", t))
+    assert "time" in text and "too few digits" in text and "rate_hz" in text
 
 
 def test_three_samples(tmp_path, good):
