@@ -170,7 +170,7 @@ def test_standstill(tmp_path, good):
 
 
 @pytest.mark.long
-def test_degrees_are_refused(tmp_path, good):
+def test_degrees_are_refused(tmp_path, good, examined):
     columns = {
         name: (np.degrees(values) if name.startswith("q") else values) for name, values in good.items()
     }
@@ -191,14 +191,14 @@ def test_constant_joint_is_said(tmp_path, good):
 
 
 @pytest.mark.long
-def test_swapped_joints_are_suspected(tmp_path, good):
+def test_swapped_joints_are_suspected(tmp_path, good, examined):
     columns = {**good, "tau_m2": good["tau_m4"], "tau_m4": good["tau_m2"]}
     result = fit(tmp_path, columns)
     assert any("2 and 4" in warning and "swapped" in warning for warning in result.warnings)
 
 
 @pytest.mark.long
-def test_swapped_positions_are_suspected(tmp_path, good):
+def test_swapped_positions_are_suspected(tmp_path, good, examined):
     columns = {**good, "q3": good["q5"], "q5": good["q3"]}
     result = fit(tmp_path, columns)
     assert any("3 and 5" in warning and "swapped" in warning for warning in result.warnings)
