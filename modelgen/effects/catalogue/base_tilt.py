@@ -129,9 +129,9 @@ class BaseTilt(LoadEffect):
         context: Mapping[str, float] | None = None,
         place: Place | None = None,
     ) -> Report:
-        """roll, pitch and the gravity to paste; `covariance` ends with the two angles."""
-        C = None if covariance is None else np.asarray(covariance)[-2:, -2:]
-        told = super().report(values, C, context, place)
+        """roll, pitch and the gravity to paste, of a file whose gravity has any direction."""
+        told = super().report(values, covariance, context, place)
+        C = None if covariance is None else np.asarray(covariance)[:2, :2]  # of the angles
         file = np.array([(context or {})[name] for name in self.context])
         angles, h = np.array([values["roll"], values["pitch"]]), 1e-6
         J = np.stack(

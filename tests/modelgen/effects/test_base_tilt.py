@@ -93,6 +93,15 @@ def test_it_tells_the_gravity_to_paste():
     assert [told[f"g{axis}"]["value"] for axis in "xyz"] == pytest.approx(tilted((9.81, 0, 0), 0.1, -0.2))
 
 
+def test_it_tells_how_well_the_gravity_is_known():
+    """As a fit gives it: the file's gravity, which is exact, behind the angles."""
+    spread = np.zeros((5, 5))
+    spread[:2, :2] = np.diag([1e-4, 4e-4])
+    told = E.report({"roll": 0.0, "pitch": 0.0}, spread, CONTEXT)
+    assert [told[name]["std"] for name in ("roll", "pitch")] == pytest.approx([0.01, 0.02])
+    assert [told[f"g{axis}"]["std"] for axis in "xyz"] == pytest.approx([0.1962, 0.0981, 0.0], abs=1e-9)
+
+
 def test_without_gravity_there_is_none_to_turn():
     """A warning of a division by its size was printed."""
     model = arm_model()
