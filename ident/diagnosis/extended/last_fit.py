@@ -96,10 +96,9 @@ def extended(
             entries.pop()
             refused[keys.pop()] = Refusal()
             continue
+        # with a sign that is too sharp its shape is fitted in an effect's place, or hides one in its error
+        last = turned_as_found(last, outcome.last, known, progress)
         told = found_effects(last)
-        if _impossible(told, declared):  # with a sign that is too sharp it is the sign's shape that is fitted
-            last = turned_as_found(last, outcome.last, known, progress)
-            told = found_effects(last)
         if impossible := _impossible(told, declared):
             at = max(impossible, key=lambda k: told[k].p_value)
             key, _ = keys.pop(at), entries.pop(at)
@@ -107,10 +106,6 @@ def extended(
                 refused[key] = Refusal()
             continue
         lost = _weakest(told, declared, limit)  # one: two can hide each other
-        if not lost:
-            last = turned_as_found(last, outcome.last, known, progress)
-            told = found_effects(last)
-            lost = _weakest(told, declared, limit)  # a friction that turns over can do without
         if not lost:
             by_chance = {
                 k: _p_told(f, known_by_judged[keys[k]], windows[keys[k]])
@@ -194,8 +189,9 @@ def _p_told(found: FoundEffect, by_judged: Mapping[str, float], windows: int = 1
     if found.term.effect.factor(np.array(found.term.size)) != 1.0:
         return found.p_told
     simpler = {p.name for p in found.term.effect.linear if p.simpler}
-    own = [n for n in found.term.effect.size_names if n not in simpler and n in found.parameters]
-    sizes = [found.parameters[n] for n in own]
+    there = {n: p for n, p in found.parameters.items() if p.value or p.std}  # not held at none of it
+    own = [n for n in found.term.effect.size_names if n not in simpler and n in there]
+    sizes = [there[n] for n in own]
     stds = [by_judged.get(n, p.std) for n, p in zip(own, sizes)]
     far = [abs(p.value) / std for p, std in zip(sizes, stds) if std]
     alone = float(2 * scipy.special.ndtr(-max(far))) if far and len(far) == len(sizes) else 0.0

@@ -65,6 +65,34 @@ def vague(told, declared, alpha, **by_judged):
     return _vague(told, {k: _p_told(f, by_judged) for k, f in enumerate(told) if k >= declared}, alpha)
 
 
+@pytest.mark.parametrize("p_turned", [1e-9, 0.1])
+def test_what_is_needed_is_asked_with_friction_turning_over_as_found(monkeypatch, p_turned):
+    """Of gravity 2.6 milliradians off beside friction that turns over within 4 mrad/s a sharp sign left a
+    p of 0.1, and the base went out of the model that explains all."""
+    told = {"sharp": 0.1, "turned": p_turned}
+    monkeypatch.setattr(last_fit, "fit_study", lambda *_, **__: "sharp")
+    monkeypatch.setattr(last_fit, "turned_as_found", lambda *_: "turned")
+    monkeypatch.setattr(last_fit, "without_findings", lambda *_: None)
+    for name in ("entry_of", "study_term", "own_deviations", "windows_tried"):
+        monkeypatch.setattr(last_fit, name, lambda *_: None)
+    for name in ("_impossible", "_vague", "_above"):
+        monkeypatch.setattr(last_fit, name, lambda *_: [])
+    for name in ("_worse", "_in_vain", "_alone", "_beside_the_point"):
+        monkeypatch.setattr(last_fit, name, lambda *_: {})
+    monkeypatch.setattr(last_fit, "_p_told", lambda *_: 0.0)
+
+    def found_there(last):
+        return (SimpleNamespace(essential=True, p_value=told[last], p_itself=told[last]),)
+
+    monkeypatch.setattr(last_fit, "found_effects", found_there)
+    study = SimpleNamespace(effects=(), with_=lambda **_: None)
+    columns = SimpleNamespace(need=SimpleNamespace(joints=()))
+    known = SimpleNamespace(prepared=SimpleNamespace(study=study), again=lambda _: None)
+    outcome = SimpleNamespace(last=SimpleNamespace(terms=[SimpleNamespace(key=1, place=None)]))
+    its, refused = last_fit.extended(known, outcome, SimpleNamespace(columns=columns), 0.01, None)
+    assert (its, refused) == ("turned" if p_turned < 1e-3 else None, {})
+
+
 def test_an_interval_that_holds_zero_names_nothing():
     """The one told least well goes first; the study's own effects and what it left out stay."""
     told = [found(0.5), found(1e-5), found(0.03), found(0.2), found(0.4, replaces=True)]
@@ -77,6 +105,14 @@ def test_a_size_told_with_an_interval_that_holds_zero_names_nothing():
     """By the sizes at the shapes as found it is there; told is 37 +- 46 N m."""
     assert vague([found(1e-9), found(1e-9, size=36.8, std=46.1)], 0, 0.01) == [1]
     assert vague([found(1e-9, size=36.8, std=None)], 0, 0.01) == []
+
+
+def test_a_size_held_at_zero_keeps_another_one_from_nothing():
+    """Of a counterbalance -8 +- 5 N mm, beside a size that its bound holds at zero."""
+    its = found(1e-9, size=-8e-3, std=5e-3)
+    its.term.effect.size_names = ("Kab", "Fs")
+    its.parameters["Kab"] = SimpleNamespace(value=0.0, std=None)
+    assert vague([its], 0, 0.01) == [0]
 
 
 def test_the_loudest_of_many_windows_is_told_from_zero_by_all_of_them():

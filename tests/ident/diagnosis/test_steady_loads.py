@@ -1,9 +1,14 @@
 """A load that all torques feel is told where no function of the positions says more than it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
+import pytest
+from small_arm import ARM
 
+import ident
+from ident.diagnosis.evidence import sufficiency
 from ident.diagnosis.evidence.evidence import weigh
 from ident.diagnosis.evidence.metric import acting
 from ident.diagnosis.evidence.refine import refine
@@ -14,6 +19,7 @@ from ident.diagnosis.outcome import threshold
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.weighing import main_channel
 from ident.equations.prepared import prepare_study
+from ident.twin import PlannedRun, Sensors, simulate, write_simulation
 from modelgen.effects import effect
 
 ALPHA = 0.01
@@ -45,6 +51,35 @@ def test_a_tilt_is_one(arm):
 def test_a_cable_is_no_tilt(arm):
     _, c, short = tilt_of(arm(change=a_cable))
     assert c == 0 and short is not None and "q1" in short.flex.variables
+
+
+def test_a_tilt_is_one_that_leaves_functions_nothing(arm, monkeypatch):
+    """Though its part in one torque says less than these: the model made up for it in the others' units."""
+    more = SimpleNamespace(evidence=SimpleNamespace(log_e=1e6), variables=("q1",))
+    for rest in (None, more):
+        monkeypatch.setattr(sufficiency, "ask", lambda state, *_, rest=rest: rest if state.found else more)
+        _, _, short = tilt_of(arm("base_tilt:roll=0.2,pitch=0.3"))
+        assert (short is None) == (rest is None)
+
+
+@pytest.mark.long
+def test_of_an_upright_first_joint_a_tilt_stands_beside_what_follows_its_position(tmp_path):
+    """A counterbalance was told alone: it has fewer numbers, and says less of all rows."""
+    (tmp_path / "robot.yaml").write_text(ARM)
+    sensors = Sensors(200.0, 2e-6, 0.15)
+    runs = PlannedRun("run1", "identify", 14.0), PlannedRun("run2", "validate", 10.0)
+    tilted = simulate(
+        tmp_path / "robot.yaml", "A", ["base_tilt:roll=0.01,pitch=-0.01"], seed=3, sensors=sensors, runs=runs
+    )
+    dry = {1: 0.096, 2: 0.163, 3: 0.009}  # N m, as simulated
+    for run in tilted.recordings:
+        for j, Fc in dry.items():
+            rate = np.gradient(run.columns[f"q{j}"], run.columns["t"])
+            softer = np.tanh(rate / 0.005) - np.sign(rate)
+            run.columns[f"tau_m{j}"] = run.columns[f"tau_m{j}"] + Fc * softer
+    told = ident.diagnose(write_simulation(tilted, tmp_path / "study"))
+    (finding,) = told.findings
+    assert "base_tilt" in {finding.effect, *(its.effect for its in finding.equivalent)}
 
 
 def test_a_body_that_weighs_nothing_is_none(arm):
