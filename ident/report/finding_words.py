@@ -110,13 +110,14 @@ def _told(parameters: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str,
 
 
 def rivals_in_words(finding: Mapping[str, Any]) -> str:
-    """The explanations that these data cannot reject beside the finding's own."""
-    return joined(
-        [
-            f"{effect_name(r['effect'])} on {rival_place(r, finding.get('side'))}"
-            for r in finding.get("equivalent") or ()
-        ]
-    )
+    """The explanations that these data cannot reject beside the finding's own, each once: one that only has
+    other parameters of the same effect in the same place reads the same."""
+
+    def words(its: Mapping[str, Any]) -> str:
+        return f"{effect_name(its['effect'])} on {rival_place(its, finding.get('side'))}"
+
+    every = dict.fromkeys(words(rival) for rival in finding.get("equivalent") or ())
+    return joined([its for its in every if its != words(finding)])
 
 
 def separated_in_words(finding: Mapping[str, Any]) -> str:

@@ -407,8 +407,17 @@ def test_numbers_are_short_and_keep_their_digits():
 
 def test_a_rival_on_another_side_is_told_with_its_side():
     """ "The whole robot: time delay. These data cannot reject instead: time delay on the whole robot." """
-    late = {"effect": "time_delay", "joints": [], "equivalent": [{"effect": "time_delay", "joints": []}]}
+    late = {"effect": "torque_lag", "joints": [], "equivalent": [{"effect": "time_delay", "joints": []}]}
     assert rivals_in_words(late) == "time delay on the whole robot"
     late["equivalent"][0]["side"] = "sensor"
     assert rivals_in_words(late) == "time delay on the whole robot, torque sensor"
     assert rivals_in_words({**late, "side": "sensor"}) == "time delay on the whole robot"
+    assert rivals_in_words({**late, "effect": "time_delay"}) == "time delay on the whole robot, torque sensor"
+
+
+def test_the_same_effect_with_other_parameters_is_no_rival_of_its_own():
+    """ "These data cannot reject instead: counterbalance on joint 1 and counterbalance on joint 1." """
+    two = [{"effect": "counterbalance", "joints": [1], "side": "link"}] * 2
+    told = {"effect": "base_tilt", "joints": [], "side": "link", "equivalent": two}
+    assert rivals_in_words(told) == "counterbalance on joint 1"
+    assert rivals_in_words({**told, **two[0]}) == ""
