@@ -101,6 +101,10 @@ class Telling(Definition):
             values = {**values, size: w * values[size] + (1.0 - w) * values[shape]}
         return values, covariance
 
+    def remedy_with(self, values: Mapping[str, float]) -> str:
+        """What a person does about it, with the reported values where these are what has to be written."""
+        return self.remedy
+
     def report(
         self,
         values: Mapping[str, float],

@@ -199,7 +199,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
             )
             for eq in step.equivalent
         ),
-        term.effect.remedy,
+        term.effect.remedy_with({name: p.value for name, p in fitted.parameters.items()}),
         PARTLY if partly else ESTABLISHED,
         term.effect.signature,
         picture(state, term, c),

@@ -143,6 +143,10 @@ class BaseTilt(LoadEffect):
             told[name] = {"value": float(value), "std": float(spread), "unit": "m/s^2"}
         return told
 
+    def remedy_with(self, values: Mapping[str, float]) -> str:
+        g = ", ".join(f"{values[name]:.4g}" for name in ("gx", "gy", "gz"))
+        return self.remedy.replace("gx, gy, gz", g)
+
     def simulate(self, truth: Truth, place: Place, values: Mapping[str, float]) -> Truth:
         held = tilt_torque(truth.robot, truth.link[0], truth.standard, values["roll"], values["pitch"])
         return truth.with_torque(place, held)

@@ -102,6 +102,12 @@ def test_it_tells_how_well_the_gravity_is_known():
     assert [told[f"g{axis}"]["std"] for axis in "xyz"] == pytest.approx([0.1962, 0.0981, 0.0], abs=1e-9)
 
 
+def test_what_to_do_holds_the_line_to_paste():
+    told = E.remedy_with({"roll": 0.1, "pitch": 0.0, "gx": 3.51345, "gy": 2.4971, "gz": -8.80982})
+    assert "`gravity: [3.513, 2.497, -8.81]`" in told
+    assert "[gx, gy, gz]" in E.remedy and effect("spring").remedy_with({}) == effect("spring").remedy
+
+
 def test_without_gravity_there_is_none_to_turn():
     """A warning of a division by its size was printed."""
     model = arm_model()
