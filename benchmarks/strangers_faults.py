@@ -253,7 +253,7 @@ MORE_SIGNALS: tuple[tuple[str, tuple[str, ...], tuple[float, ...], Change], ...]
         "by a clock {} as fast",
         ("taus",),
         (0.995, 1.003),
-        lambda x, t, s, u: ahead(x, t, (s - 1) * (t - t[0]), u),
+        lambda x, t, s, u: np.interp(t[0] + s * (t - t[0]), t, x),
     ),
     ("stale once in {} s", (ALL, "taus"), (0.8, 3), stale),
     ("zero for {} s", ("taus", ALL), (0.3, 2), lambda x, t, s, u: np.where(within(t, s, u), 0, x)),
@@ -304,17 +304,17 @@ def absolute(log: Log) -> str:
 
 def of_drives(log: Log) -> str:
     """Per cent of what is rated, or motors in the place of joints."""
-    rated, gears = (100, 90, 50, 20, 15, 10, 10), (101, -101, 101, 80, -80, 51, 51)
+    gears, torque = np.array([101, -101, 101, 80, -80, 51, 51]), log.base.torque
     what = log.drawn("torques in per cent of what is rated", "torques of the motors", "all of the motors")
+    rated = np.array([100, 90, 50, 20, 15, 10, 10]) / 30 if "rated" in what else gears
     for name in log.hit:
-        for key in (table := log.tables[name]):
-            kind, place = key.rstrip("0123456789"), int(key[1:][-1:] if key[-1].isdigit() else 0) - 1
-            if kind == log.base.torque:
-                table[key] = (
-                    table[key] / (rated if "rated" in what else gears)[place] * (30 if "rated" in what else 1)
-                )
-            elif kind in ("q", "dq") and what.startswith("all"):
-                table[key] = table[key] * gears[place]
+        table = log.tables[name]
+        for k in range(log.n):
+            size = {torque: 1 / rated[k]} | (
+                {"q": gears[k], "dq": gears[k]} if what.startswith("all") else {}
+            )
+            there = [(kind, f"{kind}{k + 1}") for kind in size if f"{kind}{k + 1}" in table]
+            table |= {key: table[key] * size[kind] for kind, key in there}
     return what
 
 

@@ -254,8 +254,8 @@ def rivals_of(
     own = max((e.log_e for r, e in weighed.passed if r.term.key == best.term.key), default=0.0)
 
     def gains(r: Refined, e: Evidence) -> bool:
-        pays = _pays(weighed.metric, (best, evidence), (r, e))
-        return pays if r.term.contains(best.term) else pays or e.log_e > own
+        says_more = e.log_e > own and not r.term.contains(best.term)
+        return says_more or _pays(weighed.metric, (best, evidence), (r, e))
 
     return tuple(
         Equivalent(r.term, e.log_e)

@@ -223,19 +223,16 @@ def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
     halved = after.gain_over(fit) > -np.log(HALF) * np.isfinite(fit.error).sum()
     if not (halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error)):
         return
-    gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
-    known = so_many_times(*factor.ends())
-    said = f"in {unit}{gear} ({1 / scale:.3g} to a rad, {known} by these torques)"
-    motors, each = "", ""
-    if not unit and len(names) > 1:  # of gears of 51 to 101 as one number explained as much as one for each
-        motors = ", or each times the ratio of its own gear, as its motor counts"
+    known, each = so_many_times(*factor.ends()), ""
+    if unit:
+        gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
+        said = f"in {unit}{gear} ({1 / scale:.3g} to a rad, {known} by these torques)"
+    else:  # of gears of 51 to 101 as one number explained as much as one for each
+        said = (
+            f"{1 / scale:.3g} times too large (where it is one number for all, {known}), in a unit that is "
+            "not told, or each times the ratio of its own gear, as its motor counts"
+        )
         each = "  # or each by its own gear's ratio, where motors are what is recorded"
-    one = "where it is one number for all, " * bool(motors)
-    said = (
-        said
-        if unit
-        else f"{1 / scale:.3g} times too large ({one}{known}), in a unit that is not told{motors}"
-    )
 
     def told(other: Fit) -> Check:
         return Check(

@@ -41,8 +41,8 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
             if to_zero:
                 drops.append((c, t[a], t[b - 1] - t[a] + dt))
     # one that goes elsewhere at least as often has spikes, of which some end near zero by chance
-    often = [2 * sum(c == its for its, *_ in drops) > away[c] for c in range(len(away))]
-    drops = [drop for drop in drops if often[drop[0]]]
+    falls = np.bincount([c for c, *_ in drops], minlength=len(away))
+    drops = [drop for drop in drops if 2 * falls[drop[0]] > away[drop[0]]]
     moments = _apart(sorted(at for _, at, _ in drops), LONGEST)
     if not moments:
         return
@@ -74,8 +74,8 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
 
 
 def _moments(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int, bool]]:
-    """Which of torques (C, N) goes away for a moment, its first row, the one behind its last, and whether
-    it falls to zero; of those alone that do so once."""
+    """Of torques (C, N) of which some row may be a fall to zero: which one goes elsewhere for a moment, its
+    first row, the one behind its last, and whether it is a fall."""
     low, high = np.quantile(x, [0.05, 0.95], axis=1)
     sides = np.minimum(np.abs(x[:, : -2 * around]), np.abs(x[:, 2 * around :]))
     may = (np.abs(x[:, around:-around]) < LEFT * sides) & (sides > SHARE * (high - low)[:, None])
