@@ -158,7 +158,8 @@ def uniform_clock(
     stamps: Callable[[], Iterable[np.ndarray]], window: tuple[float, float] = (-np.inf, np.inf)
 ) -> Clock:
     """The line over the table's row numbers closest to the stamps [s] inside the window, and their largest
-    distance from it and from each other. stamps: their blocks, read twice, however many there are."""
+    distance from it and from each other; of few of their steps one that they can be the stamps of, if one is.
+    stamps: their blocks, read often, however many there are."""
     sums, first = np.zeros(5), None
     for rows, t in _inside(stamps(), window):
         first = first or (rows[0], t[0])
@@ -167,19 +168,28 @@ def uniform_clock(
     assert first is not None
     n, r, x, rr, rx = sums
     step = (rx - r * x / n) / (rr - r * r / n)
-    low, high, longest, usual, last = np.inf, -np.inf, 0.0, list[float](), first[1]
-    for rows, t in _inside(stamps(), window):
-        off, steps = (t - first[1]) - (rows - first[0]) * step, np.diff(t, prepend=last)
+    clock = _clock(_inside(stamps(), window), step)
+    if n * step * KEPT > clock.step_s:
+        return clock
+    rates = _rates(_inside(stamps(), window), clock.step_s)
+    if rates is not None:
+        clock = _clock(_inside(stamps(), window), (1 / rates[0] + 1 / rates[1]) / 2)
+    return replace(clock, rates=rates)
+
+
+def _clock(its: Iterable[tuple[np.ndarray, np.ndarray]], step: float) -> Clock:
+    """The one of this period [s] that is nearest to the stamps where it is farthest from them."""
+    low, high, longest, usual, first, last = np.inf, -np.inf, 0.0, list[float](), 0.0, np.nan
+    for rows, t in its:
+        if np.isnan(last):
+            first = last = t[0]
+        off, steps = (t - first) - rows * step, np.diff(t, prepend=last)
         low, high, longest = min(low, off.min()), max(high, off.max()), max(longest, steps.max())
         usual += [float(np.median(steps[steps > 0]))] if (steps > 0).any() else []
         last = t[-1]
     middle = (high + low) / 2
-    start = first[1] - first[0] * step + middle
     pause = PAUSE * float(np.median(usual))  # which is no step of the stamps
-    clock = Clock(float(start), float(1.0 / step), float(high - middle), min(float(longest), pause))
-    if n * step * KEPT > clock.step_s:
-        return clock
-    return replace(clock, rates=_rates(_inside(stamps(), window), clock.step_s))
+    return Clock(float(first + middle), float(1.0 / step), float(high - middle), min(float(longest), pause))
 
 
 def _rates(its: Iterable[tuple[np.ndarray, np.ndarray]], step_s: float) -> tuple[float, float] | None:

@@ -45,6 +45,16 @@ def test_a_rate_of_stamps_in_few_whole_seconds(seconds, begin, told):
     assert "(50 to 52)" in check.message if told else "rate_hz" in check.remedy
 
 
+@pytest.mark.parametrize("begin", [0.05, 0.2, 0.45, 0.6, 0.9])
+def test_a_clock_of_few_whole_seconds_can_have_its_stamps(begin):
+    """Of a rokae in whole seconds, which come to 99 to 101 Hz, 107 were told and used, and its velocities, or
+    the clock, to be 7 % off: the line through them was told in the place of one that they can be of."""
+    t = np.round(begin + 0.01 * np.arange(690))
+    clock = uniform_clock(lambda: [t[:200], t[200:]])
+    assert clock.rates[0] <= clock.rate_hz <= clock.rates[1] and clock.worst_s <= 0.5 * (1 + 1e-9)
+    assert clock.rates == pytest.approx((100.0, 100.0), rel=0.05)  # to which a logger keeps it
+
+
 def test_no_clock_is_read_into_what_lost_rows_or_jitters():
     rng = np.random.default_rng(0)
     assert stamps_told(0.01 * np.delete(K, rng.choice(K[1:-1], 300, replace=False))) is None
