@@ -50,7 +50,7 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
         of_it = r.joint is not None and f"q{asked.joints[r.joint]}" in best.check.signals
         return (of_it and r.check == best.check.check) or same(r.explained, its, 1e-6)
 
-    pool = (r for r in rivals(whole, asked.how, asked.currents) if not once_more(r))
+    pool = (r for r in rivals(asked, whole, asked.how) if not once_more(r))
     also = alike(pool, Explained.by(whole, asked.how), its)
     return near + _silent(asked, best, [r.words for r in also])
 

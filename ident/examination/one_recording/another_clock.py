@@ -66,7 +66,7 @@ def _beside(asked: Asked, taken: Quick) -> list[Rival]:
     """What explains as much: beside much of it the little that a clock explains is a rest of anything."""
     whole = all_rows(asked.quick)
     plain, its = Explained.by(whole, asked.how), Explained.by(all_rows(taken), asked.how)
-    return alike(rivals(whole, asked.how, asked.currents), plain, its)
+    return alike(rivals(asked, whole, asked.how), plain, its)
 
 
 def _allowed(few: Quick, how: Assignment, rate: float) -> tuple[float, float]:

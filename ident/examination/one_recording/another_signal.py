@@ -97,7 +97,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     instead = _instead(whole, best, asked)
     if any(steadily(best.explained, its.explained, RARE) for its in instead):
         return
-    pool = standing(whole, asked.how, asked.currents, best.explained)
+    pool = standing(asked, whole, asked.how, best.explained)
     if pool is None:
         return
     same = alike((its for its in pool if its.zero or not its.recording), before, best.explained)

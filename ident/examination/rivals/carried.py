@@ -51,7 +51,7 @@ def carried_faults(asked: Asked) -> list[Carried]:
     in the two together speaks for the factor of 40 with which it happened to."""
     whole, how = all_rows(asked.quick), asked.how
     plain = Explained.by(whole, how)
-    others, count = gaining(rivals(whole, how, asked.currents), plain)
+    others, count = gaining(rivals(asked, whole, how), plain)
     rate = ODD / (count + len(how.order))
     asks = (its for its in others if not its.beside and _moves(plain, its))
     likely = [its for its in asks if steadily(plain, its.explained, rate)]

@@ -44,7 +44,7 @@ def other_zeros(asked: Asked) -> Iterator[Check]:
     best = max(told, key=lambda r: r.explained.fit.gain_over(plain.fit))
     if odd_beside(best.explained.fit.error, best.explained.quick.alone(how)).any():
         return  # at most a part of what is wrong
-    pool = standing(whole, how, asked.currents, best.explained, best.words)
+    pool = standing(asked, whole, how, best.explained, best.words)
     if pool is None:
         return
     name, words = best.words.split()[0], best.words + _within(best, plain, how)

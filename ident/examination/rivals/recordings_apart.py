@@ -191,7 +191,7 @@ def _causes(asked: Asked, channels: Sequence[int]) -> dict[int, list[str]]:
     whole = all_rows(asked.quick)
     plain, own = Explained.by(whole, asked.how), by_each_recording(whole, asked.how)
     found: dict[int, list[tuple[float, str]]] = {c: [] for c in channels}
-    for its in of_one_recording(whole, asked.how, asked.currents):
+    for its in of_one_recording(asked, whole, asked.how):
         error = its.explained.fit.error
         as_others = [c for c in channels if error[c] < AS_OTHERS * own[c] < plain.fit.error[c]]
         if as_others and steadily(plain, its.explained, RARE):

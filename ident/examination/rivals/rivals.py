@@ -16,15 +16,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from ident.examination.fits.best_factor import factor_of
-from ident.examination.fits.hypothesis import CLEARLY, signal_of
+from ident.examination.fits.hypothesis import CLEARLY, Asked
 from ident.examination.fits.quick import Assignment, Fit, Quick
 from ident.examination.fits.samples import Sample, of_bodies
 from ident.examination.fits.stretches import ODD, RARE, Explained, agreed, half_of, steadily
 from ident.examination.positions.coupled import held_too
+from ident.examination.positions.places import along, exchanged
 from ident.examination.torques.weightless import felt, without_gravity
 
 STEPS, SMALL = 6, 1e-4  # of Gauss-Newton, and its difference
@@ -75,38 +77,39 @@ def gaining(pool: Iterable[Rival], before: Explained) -> tuple[list[Rival], int]
 
 
 def standing(
-    whole: Quick, how: Assignment, currents: bool, told: Explained, itself: str = ""
+    asked: Asked, whole: Quick, how: Assignment, told: Explained, itself: str = ""
 ) -> list[Rival] | None:
     """Rivals, but for the told one itself, that explain more than is explained without any; None: stretch by
     stretch one of them explains more than what is told, or chance confirms one of all that were asked."""
-    others = (its for its in rivals(whole, how, currents) if its.words != itself)
+    others = (its for its in rivals(asked, whole, how) if its.words != itself)
     kept, count = gaining(others, Explained.by(whole, how))
     outdone = any(agreed(told, its.explained, ODD / count) for its in kept)
     return None if outdone else kept
 
 
-def rivals(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
+def rivals(asked: Asked, whole: Quick, how: Assignment) -> Iterator[Rival]:
     """Of rows that are all fitted (stretches.all_rows); of the instants of a recording the best one."""
     fit = whole.fit(how)
     for c in np.flatnonzero(whole.identify.rows > 10).tolist():
-        yield from _of_torque(whole, fit, how, c, currents)
-        yield from _powers(whole, how, c, signal_of(whole.columns, c, currents))
-    yield from _units(whole, how, currents)
+        yield from _of_torque(asked, whole, fit, how, c)
+        yield from _powers(whole, how, c, asked.name(c))
+    yield from _units(asked, whole, how)
     yield from of_positions(whole, fit, how)
     yield from _drifting(whole, fit, how)
     yield from _eccentric(whole, fit, how)
     yield from _yielding(whole, fit, how)
     yield from _held(whole, how)
+    yield from _exchanged(asked, whole, how)
     for c in felt(whole):
-        words = f"{signal_of(whole.columns, c, currents)} does not feel gravity"
+        words = f"{asked.name(c)} does not feel gravity"
         yield Rival(words, Explained.by(without_gravity(whole, [c]), how))
 
 
-def of_one_recording(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
+def of_one_recording(asked: Asked, whole: Quick, how: Assignment) -> Iterator[Rival]:
     """Those of them that are about one recording alone."""
     fit = whole.fit(how)
     for c in np.flatnonzero(whole.identify.rows > 10).tolist():
-        yield from (its for its in _of_torque(whole, fit, how, c, currents) if its.recording)
+        yield from (its for its in _of_torque(asked, whole, fit, how, c) if its.recording)
     yield from (its for its in _held(whole, how) if its.recording)
 
 
@@ -116,10 +119,23 @@ def _held(whole: Quick, how: Assignment) -> Iterator[Rival]:
         yield Rival(words, Explained.by(moved, how), recording, beside=bool(recording))
 
 
-def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) -> Iterator[Rival]:
+def _exchanged(asked: Asked, whole: Quick, how: Assignment) -> Iterator[Rival]:
+    """Two joints in each other's place, by their positions alone or with their torques. (Of a UR10e with its
+    last two exchanged the fourth one was told to start from another zero.)"""
+    labels = whole.columns.need.joints
+    for a, b in combinations(range(len(labels)), 2):
+        order, names = exchanged(len(labels), a, b), f"{labels[a]} and {labels[b]}"
+        moved, torques = whole.moved(order), along(whole.columns, order)
+        yield Rival(f"the positions of joints {names} are exchanged", Explained.by(moved, how), beside=True)
+        if torques is not None:
+            its = Explained.by(moved, how.placed(torques, asked.gains))
+            yield Rival(f"joints {names} are exchanged, positions and torques", its, beside=True)
+
+
+def _of_torque(asked: Asked, whole: Quick, fit: Fit, how: Assignment, c: int) -> Iterator[Rival]:
     """A torque with another signal in it."""
     channels, own = whole.columns.need.channels, how.order[c]
-    name = signal_of(whole.columns, c, currents)
+    name = asked.name(c)
 
     def found(signal: Signal, itself: bool = False) -> tuple[float, Rival | None]:
         its = [signal(r, s) for r, s in enumerate(whole.samples)]
@@ -130,7 +146,7 @@ def _of_torque(whole: Quick, fit: Fit, how: Assignment, c: int, currents: bool) 
             other, g = how.order[k], how.factor[k]
             share, rival = found(lambda r, s, other=other, g=g: g * s.Y[:, other])  # type: ignore[misc]
             if rival:
-                words = f"{name} takes up {share:.2g} of {signal_of(whole.columns, k, currents)}"
+                words = f"{name} takes up {share:.2g} of {asked.name(k)}"
                 yield replace(rival, words=words)
     label, joint = whole.columns.need.joints[channels[c].joint], channels[c].joint
     unit = unit_of(whole, c)
@@ -210,7 +226,7 @@ def _after(r: int, at: float, place: int | None) -> Signal:
     return signal
 
 
-def _units(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
+def _units(asked: Asked, whole: Quick, how: Assignment) -> Iterator[Rival]:
     """Torques of the first joints, two at least, a number times those of two at least behind them, where it
     explains clearly more than one by which neither says anything of the other. (Of a UR10e with half of its
     torques in kgf m the fourth was told as ten times too large; of an LWR4+ whose fourth position started
@@ -221,7 +237,7 @@ def _units(whole: Quick, how: Assignment, currents: bool) -> Iterator[Rival]:
         if best.gain - best.absurd < CLEARLY:
             continue
         factor = best.factor
-        names = ", ".join(signal_of(whole.columns, c, currents) for c in seen[:k])
+        names = ", ".join(asked.name(c) for c in seen[:k])
         size, word = (factor, "small") if factor > 1 else (1 / factor, "large")
         yield Rival(
             f"{names} are {size:.3g} times too {word} beside the others",

@@ -83,7 +83,7 @@ def _beside_others(asked: Asked, plain: Explained, its: Scale, after: Fit) -> It
     if _in_milli(its):
         yield Hypothesis(gain, how.times(which, MILLI), _milli(asked, after, which))
         return
-    others = standing(whole, how, asked.currents, its.explained)
+    others = standing(asked, whole, how, its.explained)
     if others is None:
         return
     factors = [allowed(whole, how, [k], factor_of(whole, how, [k]).factor) for k in seen if (k,) != which]

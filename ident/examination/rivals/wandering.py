@@ -142,7 +142,7 @@ def wandering(asked: Asked) -> Iterator[Check]:
             continue
         its = apart or found[kind]
         fit, name = its.quick.fit(how), asked.name(c)
-        near = [r for r in rivals(whole, how, asked.currents) if _as_well(r, [(c, fit)])]
+        near = [r for r in rivals(asked, whole, how) if _as_well(r, [(c, fit)])]
         if apart and any(r.zero for r in near):
             continue  # of one recording alone, as it is told elsewhere
         fallen = (
@@ -177,7 +177,7 @@ def _changes(
     """Torques of which so much less is left by a friction or weights that change."""
     channels = [c for c, _ in its]
     names, words = asked.names(channels), CHANGED[kind]
-    near = [r for r in rivals(whole, asked.how, asked.currents) if _as_well(r, its)]
+    near = [r for r in rivals(asked, whole, asked.how) if _as_well(r, its)]
     then, now = (
         listed(f"{100 * x:.0f} %" for x in e) for e in (before[channels], [f.error[c] for c, f in its])
     )

@@ -75,7 +75,7 @@ def lengths(prepared: Prepared, asked: Asked) -> Iterator[Hypothesis]:
         return
     if not (steadily(plain, told, RARE / count) and agreed(plain, told, RARE)):
         return
-    pool = standing(few, how, asked.currents, told)
+    pool = standing(asked, few, how, told)
     if pool is None:
         return
     check = Check(

@@ -51,7 +51,7 @@ def tilted(prepared: Prepared, asked: Asked) -> Iterator[Check]:
     )
     if not steadily(before, after, RARE):
         return
-    pool = standing(whole, how, asked.currents, after)
+    pool = standing(asked, whole, how, after)
     if pool is None:
         return
     first = FirstAxis.of(table, asked.joints)

@@ -197,13 +197,18 @@ def position_steps(
     leap = columns.sized(k, size)
     names = tuple(dict.fromkeys(columns.signals[j] for _, j, _ in steps))
     at_once = tuple(dict.fromkeys(columns.signals[j] for its, j, _ in steps if its == row))
-    first = _held_until(excerpt, row, k, size)
-    if first is not None:
+    held = _held_until(excerpt, row, k, size)
+    if held is not None:
+        first, stale = held
         rows = first + 1, row
         said = (
-            f"{columns.signals[k]} stands still in rows {rows[0]} to {rows[1]}, in which others change, and "
+            f"{'every signal' if stale else columns.signals[k]} stands still in rows {rows[0]} to {rows[1]}"
         )
-        said += f"then leaps by {leap}: an encoder or a message that was held"
+        said += ", and then " + columns.signals[k] if stale else ", in which others change, and then"
+        said += f" leaps by {leap}: "
+        said += (
+            "messages that were lost, the last one written on" if stale else "an encoder or a message held"
+        )
         remedy = "leave these rows out with from: and to:"
     else:
         rows = row + 1, row + 1
@@ -222,9 +227,10 @@ def _farthest(excerpt: Excerpt, row: int, k: int) -> float:
     return max((float(way.max()) for way in ways if len(way)), default=0.0)
 
 
-def _held_until(excerpt: Excerpt, row: int, k: int, size: float) -> int | None:
-    """The first row of those up to a leap in which a position does not change though others do from row
-    to row, as it does behind it; None where chance leaves as many, or it goes as far in so many nowhere.
+def _held_until(excerpt: Excerpt, row: int, k: int, size: float) -> tuple[int, bool] | None:
+    """The first row of those up to a leap in which a position does not change, as it does behind it, though
+    others do from row to row, or as none does, and whether none does; None where chance leaves as many, or it
+    goes as far in so many nowhere.
     (0.3 s of a Franka's at 50 Hz were 15 rows, and it was said to have slipped; of an AIRBOT's log that was
     cut the first position, which happened not to change in the row before, was held and leapt by 0.3 rad.)"""
     for rows, _, values in excerpt.pieces:
@@ -235,12 +241,14 @@ def _held_until(excerpt: Excerpt, row: int, k: int, size: float) -> int | None:
         first = int(changes[-1]) + 1 if len(changes) else 0
         others = np.delete(np.diff(values[first:at], axis=0) != 0, k, axis=1).any(axis=1)
         goes_on = np.diff(values[at : at + BESIDE_ROWS, k]) != 0  # or the joint rests
-        if not others.any() or not others.mean() > 0.5 or not (goes_on.mean() if len(goes_on) else 0) > 0.5:
+        stale = len(others) > 0 and not others.any()
+        told = stale or (len(others) > 0 and others.mean() > 0.5)
+        if not told or not (goes_on.mean() if len(goes_on) else 0) > 0.5:
             return None
         if abs(size) > FASTER * _farthest(excerpt, row, k) * (at - first):
             return None
         rests = 1 - (len(changes) + goes_on.sum()) / (first + len(goes_on) + 1)
-        return int(rows[first]) if rests ** (at - first) < CHANCE else None
+        return (int(rows[first]), stale) if rests ** (at - first) < CHANCE else None
     return None
 
 

@@ -5,6 +5,7 @@ import pytest
 from planted import ON_RECORDINGS, changed, measured, parted, planted, refused, rows, strangers_log, tables
 
 from ident.equations.prepared import prepare_study
+from ident.errors import RecordingError
 from ident.examination.examine import examine_fit, examine_tables
 from ident.examination.tables.spikes import dropouts, emptied
 from ident.examination.undone import unsettled
@@ -253,3 +254,17 @@ def test_rows_that_repeat_the_one_before_some_at_a_time(tmp_path):
 
     text, checks = refused(strangers_log(tmp_path, "ur10e", (50, True, False, False), change))
     assert checks == {"frozen"} and "repeat the one before in every signal, for 0.16 s at a time" in text
+
+
+@pytest.mark.parametrize("robot", ["rokae_xmate3pro", "kuka_lwr4plus"])
+def test_few_rows_that_repeat_the_one_before_are_no_encoder_that_slipped(tmp_path, robot):
+    """Eight rows in 160 that hold all signals: the position was told to leap and stay, as an encoder's."""
+
+    def change(log):
+        for table in log.tables.values():
+            rows = np.arange(len(table["t"]))
+            kept = np.where(rows % 160 < 8, rows - rows % 160, rows)
+            table |= {k: x[kept] for k, x in table.items() if k != "t"}
+
+    with pytest.raises(RecordingError, match=r"every signal stands still in rows .* the last one written on"):
+        prepare_study(strangers_log(tmp_path, robot, (0, False, False, False), change))

@@ -20,6 +20,6 @@ def test_it_is_told_from_a_factor(tmp_path):
         tmp_path / "robot.yaml", "C", ("spring:2:k=4",), seed=3, sensors=Sensors(rate_hz=200.0), runs=RUNS
     )
     asked = asked_of(load_study(write_simulation(made, tmp_path / "arm")))
-    told = [rival.words for rival in rivals(all_rows(asked.quick), asked.how, False)]
+    told = [rival.words for rival in rivals(asked, all_rows(asked.quick), asked.how)]
     assert "the model lacks a spring on joint 2" in told
     assert not list(scales(asked))
