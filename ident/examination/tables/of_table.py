@@ -43,7 +43,9 @@ def of_table(
     resting: Sequence[Collection[int]] = (),
 ) -> list[Check]:
     """Every check of one table, with the recording's name; resting: joints that stand, stretch by stretch."""
-    said, slow = repeats.held(columns, excerpt)
+    periods = repeats.periods(columns, excerpt)
+    told = {k: its for k, its in periods.items() if repeats.seldom(its[0], columns)}
+    slow = set(told)
     lost = sum(
         (c for kind, c in mender.counts.items() if kind not in ("spike", "ended")),
         np.zeros(len(columns.signals)),
@@ -58,14 +60,14 @@ def of_table(
         wraps(columns, mender),
         smoothed_wraps(columns, excerpt),
         units(columns, mender, excerpt, lowest, highest),
-        position_steps(columns, mender, excerpt, slow),
+        position_steps(columns, mender, excerpt, periods),
         lost_rows(columns, excerpt),
         dead_and_resting(columns, lowest, highest),
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
         limits_hit(columns, excerpt, slow | few | gone, repeats.stepped),
         bands,
-        said,
+        repeats.held(columns, told),
         repeats.stale(columns, excerpt) if not slow else (),
         processed.interpolated(columns, excerpt, slow | few),
         processed.scaled(columns, excerpt),

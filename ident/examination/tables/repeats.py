@@ -7,7 +7,7 @@ counts, slow turns) is told from what a logger repeats by the spacing of its cha
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -232,9 +232,9 @@ def _others(every: np.ndarray, found: list[tuple[int, int, int, float]]) -> np.n
     return keep if keep.any() else np.ones(len(keep), bool)
 
 
-def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
-    """Signals that change only every so many rows; their columns."""
-    slow: dict[int, tuple[float, int]] = {}
+def periods(columns: Columns, excerpt: Excerpt) -> dict[int, tuple[float, int]]:
+    """Of every signal that changes only every so many rows: s and rows from one change to the next."""
+    found: dict[int, tuple[float, int]] = {}
     for k in range(len(columns.signals)):
         x = excerpt.column(k)
         changes = np.count_nonzero(x[1:] != x[:-1]) - 2 * len(excerpt.pieces)
@@ -249,19 +249,24 @@ def held(columns: Columns, excerpt: Excerpt) -> tuple[list[Check], set[int]]:
             continue
         usual = float(np.median(every))
         alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
-        seconds = usual * float(np.median(steps))
-        if usual >= HELD_ROWS and seldom(seconds, columns) and alike > HELD_ALIKE:
-            slow[k] = (seconds, int(usual))
+        if usual >= HELD_ROWS and alike > HELD_ALIKE:
+            found[k] = (usual * float(np.median(steps)), int(usual))
+    return found
+
+
+def held(columns: Columns, slow: Mapping[int, tuple[float, int]]) -> Iterator[Check]:
+    """Signals that change so seldom that it shows."""
     if not slow:
-        return [], set()
+        return
     names = tuple(columns.signals[k] for k in slow)
     seconds, rows = max(slow.values())
-    text = (
+    yield Check(
+        "held_signal",
+        names,
         f"{listed(names)} change{'s' if len(names) == 1 else ''} only every {rows} rows ({seconds:.3g} s): "
-        f"recorded at {1 / seconds:.3g} Hz and held, which is late by {500 * seconds:.3g} ms in the mean"
+        f"recorded at {1 / seconds:.3g} Hz and held, which is late by {500 * seconds:.3g} ms in the mean",
+        "record them at the rate of the others; cut-offs above a fifth of theirs show the steps",
     )
-    remedy = "record them at the rate of the others; cut-offs above a fifth of theirs show the steps"
-    return [Check("held_signal", names, text, remedy)], set(slow)
 
 
 def stale(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
@@ -306,7 +311,7 @@ def stepped(x: np.ndarray) -> bool:
     return in_steps(x, resolution(x))
 
 
-def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check]:
+def coarse(columns: Columns, excerpt: Excerpt, slow: Collection[int]) -> Iterator[Check]:
     """Signals whose range holds few steps of their resolution, and positions of whose acceleration the steps
     make much."""
     told: dict[str, float] = {}
@@ -364,8 +369,9 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Check
 
 def _largest(columns: Columns, steps: Mapping[str, float]) -> str:
     """The largest step of some signals, with its unit."""
-    name = max(steps, key=lambda its: steps[its])
-    return columns.sized(columns.signals.index(name), steps[name])
+    ranked = sorted(steps, key=lambda its: steps[its])
+    said = [columns.sized(columns.signals.index(name), steps[name]) for name in ranked]
+    return f"up to {said[-1]}" if len(set(said)) > 1 else said[-1]
 
 
 def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Check]:

@@ -57,6 +57,15 @@ def test_a_torque_that_is_held_for_most_of_few_rows(tmp_path):
     assert "tau_m6 stands still at" in text and checks == {"dead_channel"}
 
 
+@pytest.mark.parametrize("until", [2.4, 2.45, 2.5])
+def test_nothing_that_is_held_for_a_time_leaps(tmp_path, until):
+    """Of a TX40 at 5 kHz, new every 0.01 s, rows were told to be cut out where a block of the table ended
+    behind one change."""
+    hold = lambda c: {k: x if k == "t" else x[np.arange(len(x)) // 50 * 50] for k, x in c.items()}  # noqa: E731
+    study = planted(tmp_path, hold, parted(measured("staubli_tx40"), 1.3, until))
+    assert "position_step" not in {c.check for c in tables(study)}
+
+
 def test_a_torque_that_dies_in_a_fast_log(tmp_path):
     """At 5 kHz no piece of the table that is looked at was longer than it: of a TX40 nothing was said."""
     change = changed("tau_m3", lambda x: rows(x, slice(7000, 14000), 0.0))

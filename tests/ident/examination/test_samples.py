@@ -130,6 +130,22 @@ def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_m
 
 
 @pytest.mark.parametrize(
+    ("steps", "told"), [((5e-3, 5e-3), " 0.005 rad"), ((1e-3, 5e-3), " up to 0.005 rad")]
+)
+def test_the_largest_of_steps_is_not_told_of_all(steps, told):
+    """Of an AIRBOT whose fourth position was in degrees three others were told to move in its steps."""
+    t = np.arange(5000) / 100
+    q = 1.5 * np.sin(0.6 * t) + 0.15 * np.sin(2.1 * t)
+    x = np.column_stack([*(np.round(q / step) * step for step in steps), np.cos(t)])
+    excerpt = Excerpt()
+    excerpt.take((np.arange(len(t)), t, x))
+    joint, slides = np.array([0, 1, 0]), np.zeros(2, bool)
+    columns = Columns("run", ("q1", "q2", "tau_m1"), joint, ("1", "2"), {}, ("tau_m1",), slides)
+    (said,) = coarse(columns, excerpt, set())
+    assert f"q1, q2 move in steps of{told}:" in said.message
+
+
+@pytest.mark.parametrize(
     ("largest", "named"),
     [
         ([180e3, 60e3, 10e3, 7e3], (1, 2, 3, 4)),
