@@ -8,6 +8,7 @@ counts, slow turns) is told from what a logger repeats by the spacing of its cha
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
@@ -270,28 +271,39 @@ def held(columns: Columns, slow: Mapping[int, tuple[float, int]]) -> Iterator[Ch
 
 
 def stale(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
-    """Rows that repeat the one before in every signal, some at a time, behind which a joint has gone on by
-    what it does in as many: messages that were lost, the last one written on; fewer at a time than are told
-    by themselves. (Of a UR10e at 50 Hz, of which each 0.8 s the last 0.16 were, it was told that its clock is
-    6 times too slow, or its lengths 40 times too large.)"""
-    number, rows, seconds, span = 0, 0, list[float](), list[int]()
+    """Rows that repeat the one before in every signal, in all torques or in all positions, some at a time, in
+    which a joint has gone on by what it does in as many: messages that were lost, the last one written on;
+    fewer at a time than are told by themselves. What resolution makes repeat seldom does so for long. (Of a
+    UR10e at 50 Hz, of which each 0.8 s the last 0.16 were, it was told that its clock is 6 times too slow, or
+    its lengths 40 times too large; of an AIRBOT whose torques alone were nothing was.)"""
+    m, n = len(columns.signals), columns.n
+    each = {"every signal": slice(0, m), "all torques": slice(n, m), "all positions": slice(0, n)}
+    several = {words: its for words, its in each.items() if its.stop - its.start > 1}
+    yield from islice(chain.from_iterable(_stale(columns, excerpt, *its) for its in several.items()), 1)
+
+
+def _stale(columns: Columns, excerpt: Excerpt, words: str, which: slice) -> Iterator[Check]:
+    number, rows, short, seconds, span = 0, 0, 0, list[float](), list[int]()
     for its, t, values in excerpt.pieces:
         rows += len(its)
-        steps = np.abs(np.diff(values[:, : columns.n], axis=0))
-        usual = [np.median(x[x > 0]) if (x > 0).any() else np.inf for x in steps.T]
-        for begin, end in runs_of((values[1:] == values[:-1]).all(axis=1)):
+        q = values[:, : columns.n]
+        steps = np.abs(np.diff(q, axis=0))
+        usual = np.array([np.median(x[x > 0]) if (x > 0).any() else np.inf for x in steps.T])
+        for begin, end in runs_of((values[1:, which] == values[:-1, which]).all(axis=1)):
             count = int(end - begin)
             if count < HELD_ROWS or end == len(steps):
+                short += count < HELD_ROWS
                 continue
-            if (steps[end] > HELD_ALIKE * count * np.array(usual)).any():
+            if (np.abs(q[end + 1] - q[begin]) > HELD_ALIKE * count * usual).any():
                 number += count
                 seconds.append(float(t[end + 1] - t[begin]))
                 span += [int(its[begin]) + 2, int(its[end]) + 1]
-    if number > MOST_STILL * rows and seldom(float(np.median(seconds)), columns):
+    enough = number > MOST_STILL * rows and len(seconds) > short
+    if enough and seldom(float(np.median(seconds)), columns):
         yield Check(
             "frozen",
-            (),
-            f"{100 * number / rows:.2g} % of the rows repeat the one before in every signal, for "
+            () if words == "every signal" else columns.signals[which],
+            f"{100 * number / rows:.2g} % of the rows repeat the one before in {words}, for "
             f"{np.median(seconds):.2g} s at a time, though joints were on their way (rows {min(span)} to "
             f"{max(span)}): messages that were lost, the last one written on",
             "record it again, or without the rows that repeat",
