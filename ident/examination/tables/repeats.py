@@ -234,7 +234,9 @@ def _others(every: np.ndarray, found: list[tuple[int, int, int, float]]) -> np.n
 
 
 def periods(columns: Columns, excerpt: Excerpt) -> dict[int, tuple[float, int]]:
-    """Of every signal that changes only every so many rows: s and rows from one change to the next."""
+    """Of every signal that changes only every so many rows: s and rows from one change to the next. Not of
+    one that goes on by one step of its resolution at a time, as it does in even motion. (Of a joint that
+    turns at a constant rate, in steps of half a degree, it was told that it is recorded at 7 Hz.)"""
     found: dict[int, tuple[float, int]] = {}
     for k in range(len(columns.signals)):
         x = excerpt.column(k)
@@ -250,9 +252,15 @@ def periods(columns: Columns, excerpt: Excerpt) -> dict[int, tuple[float, int]]:
             continue
         usual = float(np.median(every))
         alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
-        if usual >= HELD_ROWS and alike > HELD_ALIKE:
+        if usual >= HELD_ROWS and alike > HELD_ALIKE and not _by_single_steps(x):
             found[k] = (usual * float(np.median(steps)), int(usual))
     return found
+
+
+def _by_single_steps(x: np.ndarray) -> bool:
+    """Whether a signal (N,) mostly changes by one step of its resolution."""
+    changes, step = np.abs(np.diff(x)), resolution(x)
+    return stepped(x) and bool(np.median(changes[changes > 0]) < 1.5 * step)
 
 
 def held(columns: Columns, slow: Mapping[int, tuple[float, int]]) -> Iterator[Check]:

@@ -9,7 +9,7 @@ from ident.examination.fits.samples import _cubics
 from ident.examination.tables.clock import time_unit
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.mending import Mender
-from ident.examination.tables.repeats import coarse
+from ident.examination.tables.repeats import coarse, periods
 from ident.examination.tables.signals import Columns, units, wraps
 from ident.examination.tables.spikes import is_spike
 
@@ -127,6 +127,20 @@ def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_m
     said = list(coarse(columns, excerpt, set()))
     assert [check.signals for check in said] == ([("q1",)] if told else [])
     assert all("of the acceleration" in check.message for check in said)
+
+
+@pytest.mark.parametrize("rate", [0.03, 0.06, 0.1])
+def test_even_motion_in_steps_is_not_held(rate):
+    """Of a joint that turns at a constant rate, in steps of half a degree at 50 Hz, it was told that it is
+    recorded at 7 Hz and held."""
+    t = np.arange(1000) / 50
+    q = rate * t
+    coarse, slow = np.round(q / 8.7e-3) * 8.7e-3, (q + 0.1 * np.sin(t))[np.arange(1000) // 5 * 5]
+    excerpt = Excerpt()
+    excerpt.take((np.arange(len(t)), t, np.column_stack([coarse, slow, np.cos(t)])))
+    joint, slides = np.array([0, 1, 0]), np.zeros(2, bool)
+    columns = Columns("run", ("q1", "q2", "tau_m1"), joint, ("1", "2"), {}, ("tau_m1",), slides)
+    assert set(periods(columns, excerpt)) == {1}
 
 
 @pytest.mark.parametrize(
