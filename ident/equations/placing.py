@@ -67,7 +67,7 @@ def _term(study: Study, entry: EffectEntry, columns: Columns, layout: Layout) ->
     effect = known_effect(study, entry.effect)
     place = _place(effect, entry, columns, layout)
     _check_new(effect, place, columns, layout)
-    linear, shape = _given(effect, entry)
+    linear, shape = _given(effect, place, entry)
     own = effect.parameters_of(place)
     more = tuple(p.name for p in effect.linear if p.optional and p.name in linear and p.name not in own)
     if more:
@@ -152,10 +152,12 @@ def _check_new(effect: Effect, place: Place, columns: Columns, layout: Layout) -
         )
 
 
-def _given(effect: Effect, entry: EffectEntry) -> tuple[dict[str, float], dict[str, float]]:
-    """Linear and shape parameters that an entry gives, under their own names or the reported ones."""
+def _given(effect: Effect, place: Place, entry: EffectEntry) -> tuple[dict[str, float], dict[str, float]]:
+    """Linear and shape parameters that an entry gives, under their own names (of a tilted base's first link
+    those of the model, where the file's gravity hides them) or the reported ones."""
     given = entry.given
-    own = {*effect.linear_names, *effect.nonlinear_names}
+    sizes = {*effect.linear_names, *effect.parameters_of(place)}
+    own = {*sizes, *effect.nonlinear_names}
     reported = {name: value for name, value in given.items() if name not in own}
     values = {name: value for name, value in given.items() if name in own}
     if reported:
@@ -166,7 +168,7 @@ def _given(effect: Effect, entry: EffectEntry) -> tuple[dict[str, float], dict[s
         linear, shape = effect.values_from_reported({n: v for n, v in given.items() if n in told})
         values = {**linear, **shape, **values}
     return (
-        {name: float(v) for name, v in values.items() if name in effect.linear_names},
+        {name: float(v) for name, v in values.items() if name in sizes},
         {name: float(v) for name, v in values.items() if name in effect.nonlinear_names},
     )
 

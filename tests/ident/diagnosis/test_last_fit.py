@@ -191,6 +191,35 @@ def test_rivals_are_compared_beside_what_all_of_them_are_told_with(monkeypatch):
     assert fits == [("delay", "friction"), ("lag", "friction")] and asked == [("lag", "friction")]
 
 
+def test_what_no_last_fit_can_be_made_of_may_be_the_simpler_one_that_it_contains(monkeypatch):
+    """Of Dahl's friction a Maxwell slip whose last fit had a negative element was told as a shape that no
+    effect of the catalogue has. What merely passed beside it has been rejected."""
+
+    def term(name, contained=""):
+        return SimpleNamespace(key=(name,), contains=lambda other: other.key == (contained,))
+
+    slip, dahl, spring = term("slip", "dahl"), term("dahl"), term("spring")
+    asked, step = [], SimpleNamespace(term=slip, equivalent=(), passed=(spring, slip, dahl))
+
+    def study(*steps):
+        return SimpleNamespace(steps=steps, with_step=lambda at, its: study(its))
+
+    def instead(outcome, at, other):
+        asked.append(other.key[0])
+        return study(SimpleNamespace(term=other, equivalent=()))
+
+    monkeypatch.setattr(compared_exactly, "swapped", instead)
+    monkeypatch.setattr(compared_exactly, "is_told", lambda fit, t: t is dahl)
+    monkeypatch.setattr(compared_exactly, "replace", lambda its, **new: SimpleNamespace(**(vars(its) | new)))
+    monkeypatch.setattr(compared_exactly, "extended", lambda *_: ("fit", {}))
+    monkeypatch.setattr(
+        compared_exactly, "_asked_anew", lambda outcome, alpha: (outcome.steps[0].term, "anew")
+    )
+    refused = {slip.key: last_fit.Refusal()}
+    told = compared_exactly.replaced(None, study(step), None, "before", refused, 0.01)
+    assert told == ((dahl, "anew"), "fit", {}) and asked == ["dahl"]
+
+
 def fitted_alone(X, y, roles, columns):
     """A fit of one channel's rows {role: (N,)} of X (N, b) with some of its columns."""
     systems = [
