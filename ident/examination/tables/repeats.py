@@ -299,7 +299,7 @@ def _stale(columns: Columns, excerpt: Excerpt, words: str, which: slice) -> Iter
         usual = np.array([np.median(x[x > 0]) if (x > 0).any() else np.inf for x in steps.T])
         for begin, end in runs_of((values[1:, which] == values[:-1, which]).all(axis=1)):
             count = int(end - begin)
-            if count < HELD_ROWS or end == len(steps):
+            if not HELD_ROWS <= count < STILL_TIMES - 1 or end == len(steps):
                 short += count < HELD_ROWS
                 continue
             if (np.abs(q[end + 1] - q[begin]) > HELD_ALIKE * count * usual).any():

@@ -4,7 +4,7 @@ The rows in which a joint turns are no equations (what its friction does there i
 of it is left in a fit; and a moment of some rows is gone in what is filtered. Friction that turns over is a
 step, and no moment that a torque comes back from. (Of a rokae whose second gear has play, a sensor and a
 drive fell from 60 N m to 0 for 0.01 s behind each turn: 4 % were left of the torque for 0.8, and all of it
-was called noise.)
+was called noise.) A magnitude comes down to zero as well where its torque changes its sign.
 """
 
 from __future__ import annotations
@@ -62,14 +62,19 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
     turning = f"{label} turns" + (f", and joint {listed(others)} with it" if others else "")
     looked = "" if excerpt.every == 1 else f" in the rows that were looked at, one in {excerpt.every}"
     gears = " or ".join((label, *others))
+    torques = [excerpt.column(columns.signals.index(name)) for name in names]
+    one_sided = any(x.min() >= 0 or x.max() <= 0 for x in torques)  # then it may be a magnitude that turns
+    or_turned = ", or it is recorded without its sign, which would change there" if one_sided else ""
+    with_sign = "record torques with their signs, " if one_sided else ""
     yield Check(
         "torque_drop",
         names,
         f"{listed(names)} {'falls' if len(names) == 1 else 'fall'} to about zero {len(moments)} times"
         f"{looked}, for up to {longest:.2g} s, {count} of them within {after:g} s after joint {turning}, "
         f"which is {100 * share:.2g} % of the time: nothing is passed on meanwhile, as while a gear with "
-        "play goes from one flank to the other",
-        f"look for play in the gear of joint {gears}, and record it faster than this log to measure it",
+        f"play goes from one flank to the other{or_turned}",
+        f"{with_sign}look for play in the gear of joint {gears}, and record it faster than this log to "
+        "measure it",
     )
 
 

@@ -274,6 +274,18 @@ def test_rows_that_repeat_the_one_before_some_at_a_time(tmp_path, robot, kinds, 
     assert "frozen" in checks and f"repeat the one before in {words}, for 0.16 s at a time" in text
 
 
+def test_torques_that_stand_for_long_at_the_start_are_no_lost_messages(tmp_path):
+    """As those that are recorded late begin."""
+
+    def change(log):
+        for name, table in log.tables.items():
+            first = np.maximum(np.arange(len(table["t"])), 75)
+            log.tables[name] = {k: x[first] if k.startswith("tau") else x for k, x in table.items()}
+
+    text, _ = refused(strangers_log(tmp_path, "kuka_lwr4plus", (50, False, False, False), change))
+    assert "stand still at" in text and "messages" not in text
+
+
 @pytest.mark.parametrize("robot", ["rokae_xmate3pro", "kuka_lwr4plus"])
 def test_few_rows_that_repeat_the_one_before_are_no_encoder_that_slipped(tmp_path, robot):
     """Eight rows in 160 that hold all signals: the position was told to leap and stay, as an encoder's."""

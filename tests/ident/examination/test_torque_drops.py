@@ -46,6 +46,16 @@ def test_what_falls_to_zero_where_a_joint_turns(joint):
     assert f"gear of joint {joint + 1}" in told.remedy
 
 
+@pytest.mark.parametrize(("least", "magnitude"), [(0.0, True), (-0.1, False)])
+def test_a_torque_of_one_sign_may_be_a_magnitude(least, magnitude):
+    """Of an LWR4+ whose torques had lost their signs play in a gear was told alone."""
+    tau = _torques()
+    for row in _turning(1):
+        tau[row + 2 : row + 5, 1] = least
+    (told,) = _said(tau)
+    assert ("without its sign" in told.message) is magnitude is ("with their signs" in told.remedy)
+
+
 def test_joints_that_turn_together_are_both_told():
     """One signal for both: whose gear it is nothing tells. A torque that falls elsewhere is not named."""
     tau = _torques()
