@@ -447,26 +447,31 @@ def units(
 ) -> Iterator[Check]:
     """Positions beyond what joints reach, for two rows at least: counts of an encoder; torques that only N mm
     give. One joint may go beyond two turns; where all that move do it is what a diagnosis begins with. (Of a
-    TX40 in degrees it said that structure in four joints' torques is unexplained.)"""
+    TX40 in degrees it said that structure in four joints' torques is unexplained.) In whole numbers it is no
+    position behind a gear. (Of a KR 300's sixth in counts of 4096 a turn that was told, or degrees.)"""
     n = columns.n
     reach = np.maximum(np.abs(lowest), np.abs(highest))
     for k in range(n):  # of spikes that stand too close to be told it was said to be in degrees
         x = np.abs(excerpt.column(k))
         reach[k] = np.minimum(x[:-1], x[1:]).max(initial=0.0)
-    counts = [k for k in range(n) if reach[k] > COUNTS]
+    no_doubt = {*np.flatnonzero(columns.prismatic), *mender.mending().wrap_columns}  # leaps by 2 pi are rad
+    far = [k for k in range(n) if TURNS < reach[k] <= COUNTS and k not in no_doubt]
+    whole = [k for k in far if np.median(np.abs(excerpt.column(k) - np.rint(excerpt.column(k)))) == 0]
+    counts = [k for k in range(n) if reach[k] > COUNTS or k in whole]
     if counts:
         names = [columns.signals[k] for k in counts]
         change = {"scale": "2*pi/(counts per turn * gear ratio)"}
         yield Check(
             "angle_unit",
             tuple(names),
-            f"{names[0]} reaches {reach[counts[0]]:.4g}, which no joint does in rad: {listed(names)} "
-            f"{'look' if counts[1:] else 'looks'} like an encoder's counts",
-            f"write columns: {{{names[0]}: {{scale: {change['scale']}}}, ...}} in the study, as a number",
+            f"{names[0]} reaches {reach[counts[0]]:.4g}{' in whole numbers' if counts[0] in whole else ''}, "
+            f"which no joint does in rad: {listed(names)} {'look' if counts[1:] else 'looks'} like an "
+            f"encoder's counts{', or degrees without decimals' if whole else ''}",
+            f"write columns: {{{names[0]}: {{scale: {change['scale']}}}, ...}} in the study, as a number"
+            f"{', or scale: 0.0174533 if degrees' if whole else ''}",
             outcome="refused",
         )
-    no_doubt = {*np.flatnonzero(columns.prismatic), *mender.mending().wrap_columns}  # leaps by 2 pi are rad
-    far = [k for k in range(n) if TURNS < reach[k] <= COUNTS and k not in no_doubt]
+    far = [k for k in far if k not in whole]
     if far:
         names = [columns.signals[k] for k in far]
         going = (highest - lowest)[:n] > MOVED

@@ -44,6 +44,17 @@ def test_a_diagnosis_begins_with_positions_that_no_arm_has_in_rad(arm, turned, o
     assert ([*unsettled([told])] != []) == open_
 
 
+@pytest.mark.parametrize("largest", [40.0, 700.0])
+def test_a_position_in_whole_numbers_is_in_counts(arm, largest):
+    """Of a KR 300's sixth in counts of 4096 a turn degrees were told, its motor or another signal."""
+    (run, *_) = simulate(arm, seed=3).recordings
+    columns = {name: x for name, x in run.columns.items() if not name.startswith("dq")}
+    columns["q2"] = np.rint(largest * columns["q2"] / np.abs(columns["q2"]).max())
+    study = ident.Study(robot=str(arm), recordings=[ident.Recording(pa.table(columns), "identify")])
+    with pytest.raises(ident.Error, match="q2 looks like an encoder's counts, or degrees"):
+        prepare_study(study)
+
+
 @pytest.mark.first_case
 @pytest.mark.parametrize("stiffness", [1.0, 5.0, 20.0])
 @pytest.mark.parametrize("joint", [1, 2])
