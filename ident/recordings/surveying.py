@@ -126,6 +126,8 @@ def surveyed(stream: RecordingStream, study: Study) -> Surveyed:
     if rows < MIN_SAMPLES:
         frozen = sum(int(its.max()) for kind, its in mender.counts.items() if kind in ("frozen", "ended"))
         beside = f" beside {frozen} that are frozen, in which nothing at all changes" if frozen else ""
+        empty = len(mender.mending().dropped) - frozen  # for so long that nothing says where the joint was
+        beside += f" beside {empty} in which a position has no value" if empty > 0 else ""
         raise RecordingError(
             stream.file,
             f"holds only {rows} samples{beside}{_whole(stream)}, at least {MIN_SAMPLES} are needed; record "

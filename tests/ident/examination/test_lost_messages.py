@@ -4,7 +4,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from planted import ON_RECORDINGS, measured, parted, planted, refused, tables
+from planted import ON_RECORDINGS, measured, parted, planted, refused, strangers_log, tables
 
 import ident
 from ident.equations.prepared import prepare_study
@@ -119,6 +119,19 @@ def test_a_log_that_is_frozen_from_a_row_on_has_lost_none_before_it(tmp_path, at
             prepare_study(study)
     else:
         assert {c.check for c in tables(study)} == {"frozen"}
+
+
+def test_a_run_that_is_too_short_beside_what_has_no_value(tmp_path):
+    """Of 74 rows of a Kinova, 50 of them zeros, it was told that 24 are too few, and to record longer."""
+
+    def ended(log):
+        for name, table in log.tables.items():
+            rows = np.arange(len(table["t"])) < 24
+            log.tables[name] = {k: x if k == "t" else np.where(rows, x, 0.0) for k, x in table.items()}
+
+    study = strangers_log(tmp_path, "kinova_gen3_joint7_friction", (50, False, False, True), ended)
+    with pytest.raises(ident.Error, match="only 24 samples beside 50 in which a position has no value"):
+        prepare_study(study)
 
 
 @pytest.mark.parametrize("role", ["validate", "identify"])
