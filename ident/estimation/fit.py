@@ -269,7 +269,7 @@ def fit_systems(
     ]
     found = [*examine_tables(prepared), *checks]
     of_one_run = {name for term in terms if term.place.recording is not None for name in term.names}
-    found += excitation(full, fitted, resting(prepared), of_one_run)
+    found += excitation(full, fitted, resting(prepared), of_one_run, found)
     found += sentences("feedback", [said] if its.feedback and (said := its.feedback.sentence()) else [])
     notes += [f"{name} held at its physical bound, zero" for name in at_bound]
     notes += payload_notes(study, estimate, covariance)

@@ -44,9 +44,12 @@ def excitation(
     systems: Sequence[RecordingSystem],
     resting: Collection[str],
     of_one_run: Collection[str] = (),
+    told: Sequence[Check] = (),
 ) -> list[Check]:
     """Which parameters the motion leaves open; resting: labels of the joints that never move; of_one_run:
-    parameters of effects that act in one recording alone, which others do not show."""
+    parameters of effects that act in one recording alone, which others do not show; told: what checks found.
+    How far a recording with positions to be read otherwise excites anything says nothing of the others. (Of
+    a TX40 with its fourth position in degrees in one run the other run was told to excite too little.)"""
     cure = (
         f"record joint {listed(sorted(resting))} moving"
         if resting
@@ -71,6 +74,8 @@ def excitation(
             f"the motion hardly excites {_named(full.weak)} (condition number {full.condition_number:.3g})"
         )
         out.append(_open(full.weak, message, cure))
+    doubted = {c.recording for c in told if "columns:" in c.remedy and any(x[0] == "q" for x in c.signals)}
+    systems = [system for system in systems if system.label not in doubted]
     return [*out, *_blind_runs(full, systems, of_one_run)] if len(systems) > 1 else out
 
 

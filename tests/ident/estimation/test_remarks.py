@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from ident.estimation.remarks import implausible
+from ident.estimation.remarks import excitation, implausible
 from ident.examination.check import Check
 
 SCALED = Check("torque_scale", ("tau_m2",), "in N mm", "columns: {tau_m2: {scale: 0.001}}")
@@ -32,3 +32,18 @@ def test_a_joint_that_slides_in_the_robot_file_is_asked_for_first():
     estimate = SimpleNamespace(parameters=("M1R",), chi=np.array([5e3]))
     (check,) = implausible(estimate, np.ones(1), ("tau_m1",), (), (), ["1"])
     assert check.remedy.startswith("correct the robot file if joint 1 does not slide; ")
+
+
+DEGREES = Check("angle_unit", ("q4",), "q4 is in degrees", "columns: {q4: {scale: 0.0174533}}", recording="b")
+
+
+@pytest.mark.parametrize(("told", "blind"), [((), ["a"]), ((RESTS,), ["a"]), ((DEGREES,), [])])
+def test_a_recording_in_another_unit_says_nothing_of_how_others_excite(told, blind):
+    """Of a TX40 with its fourth position in degrees in one run the other was told to excite too little."""
+    full = SimpleNamespace(
+        parameters=("XX4R", "ZZ4R"), chi=np.ones(2), sigma=np.ones(1), dependent=(), weak=()
+    )
+    factors = [SimpleNamespace(columns=np.arange(2), R=R, rows=10) for R in (np.eye(3), np.eye(3))]
+    factors[1].R = np.diag([1e3, 1.0, 1.0])
+    systems = [SimpleNamespace(label=label, factors=(its,)) for label, its in zip("ab", factors)]
+    assert [c.recording for c in excitation(full, systems, (), (), told)] == blind
