@@ -241,7 +241,7 @@ def periods(columns: Columns, excerpt: Excerpt) -> dict[int, tuple[float, int]]:
     for k in range(len(columns.signals)):
         x = excerpt.column(k)
         changes = np.count_nonzero(x[1:] != x[:-1]) - 2 * len(excerpt.pieces)
-        if len(x) < (1 + HELD_ROWS) / 2 * changes:  # half of the runs cannot be of HELD_ROWS
+        if len(x) < 1.5 * changes:  # half of the runs cannot be of two rows
             continue
         gaps, steps = [], []
         for _, t, values in excerpt.pieces:
@@ -251,8 +251,8 @@ def periods(columns: Columns, excerpt: Excerpt) -> dict[int, tuple[float, int]]:
         if len(every) < 10:
             continue
         usual = float(np.median(every))
-        alike = np.mean(np.abs(every - usual) <= max(1.0, 0.1 * usual))
-        if usual >= HELD_ROWS and alike > HELD_ALIKE and not _by_single_steps(x):
+        alike = np.mean(np.abs(every - usual) <= max(usual >= HELD_ROWS, 0.1 * usual))  # of few rows the same
+        if usual > 1 and alike > HELD_ALIKE and not _by_single_steps(x):
             found[k] = (usual * float(np.median(steps)), int(usual))
     return found
 

@@ -129,6 +129,18 @@ def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_m
     assert all("of the acceleration" in check.message for check in said)
 
 
+@pytest.mark.parametrize("pattern", [(2,), (3,), (1, 2), (1, 3, 2)])
+def test_a_signal_that_is_new_every_two_rows_is_held(pattern):
+    """Of a Barrett's first torque at 50 Hz, new every 0.04 s, nothing was said."""
+    rows = np.repeat(np.arange(1000), np.resize(pattern, 1000))[:1000]
+    t = np.arange(1000) / 50
+    excerpt = Excerpt()
+    excerpt.take((np.arange(len(t)), t, np.column_stack([np.sin(t), np.cos(2.1 * t)[rows]])))
+    columns = Columns("run", ("q1", "tau_m1"), np.array([0, 0]), ("1",), {}, ("tau_m1",), np.array([False]))
+    held = {1: (pytest.approx(pattern[0] / 50), pattern[0])} if len(pattern) == 1 else {}
+    assert periods(columns, excerpt) == held
+
+
 @pytest.mark.parametrize("rate", [0.03, 0.06, 0.1])
 def test_even_motion_in_steps_is_not_held(rate):
     """Of a joint that turns at a constant rate, in steps of half a degree at 50 Hz, it was told that it is
