@@ -229,6 +229,7 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
         return none
     miss = np.abs(c - (-a + 4 * b + 4 * d - e) / 6)
     candidates &= off > LONE * miss  # beside a leap the prediction fails by half of it, the median hardly
+    off = np.minimum(off, miss)  # where it turns it is off the median, and as its neighbours foretell
     changes = np.abs(np.diff(x))
     changes = changes[changes > 0]
     smallest = np.quantile(changes, 0.1) if len(changes) else np.inf

@@ -286,6 +286,14 @@ def test_torques_that_stand_for_long_at_the_start_are_no_lost_messages(tmp_path)
     assert "stand still at" in text and "messages" not in text
 
 
+def test_where_a_position_turns_is_no_spike(tmp_path):
+    """Of a clean KR 300 at 50 Hz samples of five positions were spikes at the ends of its moves: off the
+    median of five, as any extremum is, and where their neighbours foretell them."""
+    study = strangers_log(tmp_path, "kuka_kr300", (50, False, False, False), lambda log: None)
+    spikes = {name for check in tables(study) if check.check == "spike" for name in check.signals}
+    assert not {name for name in spikes if name[0] == "q"}
+
+
 @pytest.mark.parametrize("robot", ["rokae_xmate3pro", "kuka_lwr4plus"])
 def test_few_rows_that_repeat_the_one_before_are_no_encoder_that_slipped(tmp_path, robot):
     """Eight rows in 160 that hold all signals: the position was told to leap and stay, as an encoder's."""
