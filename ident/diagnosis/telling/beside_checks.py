@@ -30,11 +30,11 @@ def beside_faults(findings: Sequence[Finding], standing: Sequence[Check]) -> tup
 
 
 def assumed(checks: Iterable[Check]) -> tuple[Check, ...]:
-    """Of several causes that the recordings do not tell apart the first is undone, and no finding says so:
-    all else is told as if it were there. (An LWR4+ whose third joint was homed 90 degrees off was read with
-    joints 3 and 6 exchanged, and its verdict was structure in joint 6.)"""
-    open_ = (c for c in checks if c.open and not c.hint and undoing(c) is not None)
-    return tuple(c for c in open_ if not _effects_of(c))
+    """Of several causes that the recordings do not tell apart the first is undone: all else is told as if it
+    were there. (An LWR4+ whose third joint was homed 90 degrees off was read with joints 3 and 6 exchanged,
+    and its verdict was structure in joint 6; that of a rokae whose seventh torque is turned, or its position,
+    that the torque is.)"""
+    return tuple(c for c in checks if c.open and not c.hint and undoing(c) is not None)
 
 
 def beside_doubts(
