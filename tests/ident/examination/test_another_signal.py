@@ -466,3 +466,19 @@ def test_what_two_other_torques_gain_hides_no_torque_of_one_run(tmp_path):
     study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, False, True), large)
     (told,) = examine_fit(prepare_study(study))
     assert told.recording == "run2" and re.search(r"tau_l5 is (2\.[6-9]|3)\S* times too large", told.message)
+
+
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("hit", [("run1", "run2"), ("run1",)])
+def test_what_friction_says_of_all_recordings_is_not_hidden_by_one(tmp_path, hit):
+    """Of a Franka at 50 Hz with its last torque turned it was told that its second position is noisy in one
+    of two runs; turned in one alone it is that one's."""
+
+    def turned(log):
+        for name in hit:
+            log.tables[name]["tau_l7"] = -log.tables[name]["tau_l7"]
+
+    study = strangers_log(tmp_path, "franka_panda", (50, False, False, False), turned)
+    (told, *_) = examine_fit(prepare_study(study))
+    assert (told.check, told.signals) == ("torque_sign", ("tau_l7",))
