@@ -248,8 +248,7 @@ def _bent(term: Term, motion: Motion, model: FittedModel) -> bool:
     size = np.array(term.size)
     if term.effect.state is not None or not size.any():
         return False
-    signals = {name: getattr(motion, name)[:PROBE] for name in ("t", "q", "dq", "ddq", "sign_dq")}
-    few = replace(motion, **signals, measured=None)
+    few = replace(motion.only(slice(PROBE)), measured=None)
     one, other = (
         term.effect.columns(term.place, term.theta, times * size, few, model, {}) for times in (1.0, 1.3)
     )

@@ -137,7 +137,4 @@ def _thinned(motion: Motion, seconds: float) -> Motion:
     """Its first seconds at HZ or a little more."""
     every = max(int(motion.rate_hz // HZ), 1)
     kept = slice(0, max(int(seconds * motion.rate_hz), 1), every)
-    names = ("t", "q", "dq", "ddq", "sign_dq")
-    return replace(
-        motion, **{n: getattr(motion, n)[kept] for n in names}, measured=None, rate_hz=motion.rate_hz / every
-    )
+    return replace(motion.only(kept), measured=None, rate_hz=motion.rate_hz / every)
