@@ -106,8 +106,8 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     same = alike((its for its in pool if its.zero or not its.recording), before, best.explained)
     whose = [best.recording if its.recording else "" for its in same]  # that of words which say it themselves
     everywhere = [Changed(its, (), "", r.words, "", r.explained) for r, its in zip(same, whose)]
-    if any(gain(its) > gain(best) for its in everywhere):
-        return
+    if any(gain(its) > gain(best) for its, r in zip(everywhere, same) if not r.beside):
+        return  # by what is told nowhere else; the others stand beside it
     once = {
         (its.recording, its.check, its.signals): its for its in sorted(found, key=gain) if its is not best
     }
