@@ -94,6 +94,20 @@ def test_rows_that_are_gone_though_the_stamps_go_on(tmp_path, gone):
     assert all("3 rows are missing there" in c.message for c in told)
 
 
+@pytest.mark.parametrize("late", [1, 3])
+def test_no_row_is_gone_where_some_come_late_and_are_made_up_for(tmp_path, late):
+    """Of a Franka at 100 Hz whose signals were new every 0.01 s a row was told to be missing, three behind
+    one that repeats the one before it."""
+
+    def held(c):
+        rows = np.arange(len(c["t"]))
+        from_row = np.where((rows >= 700) & (rows < 700 + late), rows - 1, rows)
+        return {k: x if k == "t" else x[from_row] for k, x in c.items()}
+
+    told = tables(planted(tmp_path, held, measured("kuka_kr300")))
+    assert not [c for c in told if c.check == "lost_rows"]
+
+
 def test_no_row_is_gone_where_a_joint_stands_still_but_for_single_steps():
     """Of a rokae as it is five rows were told to be missing within 50."""
     study = measured("rokae_xmate3pro")
