@@ -76,6 +76,7 @@ def motion_of(stream: RecordingStream, block: FilteredBlock, columns: Columns) -
         block.sign_dq,
         columns.torque(block),
         stream.rate_hz,
+        block.before,
     )
 
 

@@ -51,7 +51,8 @@ class FineSegment:
     first; q, dq, ddq, sign_dq (N, n), speed (N, n) whose sign it is, certain (N, n) 0..1, the mean of the
     samples about each, measured (N, C) Y as recorded (a mean of it has no steps where friction turns over: a
     TX40's torques that all came 20 ms late were then told of no delay); rate_hz of the fine samples; every:
-    fine samples from one row to the next; vs (n,) the speed from which a sign is certain."""
+    fine samples from one row to the next; vs (n,) the speed from which a sign is certain;
+    before (k, n) q on the way to the first sample."""
 
     recording: int
     label: str
@@ -69,6 +70,7 @@ class FineSegment:
     filter: LowPass
     every: int
     vs: np.ndarray
+    before: np.ndarray | None = None
 
     @property
     def rows(self) -> int:
@@ -82,8 +84,8 @@ class FineSegment:
     @property
     def motion(self) -> Motion:
         """The stretch as effects see it."""
-        moving = self.q, self.dq, self.ddq, self.sign_dq
-        return Motion(self.label, self.payload, self.t - self.begun, *moving, self.measured, self.rate_hz)
+        moving, measured = (self.q, self.dq, self.ddq, self.sign_dq), (self.measured, self.rate_hz)
+        return Motion(self.label, self.payload, self.t - self.begun, *moving, *measured, self.before)
 
     def decimate(self, columns: np.ndarray, joint: int | None = None) -> np.ndarray:
         """(N, k), weighted by a joint's certainty as its rows are -> (rows, k)."""
@@ -158,6 +160,7 @@ class FineKeeper:
         self.streams: dict[str, RecordingStream] = {}
         self.seen: dict[tuple[str, int], int] = {}
         self.vs: dict[str, np.ndarray] = {}
+        self.before: dict[tuple[str, int], np.ndarray | None] = {}
         self.spool = Spool() if on_disk else None
 
     def __call__(self, stream: RecordingStream, index: int, block: FilteredBlock) -> None:
@@ -165,6 +168,7 @@ class FineKeeper:
         seen = self.seen.get(key, 0)
         pick = slice((step - 1 - seen) % step, None, step)
         self.seen[key] = seen + len(block.t)
+        self.before.setdefault(key, block.before)
         self.streams[stream.label], self.vs[stream.label] = stream, block.vs
         speed = block.dq if block.speed is None else block.speed
         signals = [part[pick].T for part in (block.q, block.dq, block.ddq, block.sign_dq, speed)]
@@ -216,6 +220,7 @@ class FineKeeper:
             LowPass(self.cutoff_hz, stream.rate_hz / step, self.order),
             each,
             self.vs[stream.label],
+            None if cut.start else self.before[key],
         )
 
     def _steps(self, stream: RecordingStream) -> tuple[int, int]:

@@ -68,7 +68,8 @@ class FilteredBlock:
     filtered with the position filter when that was asked). vs (n,) is the speed from which a sign is certain,
     certain (N, n) the weight 0..1 that follows from it, speed (N, n) the rate whose sign it is. motor_ddq
     (N, n): the motors' own acceleration where q is the joints' (`positions: joint`). real (N, n), bool: where
-    the joint's torque and all positions were measured, not put in for samples that were lost.
+    the joint's torque and all positions were measured, not put in for samples that were lost. before (k, n):
+    of a stretch's first block q on the way to its first sample.
     """
 
     t: np.ndarray
@@ -83,6 +84,7 @@ class FilteredBlock:
     speed: np.ndarray | None = None
     motor_ddq: np.ndarray | None = None
     real: np.ndarray | None = None
+    before: np.ndarray | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -320,6 +322,7 @@ def _block(
         speed[span],
         None if its.bent is None else (ddq + second_difference(its.bent, rate))[span],
         its.weight[span] > 0,
+        None if its.first else its.q[2:-2][: span.start],
     )
 
 

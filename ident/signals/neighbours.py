@@ -10,6 +10,8 @@ import numpy as np
 
 from ident.signals.filtering import FilteredBlock
 
+WHOLE = ("vs", "before")  # of a block, no signals along it
+
 
 def by_segment(
     blocks: Iterable[tuple[int, FilteredBlock]],
@@ -47,7 +49,8 @@ def wide_blocks(blocks: Iterable[FilteredBlock], halo: int) -> Iterator[tuple[Fi
 
 def sliced(block: FilteredBlock, rows: slice) -> FilteredBlock:
     """Some samples of a block."""
-    return _mapped(block, lambda name: getattr(block, name)[rows])
+    its = _mapped(block, lambda name: getattr(block, name)[rows])
+    return replace(its, before=None) if rows.start else its
 
 
 def picked(block: FilteredBlock, rows: np.ndarray) -> FilteredBlock:
@@ -62,5 +65,5 @@ def joined(blocks: Sequence[FilteredBlock]) -> FilteredBlock:
 
 def _mapped(block: FilteredBlock, made: Callable[[str], np.ndarray]) -> FilteredBlock:
     """A block with every signal that `block` has made by its name."""
-    signals = [f.name for f in fields(block) if f.name != "vs" and getattr(block, f.name) is not None]
+    signals = [f.name for f in fields(block) if f.name not in WHOLE and getattr(block, f.name) is not None]
     return replace(block, **{name: made(name) for name in signals})

@@ -123,6 +123,8 @@ class Effect(Expressions, Telling):
         if j is not None:
             out |= {"q": motion.q[:, j], "dq": motion.dq[:, j], "ddq": motion.ddq[:, j]}
             out["sign_dq"] = motion.sign_dq[:, j]
+            if motion.before is not None:
+                out["before"] = motion.before[:, j]
             if "tau_link" in needs:
                 out["tau_link"] = model.link_torque(motion)[:, j]
             if "friction" in needs:

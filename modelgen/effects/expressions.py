@@ -7,7 +7,7 @@ import sympy as sp
 
 from modelgen.effects import evaluation
 from modelgen.effects.definition import Definition, EffectError
-from modelgen.effects.memory import Memory, carried
+from modelgen.effects.memory import Memory, at_first, carried
 from modelgen.effects.parameters import STATES
 
 Array = np.ndarray
@@ -47,17 +47,12 @@ class Expressions(Definition):
             return {}
         state = self.state
         t = signals.get("t", np.arange(len(signals["q"])))
-        return {
-            "z": carried(
-                memory,
-                (self.name, key),
-                recording,
-                t,
-                signals["q"],
-                lambda q, first: state.integrate(q, theta, first),
-                state.initial,
-            )
-        }
+
+        def along(q: Array, first: float) -> Array:
+            return state.integrate(q, theta, first)
+
+        begun = at_first(signals, along, state.initial)
+        return {"z": carried(memory, (self.name, key), recording, t, signals["q"], along, begun)}
 
     def _signal_values(
         self, signals: Mapping[str, Array], theta: Mapping[str, float]
@@ -73,5 +68,6 @@ class Expressions(Definition):
         missing = sorted(needs - set(values))
         if missing:
             raise EffectError(f"{self.name} needs the signal {', '.join(missing)}, which was not given.")
+        values.pop("before", None)  # of another length
         rows = max((v.shape[0] for v in values.values() if v.ndim), default=1)
         return values, rows

@@ -2,17 +2,16 @@
 
 A memory is one dict that the caller keeps for one pass over the recordings. An effect puts there, under its
 own key, the instants, the driving signal and the state of the last block; the next block begins from the
-sample before its own first one. A gap or another recording begins relaxed. Blocks may overlap.
+sample before its own first one. A gap or another recording begins relaxed, where the way to its first sample
+does. Blocks may overlap.
 
 Tried, and not taken: to integrate along the positions whose sign friction takes, filtered at four times the
-cut-off of the others, and to begin slid in. Of an arm in an independent simulator, which was under way at its
-first sample, Dahl's friction was then 3.40 N m, as it is, for 3.27, and no Maxwell slip said more than it. Of
-measured robots, whose torques are filtered and which begin at rest, more was left: by the first of a UR10e's
-joint 4 5.2 % for 4.4, of a Kinova's joint 7 3.3 for 3.0; by the second of an AIRBOT's joint 6 35 for 23, of a
-TX40's joint 1 3.7 for 3.0.
+cut-off of the others. Of an arm in an independent simulator Dahl's friction was then 3.40 N m, as it is, for
+3.27; of measured robots, whose torques are filtered, more was left (a UR10e's joint 4 5.2 % for 4.4, of a
+Kinova's joint 7 3.3 for 3.0). And to begin slid in: of an AIRBOT's joint 6 35 % were left for 23.
 """
 
-from collections.abc import Callable, Hashable, MutableMapping
+from collections.abc import Callable, Hashable, Mapping, MutableMapping
 from typing import Any
 
 import numpy as np
@@ -45,3 +44,15 @@ def carried(
     if memory is not None:
         memory[key] = (recording, t, drive, z)
     return z
+
+
+def at_first(
+    signals: Mapping[str, Array], integrate: Callable[[Array, float], Array], relaxed: float
+) -> float:
+    """A state at the first sample, relaxed where the way there begins. (Relaxed at the first sample that a
+    filter's transients leave, one row of 370 was off by a quarter of a friction, and a Maxwell slip was told
+    for Dahl's law.)"""
+    before = signals.get("before")
+    if before is None or not len(before):
+        return relaxed
+    return float(integrate(np.append(before, signals["q"][0]), relaxed)[-1])

@@ -128,7 +128,8 @@ class Motion:
     """One uninterrupted, uniformly sampled stretch of a recording, or a block of one.
 
     t (N,) s since the recording's first sample; q, dq, ddq, sign_dq (N, n), rad or m, sign_dq the sign of dq
-    or its smoothed form; measured (N, C) N m or N as recorded, in the model's channels, or None.
+    or its smoothed form; measured (N, C) N m or N as recorded, in the model's channels, or None; before
+    (k, n) positions on the way to the first sample, or None.
     """
 
     recording: str
@@ -140,11 +141,14 @@ class Motion:
     sign_dq: Array
     measured: Array | None
     rate_hz: float
+    before: Array | None = None
 
     def only(self, rows: slice) -> Motion:
         """These samples of it alone."""
         parts = {name: getattr(self, name)[rows] for name in ("t", "q", "dq", "ddq", "sign_dq")}
-        return replace(self, **parts, measured=None if self.measured is None else self.measured[rows])
+        before = None if rows.start else self.before
+        measured = None if self.measured is None else self.measured[rows]
+        return replace(self, **parts, measured=measured, before=before)
 
 
 def torque_slopes(torque: Callable[[Motion, Array, Array, Array], Array], motion: Motion, j: int) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Array, Effect, LinearParameter, NonlinearParameter, Quantity
-from modelgen.effects.memory import Memory, carried
+from modelgen.effects.memory import Memory, at_first, carried
 from modelgen.effects.place import Model
 from modelgen.effects.states import integrate_play
 
@@ -79,7 +79,8 @@ class MaxwellSlip(Effect):
             def slip(path: Array, first: float, travel: Mapping[str, float] = travel) -> Array:
                 return integrate_play(path, travel, first)
 
-            out[name] = carried(memory, (self.name, key, name), recording, t, q, slip, 0.0)
+            begun = at_first(signals, slip, 0.0)
+            out[name] = carried(memory, (self.name, key, name), recording, t, q, slip, begun)
         return out
 
 
