@@ -160,7 +160,7 @@ class FineKeeper:
         self.streams: dict[str, RecordingStream] = {}
         self.seen: dict[tuple[str, int], int] = {}
         self.vs: dict[str, np.ndarray] = {}
-        self.before: dict[tuple[str, int], np.ndarray | None] = {}
+        self.before: dict[tuple[str, int], np.ndarray] = {}
         self.spool = Spool() if on_disk else None
 
     def __call__(self, stream: RecordingStream, index: int, block: FilteredBlock) -> None:
@@ -168,7 +168,8 @@ class FineKeeper:
         seen = self.seen.get(key, 0)
         pick = slice((step - 1 - seen) % step, None, step)
         self.seen[key] = seen + len(block.t)
-        self.before.setdefault(key, block.before)
+        if key not in self.before and block.before is not None:  # copied: a view would hold its whole window
+            self.before[key] = block.before[::-step][::-1].copy()
         self.streams[stream.label], self.vs[stream.label] = stream, block.vs
         speed = block.dq if block.speed is None else block.speed
         signals = [part[pick].T for part in (block.q, block.dq, block.ddq, block.sign_dq, speed)]
@@ -220,7 +221,7 @@ class FineKeeper:
             LowPass(self.cutoff_hz, stream.rate_hz / step, self.order),
             each,
             self.vs[stream.label],
-            None if cut.start else self.before[key],
+            None if cut.start else self.before.get(key),
         )
 
     def _steps(self, stream: RecordingStream) -> tuple[int, int]:

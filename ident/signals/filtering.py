@@ -69,7 +69,7 @@ class FilteredBlock:
     certain (N, n) the weight 0..1 that follows from it, speed (N, n) the rate whose sign it is. motor_ddq
     (N, n): the motors' own acceleration where q is the joints' (`positions: joint`). real (N, n), bool: where
     the joint's torque and all positions were measured, not put in for samples that were lost. before (k, n):
-    of a stretch's first block q on the way to its first sample.
+    q of the samples ahead of those, none behind a stretch's first block.
     """
 
     t: np.ndarray
@@ -322,7 +322,7 @@ def _block(
         speed[span],
         None if its.bent is None else (ddq + second_difference(its.bent, rate))[span],
         its.weight[span] > 0,
-        None if its.first else its.q[2:-2][: span.start],
+        its.q[2:-2][: span.start],
     )
 
 

@@ -123,8 +123,6 @@ class Effect(Expressions, Telling):
         if j is not None:
             out |= {"q": motion.q[:, j], "dq": motion.dq[:, j], "ddq": motion.ddq[:, j]}
             out["sign_dq"] = motion.sign_dq[:, j]
-            if motion.before is not None:
-                out["before"] = motion.before[:, j]
             if "tau_link" in needs:
                 out["tau_link"] = model.link_torque(motion)[:, j]
             if "friction" in needs:
@@ -139,7 +137,8 @@ class Effect(Expressions, Telling):
             out["ddq_source"] = motion.ddq[:, source]
             if "sign_sum" in needs:
                 out["sign_sum"] = sign_of_sum(motion, j, source)
-        return out | self.states(out, theta, motion.recording, memory, place)
+        way = {} if j is None else motion.way(j)
+        return out | self.states(out | way, theta, motion.recording, memory, place)
 
     def columns(
         self,

@@ -68,6 +68,5 @@ class Expressions(Definition):
         missing = sorted(needs - set(values))
         if missing:
             raise EffectError(f"{self.name} needs the signal {', '.join(missing)}, which was not given.")
-        values.pop("before", None)  # of another length
         rows = max((v.shape[0] for v in values.values() if v.ndim), default=1)
         return values, rows

@@ -143,6 +143,11 @@ class Motion:
     rate_hz: float
     before: Array | None = None
 
+    def way(self, joint: int) -> dict[str, Array]:
+        """What a joint's states go along: t, q (N,), and `before` (k,) where it is known."""
+        way = {"t": self.t, "q": self.q[:, joint]}
+        return way if self.before is None else way | {"before": self.before[:, joint]}
+
     def only(self, rows: slice) -> Motion:
         """These samples of it alone."""
         parts = {name: getattr(self, name)[rows] for name in ("t", "q", "dq", "ddq", "sign_dq")}

@@ -35,6 +35,7 @@ def replaced(
     one that it contains, which that fit can be made of: what is left is then asked anew. (Of an arm with
     Dahl's friction a Maxwell slip, 1,612 nats for 1,589, had a negative element in the last fit, and no
     effect of the catalogue had that shape.)"""
+    anew = False
     for at, step in enumerate(outcome.steps):
         if step.term.key not in refused:
             continue
@@ -49,10 +50,12 @@ def replaced(
                 left = tuple(e for e in step.equivalent if e.term.key != term.key)
                 outcome = other.with_step(at, replace(other.steps[at], equivalent=left))
                 last, refused = fit, still
-                if term.key not in alike:
-                    outcome = _asked_anew(outcome, alpha)
+                anew |= term.key not in alike
                 break
-    return outcome, last, refused
+    rest = _asked_anew(outcome, alpha) if anew else outcome
+    if len(rest.steps) < len(outcome.steps):  # what does not stand beside what is left goes out of the fit
+        last, refused = extended(known, rest, base, alpha, silent)
+    return rest, last, refused
 
 
 def _asked_anew(outcome: Outcome, alpha: float) -> Outcome:
@@ -102,11 +105,9 @@ def compared_exactly(
 
 def _left_anew(outcome: Outcome, alpha: float) -> Outcome:
     """Without what functions explained beside another explanation, and explain no more beside this one."""
-    first = [u for u in outcome.unnamed if u.nearest is not None]  # asked for; the others were left over
-    if len(first) == len(outcome.unnamed):
+    if all(u.nearest is not None for u in outcome.unnamed):  # nothing was left over
         return outcome
-    *_, left = leftovers(outcome.last, list(outcome.steps), first, outcome.tau, alpha)
-    there = {u.channel for u in (*first, *left)}
+    there = {u.channel for u in _asked_anew(outcome, alpha).unnamed}
     return replace(outcome, unnamed=tuple(u for u in outcome.unnamed if u.channel in there))
 
 

@@ -5,6 +5,7 @@
     a joint's friction changes with its load, or a spring pulls on it
     a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, drifts, or holds another joint's
+    two joints are in each other's place
     a gear yields, so that its link is not where the motor's position says
 
 Each is fitted to the same rows, the model's parameters with it, so that it can be held against the named one

@@ -202,14 +202,17 @@ def position_steps(
     if held is not None:
         first, stale = held
         rows = first + 1, row
-        said = (
-            f"{'every signal' if stale else columns.signals[k]} stands still in rows {rows[0]} to {rows[1]}"
-        )
-        said += ", and then " + columns.signals[k] if stale else ", in which others change, and then"
-        said += f" leaps by {leap}: "
-        said += (
-            "messages that were lost, the last one written on" if stale else "an encoder or a message held"
-        )
+        name, still = columns.signals[k], f"stands still in rows {rows[0]} to {rows[1]}"
+        if stale:
+            said = (
+                f"every signal {still}, and then {name} leaps by {leap}: messages that were lost, the last "
+            )
+            said += "one written on"
+        else:
+            said = (
+                f"{name} {still}, in which others change, and then leaps by {leap}: an encoder or a message "
+            )
+            said += "that was held"
         remedy = "leave these rows out with from: and to:"
     else:
         rows = row + 1, row + 1

@@ -75,8 +75,7 @@ class Backlash(MotionEffect):
         joint's torque that is not passed on while the motor crosses the gap."""
         j = place.joint
         assert j is not None
-        signals = {"t": motion.t, "q": motion.q[:, j]}
-        z = self.states(signals, self.complete(theta), motion.recording, memory, place)["z"]
+        z = self.states(motion.way(j), self.complete(theta), motion.recording, memory, place)["z"]
         parts = {}
         if "gap" in self.parameters_of(place):
             parts["gap"] = model.slopes(motion, j)[0] * (-0.5 * z)[:, None]

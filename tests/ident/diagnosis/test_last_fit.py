@@ -191,7 +191,8 @@ def test_rivals_are_compared_beside_what_all_of_them_are_told_with(monkeypatch):
     assert fits == [("delay", "friction"), ("lag", "friction")] and asked == [("lag", "friction")]
 
 
-def test_what_no_last_fit_can_be_made_of_may_be_the_simpler_one_that_it_contains(monkeypatch):
+@pytest.mark.parametrize("stays", [True, False])
+def test_what_no_last_fit_can_be_made_of_may_be_the_simpler_one_that_it_contains(monkeypatch, stays):
     """Of Dahl's friction a Maxwell slip whose last fit had a negative element was told as a shape that no
     effect of the catalogue has. What merely passed beside it has been rejected."""
 
@@ -211,13 +212,13 @@ def test_what_no_last_fit_can_be_made_of_may_be_the_simpler_one_that_it_contains
     monkeypatch.setattr(compared_exactly, "swapped", instead)
     monkeypatch.setattr(compared_exactly, "is_told", lambda fit, t: t is dahl)
     monkeypatch.setattr(compared_exactly, "replace", lambda its, **new: SimpleNamespace(**(vars(its) | new)))
-    monkeypatch.setattr(compared_exactly, "extended", lambda *_: ("fit", {}))
-    monkeypatch.setattr(
-        compared_exactly, "_asked_anew", lambda outcome, alpha: (outcome.steps[0].term, "anew")
-    )
+    monkeypatch.setattr(compared_exactly, "extended", lambda _, its, *__: (f"fit of {len(its.steps)}", {}))
+    left = lambda outcome, alpha: study(*outcome.steps[: int(stays)])  # noqa: E731
+    monkeypatch.setattr(compared_exactly, "_asked_anew", left)
     refused = {slip.key: last_fit.Refusal()}
-    told = compared_exactly.replaced(None, study(step), None, "before", refused, 0.01)
-    assert told == ((dahl, "anew"), "fit", {}) and asked == ["dahl"]
+    told, fit, still = compared_exactly.replaced(None, study(step), None, "before", refused, 0.01)
+    assert [s.term for s in told.steps] == [dahl] * stays and asked == ["dahl"]
+    assert (fit, still) == (f"fit of {int(stays)}", {})  # what goes out is in no fit that is handed over
 
 
 def fitted_alone(X, y, roles, columns):

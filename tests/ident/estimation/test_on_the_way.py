@@ -1,7 +1,10 @@
 """What remembers its way does so from where a recording begins, not from the first sample that is used."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from effect_model import arm_model, layout, motion
 
 import ident
 from modelgen.effects import effect
@@ -26,6 +29,17 @@ def test_a_state_goes_on_from_the_way_to_its_first_sample(name):
     whole = its.states({"q": q, "t": np.arange(900.0)}, theta)
     part = its.states({"q": q[200:], "t": np.arange(700.0), "before": q[:200]}, theta)
     assert all(np.allclose(part[z], whole[z][200:]) for z in whole)
+
+
+@pytest.mark.parametrize("name", ["hysteresis", "maxwell_slip", "backlash"])
+def test_its_columns_go_on_as_well(name):
+    """Those of a play made their own way, without what came before."""
+    its, model = effect(name), arm_model()
+    whole = motion(model, 4.0)
+    place = next(place for place in its.places(layout(model)) if place.joint == 1)
+    part = replace(whole.only(slice(700, None)), before=whole.q[:700])
+    one, other = (its.columns(place, its.complete({}), None, m, model, {}) for m in (whole, part))
+    assert all(np.allclose(other[c], one[c][700:]) for c in one)
 
 
 def test_a_fit_knows_it_at_its_first_row(tmp_path):
