@@ -9,10 +9,11 @@ between -Fc and Fc. On a twin of the paper's robot this alone biased every Fc an
 deviations. Hence
   1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long; vs is
      two standard deviations of its noise, estimated for each recording and joint; of a joint that is slow
-     for its encoder (resolution.py) it is the rate with the least error, that of its positions (of a TX40
-     that moved at 0.1 rad/s the steps behind four times their cut-off were three Stribeck frictions), and vs
-     is at least one step in a period of their cut-off: what crosses fewer is that much off, where the noise
-     of all samples is a sixth of it,
+     for its encoder (resolution.py) it is filtered at twice the cut-off of its positions: behind four times
+     that the steps of a TX40 at 0.1 rad/s were three Stribeck frictions, behind that itself a motion that
+     stops turns elsewhere (the state of friction that gives way over 10 to 90 urad: 5 to 20 % wrong, behind
+     twice that 2 to 10). Of such a joint vs is at least one step in a period of that cut-off: what crosses
+     fewer is that much off, where the noise of all samples is a sixth of it,
   2. samples of a joint slower than vs, and of a stretch in which it stands at one place, do not count in its
   channels, from 2 vs on they count fully (`certain`):
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a
@@ -41,13 +42,14 @@ from ident.recordings.recording import MIN_SAMPLES, RecordingStream, Segment
 from ident.recordings.study import FilterSettings
 from ident.signals.dry_friction import TurnOver
 from ident.signals.low_pass import LowPass, fast_length, filtered, reflected, zero_phase
-from ident.signals.resolution import lowest_cutoff, steps_of
+from ident.signals.resolution import best_cutoff, steps_of
 from ident.signals.travelled import Turned, travelled
 
 NOISE_FACTOR = 2.0  # vs in standard deviations of the velocity noise
 INNER = 6144  # rows of a window without its halo: more take more memory, fewer more time
 NOISE_ROWS = 16000  # samples from which that noise is estimated
 STEEPNESS = 2.5  # of the sign between -vs and vs
+SIGN = 2.0  # times the cut-off behind which a joint's steps tell its position best
 
 
 def first_difference(q: np.ndarray, rate_hz: float) -> np.ndarray:
@@ -97,13 +99,13 @@ class FilterBank:
     turn_over: tuple[TurnOver, ...] = ()  # of each joint's dry friction; none given: tanh(2.5 dq / vs)
     resting: tuple[int, ...] = ()  # joints that stand at one place throughout the study
     late: tuple[tuple[int, ...], ...] = ()  # of each joint: samples by which its torques come late, if any do
-    lowest: tuple[float, ...] = ()  # Hz of each joint: what its encoder's steps leave of it (resolution.py)
+    lowest: tuple[float, ...] = ()  # Hz of each joint behind which its steps tell it best (resolution.py)
     hidden: tuple[float, ...] = ()  # rad | m of each joint: a step, within which a turn is hidden
 
     @property
     def filters(self) -> tuple[tuple[LowPass, LowPass], ...]:
         """Of position and sign: one pair for all joints, or one for each."""
-        return tuple((self.position.up_to(hz), self.sign.up_to(hz)) for hz in self.lowest or [np.inf])
+        return tuple((self.position.up_to(hz), self.sign.up_to(SIGN * hz)) for hz in self.lowest or [np.inf])
 
     def responses(self, frequency_hz: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of position and sign filters, (F, 1) or (F, n)."""
@@ -378,7 +380,8 @@ def prepare(
     if lowest is None:
         seconds = [its.move_end - its.move_start for its in stream.survey.segments]
         usual = sum(seconds) / len(seconds)
-        lowest = [lowest_cutoff(x, step, bank.position, usual) for x, step in zip(q.T, steps)]
+        likely = bank.sign.up_to(bank.sign.cutoff_hz / SIGN)
+        lowest = [best_cutoff(x, step, likely, usual) for x, step in zip(q.T, steps)]
     bank = replace(bank, lowest=tuple(lowest) if np.isfinite(lowest).any() else ())
     if settings.sign_velocity is not None:
         return replace(bank, vs=np.full(n, settings.sign_velocity))
@@ -386,7 +389,7 @@ def prepare(
     if bank.lowest:
         hz = np.array(bank.lowest)
         steps = np.where(np.isfinite(hz), steps, 0.0)
-        vs = np.maximum(vs, steps * np.where(steps > 0, hz, 0.0))
+        vs = np.maximum(vs, steps * np.where(steps > 0, SIGN * hz, 0.0))
         bank = replace(bank, hidden=tuple(steps.tolist()))
     return replace(bank, vs=vs)
 

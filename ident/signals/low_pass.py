@@ -48,7 +48,11 @@ class LowPass:
     @property
     def transient(self) -> int:
         """Samples at an end of a recording that its continuation, which nobody knows, still moves by 1 %."""
-        return _length(self, 1e-2)
+        return self.moved(1e-2)
+
+    def moved(self, share: float) -> int:
+        """Samples at an end that the continuation moves by such a share of itself."""
+        return _length(self, share)
 
     def poles(self) -> np.ndarray:
         """The `order` stable poles of H(z) after the bilinear transform (pairs of conjugates)."""
