@@ -43,6 +43,20 @@ def test_signals_that_go_straight_between_the_samples_of_a_slower_log(digits):
     assert not _said(interpolated, np.round(q, 3), np.round(tau, 1))
 
 
+def test_few_bends_that_coarse_steps_let_through_tell_no_rate():
+    """Steps of a 2000th of the span at 50 Hz, read at 20 Hz and interpolated: where most bends are below the
+    steps, those that are left stand five rows apart, and ten."""
+    t, slow = np.arange(1800) / 50.0, np.arange(0, 36, 0.05)
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        waves = rng.uniform(0.2, 2.5, (2, 5, 1)), rng.uniform(0, 7, (2, 5, 1))
+        q = np.sin(waves[0] * t + waves[1]).sum(axis=1)
+        step = np.ptp(q, axis=1, keepdims=True) / 2000
+        coarse = step * np.rint(q / step)
+        between = np.stack([np.interp(t, slow, np.interp(slow, t, x)) for x in coarse], 1)
+        assert not _said(interpolated, between, _motion(t)[1], t)
+
+
 @pytest.mark.parametrize("ramp", [1, 60])
 @pytest.mark.parametrize("bits", [None, 12, 16, 20])
 def test_rates_that_hold_are_straight_too(bits, ramp):
