@@ -19,6 +19,7 @@ from ident.examination.positions.units import degrees, geared, scaled_positions
 from ident.examination.rivals.scales import scales, too_large, turned_scales
 from ident.examination.robot.base import Tilt
 from ident.examination.robot.geometry import beside_tilt, of_geometry
+from ident.examination.robot.known_tables import known_tables
 from ident.examination.robot.lengths import lengths
 from ident.examination.torques.believed import believed
 from ident.examination.torques.delays import delays
@@ -64,7 +65,7 @@ def believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     hidden = _hidden(asked, found) if error.max() > DOUBTFUL else []
     if error.max() > TURNED:
         best = max((h.gain for h in found), default=0.0)
-        geometry = list(of_geometry(prepared, asked, best))
+        geometry = [*of_geometry(prepared, asked, best), *known_tables(prepared, asked, found)]
         each = max((its.each for its in geometry if isinstance(its, Hypothesis)), default=-np.inf)
         if hidden and hidden[0].gain > each + CLEARLY:
             return hidden

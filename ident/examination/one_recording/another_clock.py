@@ -49,7 +49,7 @@ def clock_of_all(asked: Asked) -> Iterator[Hypothesis]:
     ends = _allowed(few, asked.how, rate)
     least, most = ends if rate > 1 else sorted(1 / x for x in ends)
     clock = f"t is {times_too(1 / rate)} (its clock, {least:.2g} to {most:.2g} by these torques)"
-    words = f"{clock}, or the robot file's lengths are {times_too(rate**2)}"
+    words = f"{clock}, or the robot file's lengths are {times_too(rate**2)}, as another robot's may be"
 
     def told(other: Fit) -> Check:
         line = asked.line({"t": {"scale": float(f"{rate:.3g}")}})
