@@ -198,15 +198,31 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
             told.append((degrees_between(assumed, axis), now))
     if told and np.any(assumed):
         angle, now = max(told, key=lambda its: its[0])
-        yield Check(
+        yield _unseen(angle, plain, now, held)
+
+
+def _unseen(angle: float, plain: np.ndarray, now: np.ndarray, held: np.ndarray | None) -> Check:
+    """Where what judges is foretold badly the base is one of many things that may be wrong. (Of a KR 300 with
+    a row of its table or a position's time wrong nothing but the base was told.)"""
+    turned, controlled = f"gravity turned by {angle:.0f} degrees", "what a controller adds to carry the arm"
+    if held is not None and gain(held, plain) > CARRIED:
+        return Check(
             "poor_excitation",
             (),
-            f"these recordings do not show how the base is mounted: with gravity turned by {angle:.0f} "
-            f"degrees the model explains the torques about as well (errors of {span(now)}, as told "
-            f"{span(plain)})",
-            "gravity is taken as the robot file has it, make sure that it is, and that torques are not "
-            "logged less what a controller adds to carry the arm",
+            f"what is fitted (errors of {span(plain)}) foretells the recordings that judge badly "
+            f"({span(held)}): the motion does not show what they ask for, not even how the base is mounted "
+            f"(with {turned} as much is explained), or a signal or the robot file is not as it is told",
+            "fit more of the recordings, or a motion that moves all joints more; check columns, the robot "
+            f"file and its gravity, and that torques are not logged less {controlled}",
         )
+    return Check(
+        "poor_excitation",
+        (),
+        f"these recordings do not show how the base is mounted: with {turned} the model explains the torques "
+        f"about as well (errors of {span(now)}, as told {span(plain)})",
+        "gravity is taken as the robot file has it, make sure that it is, and that torques are not logged "
+        f"less {controlled}",
+    )
 
 
 def _by_validate(identify: Parts, validate: Parts | None, assumed: np.ndarray, size: float) -> list[Carried]:

@@ -12,6 +12,7 @@ from pinocchio_robot import PinocchioRobot
 from planted import (
     DATA,
     ON_RECORDINGS,
+    asked_of,
     changed,
     live_arm,
     measured,
@@ -31,6 +32,7 @@ from ident.errors import FitFailedError, StudyError
 from ident.estimation.fit import examined, fit_study
 from ident.examination.check import worst_first
 from ident.examination.examine import examine_fit, examine_tables
+from ident.examination.fits.unexplained import badly_explained
 from ident.examination.undone import mended_study, undoing, unsettled
 from ident.recordings.study import load_study
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
@@ -54,6 +56,37 @@ def test_nothing_is_said_of_measured_robots_as_they_are(robot):
 def test_a_base_that_two_parallel_axes_do_not_show_is_said_to_be_unseen(gravity):
     (check,) = examine_fit(prepare_study(measured("barrett_wam_2dof").with_(gravity=gravity)))
     assert check.check == "poor_excitation" and "do not show how the base is mounted" in check.message
+
+
+def test_a_base_is_one_of_many_things_where_what_judges_is_foretold_badly(tmp_path):
+    """Of a KR 300 whose third position is ahead of its joint nothing but its base was told."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["q3"] = np.interp(table["t"] + 0.06, table["t"], table["q3"])
+
+    (check,) = examine_fit(
+        prepare_study(strangers_log(tmp_path, "kuka_kr300", (0, False, False, False), change))
+    )
+    assert (
+        check.message.startswith("what is fitted (errors of ")
+        and "robot file is not as it is told" in check.message
+    )
+
+
+@pytest.mark.long
+def test_torques_of_which_much_is_left_though_the_others_are_explained(tmp_path):
+    """An AIRBOT by the table of a UR10e: the first torque of this arm hardly goes with its motion anyway."""
+
+    def change(log):
+        robots = files("modelgen").joinpath("robots")
+        log.robot = yaml.safe_load(robots.joinpath("ur10e.yaml").read_text(encoding="utf-8"))
+
+    (said,) = examine_fit(
+        prepare_study(strangers_log(tmp_path, "airbot_play", (0, False, False, False), change))
+    )
+    assert said.message.startswith("the model explains tau_m1, tau_m4, tau_m5 badly (errors of ")
+    assert not list(badly_explained(asked_of(measured("airbot_play"))))
 
 
 @pytest.mark.long
