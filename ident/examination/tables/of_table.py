@@ -13,6 +13,7 @@ from ident.examination.tables import processed, repeats
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.lost_rows import lost_rows
 from ident.examination.tables.mending import Mender
+from ident.examination.tables.noise_bursts import noise_bursts
 from ident.examination.tables.signals import (
     Columns,
     dead_and_resting,
@@ -73,6 +74,7 @@ def of_table(
         processed.scaled(columns, excerpt),
         stopped_at_once(columns, excerpt, slow | gone),
         torque_leaps(columns, excerpt),
+        noise_bursts(columns, excerpt, slow | few),
         torque_drops(columns, excerpt),
         repeats.copies(columns, excerpt),
         repeats.standing(columns, excerpt, slow | gone | banded),
