@@ -36,9 +36,9 @@ def noise_bursts(columns: Columns, excerpt: Excerpt, others: Collection[int]) ->
             continue
         sizes = np.array([size for _, size in windows])
         loud = sizes > max(usual, AS_USUAL * float(np.median(sizes)))
-        if not loud.any() or loud.mean() > MOST:
+        runs = np.array([run for run in runs_of(loud) if run[1] - run[0] > 1])  # one may hold a transient
+        if not len(runs) or loud.mean() > MOST:
             continue
-        runs = runs_of(loud)
         first, last = windows[runs[0, 0]][0], windows[runs[0, 1] - 1][0] + ROWS - 1
         times = f" and {len(runs) - 1} more times" if len(runs) > 2 else " and once more" * (len(runs) - 1)
         name = columns.signals[k]
