@@ -93,3 +93,11 @@ def test_an_excerpt_that_ends_in_motion_is_no_quick_motion():
         best_cutoff(steps[:rows], 1.4e-5, LowPass(20.0, 500.0), 40.0) for rows in range(14000, 16000, 250)
     ]
     assert max(each) < 1.6 * min(each)
+
+
+def test_a_turn_that_was_taken_out_is_no_other_resolution():
+    """Of a UR10e whose first position wraps 7 % were left for 5: a turn holds no whole number of steps."""
+    steps = STEP * np.round(motion(250.0, 0.2)[0] / STEP)
+    steps[4000:] += 0.3 * STEP
+    assert in_steps(steps, resolution(steps))
+    assert not in_steps(steps + STEP * np.random.default_rng(1).uniform(size=len(steps)), STEP)
