@@ -56,6 +56,8 @@ def of_table(
     bands = tuple(dead_bands(columns, mender, rows))
     banded = {columns.signals.index(name) for check in bands for name in check.signals}  # told with its size
     gone = {int(k) for k in np.flatnonzero(lost >= repeats.STILL_ROWS)}  # interpolated, so they stand still
+    lines = tuple(processed.interpolated(columns, excerpt, slow | few))
+    between = {columns.signals.index(name) for check in lines for name in check.signals}
     found = chain(
         lost_samples(columns, mender, rows),
         wraps(columns, mender),
@@ -70,14 +72,14 @@ def of_table(
         bands,
         repeats.held(columns, told),
         repeats.stale(columns, excerpt) if not slow else (),
-        processed.interpolated(columns, excerpt, slow | few),
+        lines,
         processed.scaled(columns, excerpt),
         stopped_at_once(columns, excerpt, slow | gone),
         torque_leaps(columns, excerpt),
         noise_bursts(columns, excerpt, slow | few),
         torque_drops(columns, excerpt),
         repeats.copies(columns, excerpt),
-        repeats.standing(columns, excerpt, slow | gone | banded),
+        repeats.standing(columns, excerpt, slow | gone | banded | between),
         repeats.noise_alone(columns, excerpt),
         repeats.unsigned(columns, excerpt),
         coarse,

@@ -110,28 +110,40 @@ def standing(columns: Columns, excerpt: Excerpt, slow: set[int]) -> Iterator[Che
             continue
         share = sum(run[0] for run in found) / max(every.sum(), 1)
         alike.setdefault((share, *(run[1:3] for run in found)), []).append((k, found[0][3] + 0.0))
+    rows = np.concatenate([its for its, _, _ in excerpt.pieces])
     for (share, *runs), its in alike.items():
-        yield _standing_still(columns, share, runs, its)
+        inside = [(rows >= first - 1) & (rows < last) for first, last in runs]
+        torques = (excerpt.column(k) for k in range(columns.n, len(columns.signals)))
+        every_one = all(np.ptp(x[there]) == 0 for x in torques for there in inside)
+        yield _standing_still(columns, share, runs, its, every_one)
 
 
 def _standing_still(
-    columns: Columns, share: float, runs: Sequence[tuple[int, int]], its: Sequence[tuple[int, float]]
+    columns: Columns,
+    share: float,
+    runs: Sequence[tuple[int, int]],
+    its: Sequence[tuple[int, float]],
+    every_one: bool,
 ) -> Check:
-    """Torques that do in the same rows; its: each and where. (Of a Barrett without its torques at the end the
-    first one was to be left out, and what was left was as dead.)"""
+    """Torques that do in the same rows; its: each and where; every_one: so do those of joints that hardly
+    move meanwhile. (Of a Barrett without its torques at the end the first one was to be left out, and what
+    was left was as dead; of a Franka whose torques were held now and then five of seven were.)"""
     names, one = tuple(columns.signals[k] for k, _ in its), len(its) == 1
     joints = listed(dict.fromkeys(columns.labels[columns.joint[k]] for k, _ in its))
     moving = f"joint {joints} moves" if "," not in joints else f"joints {joints} move"
     values = listed(f"{x:.4g}" for x in dict.fromkeys(x for _, x in its))
     zero, other = (any((x == 0) is wanted for _, x in its) for wanted in (True, False))
-    left = len(names) < len(columns.signals) - columns.n
-    torques = f", or the torque{'s' * (not one)} with {columns.without(names)}" if left else ""
+    torques = "" if every_one else f", or the torque{'s' * (not one)} with {columns.without(names)}"
+    off = f"a drive that was off{' or at its limit' * other}, a cable, a value held{', a dead band' * zero}"
+    if every_one and len(names) < len(columns.signals) - columns.n:
+        off = (
+            "so does every torque, of joints that hardly move, too: values that a logger held, or no drive on"
+        )
     return Check(
         "dead_channel",
         names,
         f"{listed(names)} {'stands' if one else 'stand'} still at {values} for {100 * share:.3g} % of the "
-        f"samples while {moving} (rows {runs[0][0]} to {runs[0][1]}{' and others' * (len(runs) > 1)}): "
-        f"a drive that was off{' or at its limit' * other}, a cable, a value held{', a dead band' * zero}",
+        f"samples while {moving} (rows {runs[0][0]} to {runs[0][1]}{' and others' * (len(runs) > 1)}): {off}",
         f"leave the stretch out with from: and to:{torques}",
         outcome="refused" if share > MOST_STILL else "warned",
         rows=(runs[0][0], runs[-1][1]),

@@ -26,6 +26,7 @@ from planted import (
 )
 from scipy.signal import savgol_filter
 
+from benchmarks.strangers_faults import interpolated
 from ident.diagnosis.telling.beside_checks import told_by_checks
 from ident.equations.prepared import prepare_study
 from ident.errors import FitFailedError, StudyError
@@ -72,6 +73,34 @@ def test_a_base_is_one_of_many_things_where_what_judges_is_foretold_badly(tmp_pa
         check.message.startswith("what is fitted (errors of ")
         and "robot file is not as it is told" in check.message
     )
+
+
+@pytest.mark.long
+def test_nothing_is_said_of_the_base_beside_what_a_table_shows(tmp_path):
+    """An AIRBOT's torques are 1.3 times too large from an instant on, at which the third one leaps."""
+
+    def change(log):
+        for table in log.tables.values():
+            larger = np.where(np.arange(len(table["t"])) > 0.26905 * len(table["t"]), 1.3, 1.0)
+            table |= {name: larger * x for name, x in table.items() if name[:3] == "tau"}
+
+    prepared = prepare_study(strangers_log(tmp_path, "airbot_play", (0, False, True, True), change))
+    assert "torque_step" in {check.check for check in examine_tables(prepared)}
+    assert not any("how the base is mounted" in check.message for check in examine_fit(prepared))
+
+
+def test_torques_between_samples_of_a_slower_log_do_not_stand_still(tmp_path):
+    """Of a rokae's fifth, which two samples have alike, a drive that was off was told, too."""
+
+    def change(log):
+        table = log.tables["run3"]
+        t = table["t"]
+        log.tables["run3"] = {k: interpolated(x, t, 20.0, 0.0) if k != "t" else t for k, x in table.items()}
+
+    study = strangers_log(tmp_path, "rokae_xmate3pro", (0, False, True, True), change)
+    found = examine_tables(prepare_study(study))
+    assert "held_signal" in {check.check for check in found}
+    assert "dead_channel" not in {check.check for check in found}
 
 
 @pytest.mark.long

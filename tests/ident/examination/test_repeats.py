@@ -253,6 +253,20 @@ def test_torques_that_stand_still_at_once_are_told_at_once(tmp_path):
     assert text.endswith("leave the stretch out with from: and to:")
 
 
+def test_torques_of_joints_that_hardly_move_stand_still_with_the_others(tmp_path):
+    """Of a Franka's seven, each held for 0.16 s now and then, five were to be left out."""
+
+    def held(log):
+        table = log.tables["run3"]
+        rows = np.arange(len(table["t"]))
+        last = rows - np.maximum(rows % 80 - 64, 0)
+        log.tables["run3"] = {k: x[last] if k[:3] == "tau" else x for k, x in table.items()}
+
+    text, checks = refused(strangers_log(tmp_path, "franka_panda", (100, False, False, True), held))
+    assert checks == {"dead_channel"} and "so does every torque, of joints that hardly move, too" in text
+    assert text.endswith("leave the stretch out with from: and to:")
+
+
 @pytest.mark.parametrize(
     ("robot", "kinds", "words"),
     [
