@@ -9,11 +9,13 @@ between -Fc and Fc. On a twin of the paper's robot this alone biased every Fc an
 deviations. Hence
   1. the sign is taken of a velocity filtered at a higher cut-off (4 x), which rings a quarter as long; vs is
      two standard deviations of its noise, estimated for each recording and joint; of a joint that is slow
-     for its encoder (resolution.py) it is filtered at twice the cut-off of its positions: behind four times
-     that the steps of a TX40 at 0.1 rad/s were three Stribeck frictions, behind that itself a motion that
-     stops turns elsewhere (the state of friction that gives way over 10 to 90 urad: 5 to 20 % wrong, behind
-     twice that 2 to 10). Of such a joint vs is at least one step in a period of that cut-off: what crosses
-     fewer is that much off, where the noise of all samples is a sixth of it,
+     for its encoder (resolution.py) it is filtered at 1.4 times the cut-off of its positions: behind four
+     times that the steps of a TX40 at 0.1 rad/s were three Stribeck frictions, behind that itself a motion
+     that stops turns elsewhere. (Error of the state of friction that gives way over 10 to 90 urad, of some 50
+     joints of clean robots, behind 1, 1.25, 1.5, 2 and 3 times it: 0.0094, 0.0092, 0.0099, 0.0118, 0.0171 as
+     geometric means, and as rms, which the motions that stop decide, 0.107, 0.104, 0.103, 0.105, 0.114.)
+     Of such a joint vs is at least one step in a period of that cut-off: what crosses fewer is that much
+     off, where the noise of all samples is a sixth of it,
   2. samples of a joint slower than vs, and of a stretch in which it stands at one place, do not count in its
   channels, from 2 vs on they count fully (`certain`):
      Y and every column of W are multiplied by that weight before they are decimated, so each row stays a
@@ -49,7 +51,7 @@ NOISE_FACTOR = 2.0  # vs in standard deviations of the velocity noise
 INNER = 6144  # rows of a window without its halo: more take more memory, fewer more time
 NOISE_ROWS = 16000  # samples from which that noise is estimated
 STEEPNESS = 2.5  # of the sign between -vs and vs
-SIGN = 2.0  # times the cut-off behind which a joint's steps tell its position best
+SIGN = 1.4  # times the cut-off behind which a joint's steps tell its position best
 
 
 def first_difference(q: np.ndarray, rate_hz: float) -> np.ndarray:

@@ -16,7 +16,8 @@ import numpy as np
 from ident.examination.check import Check, Outcome, listed
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.signals import MOVED, Columns
-from ident.signals.resolution import in_steps, resolution
+from ident.signals.low_pass import LowPass
+from ident.signals.resolution import best_cutoff, in_steps, resolution
 from ident.signals.runs import runs_of, runs_of_equals
 
 SAME = 1e-9  # of a signal's range
@@ -347,7 +348,7 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: Collection[int]) -> Iterato
     """Signals whose range holds few steps of their resolution, and positions of whose acceleration the steps
     make much."""
     told: dict[str, float] = {}
-    shares: dict[str, tuple[float, float]] = {}  # position: step, share
+    shares: dict[str, tuple[float, float, float]] = {}  # position: step, share, Hz of its filter
     for k, name in enumerate(columns.signals):
         x, position = excerpt.column(k), k < columns.n
         levels = LEVELS if position else TORQUE_LEVELS
@@ -367,8 +368,10 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: Collection[int]) -> Iterato
             continue
         if np.ptp(x) / step < levels:
             told[name] = step
-        elif position and (share := _share_of_steps(excerpt, k, step, columns.cutoff_hz)) > STEPS_SHARE:
-            shares[name] = step, share
+        elif position and _share_of_steps(excerpt, k, step, columns.cutoff_hz) > STEPS_SHARE:
+            hz = min(columns.cutoff_hz, _lowered(excerpt, k, step, columns.cutoff_hz))
+            share = _share_of_steps(excerpt, k, step, hz)
+            shares |= {name: (step, share, hz)} if share > STEPS_SHARE else {}
     positions = {name: step for name, step in told.items() if name in columns.signals[: columns.n]}
     finer, lower = (
         "record with a finer resolution or a larger motion",
@@ -387,16 +390,24 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: Collection[int]) -> Iterato
                 finer + also,
             )
     if shares:
-        largest = _largest(columns, {name: step for name, (step, _) in shares.items()})
-        share = max(share for _, share in shares.values())
+        largest = _largest(columns, {name: step for name, (step, *_) in shares.items()})
+        _, share, hz = max(shares.values(), key=lambda its: its[1])
         yield Check(
             "coarse_signal",
             tuple(shares),
             f"{listed(shares)} move{'s' if len(shares) == 1 else ''} in steps of {largest}: behind a filter "
-            f"of {columns.cutoff_hz:g} Hz they make {'up to ' if len(shares) > 1 else ''}{100 * share:.0f} % "
-            "of the acceleration, which errors and inertias feel",
-            finer + lower,
+            f"of {hz:.3g} Hz they make {'up to ' if len(shares) > 1 else ''}{100 * share:.0f} % of the "
+            "acceleration, which errors and inertias feel",
+            finer + (lower if hz == columns.cutoff_hz else ""),
         )
+
+
+def _lowered(excerpt: Excerpt, k: int, step: float, cutoff_hz: float) -> float:
+    """Hz to which the filter of a position is lowered for its steps (signals/resolution.py), as the longest
+    stretch of the excerpt tells it; inf: not below the usual one."""
+    _, t, x = max(excerpt.stretches(k, k), key=lambda its: len(its[0]))
+    rate, seconds = 1.0 / float(np.median(np.diff(t))), float(t[-1] - t[0])
+    return best_cutoff(x[:, 0], step, LowPass(cutoff_hz, rate), seconds)
 
 
 def _largest(columns: Columns, steps: Mapping[str, float]) -> str:
