@@ -51,6 +51,7 @@ def noise_bursts(columns: Columns, excerpt: Excerpt, others: Collection[int]) ->
             "leave that out with from: and to:" + f", or the torque with {columns.without([name])}" * several,
             rows=(first, windows[runs[-1, 1] - 1][0] + ROWS - 1),
             hint=True,
+            open=True,
         )
 
 

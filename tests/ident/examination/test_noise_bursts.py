@@ -6,6 +6,7 @@ import pytest
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.noise_bursts import noise_bursts
 from ident.examination.tables.signals import Columns
+from ident.examination.undone import unsettled
 
 T = np.arange(3000) / 100.0
 Q = np.stack([np.sin(0.8 * T), 0.7 * np.cos(1.3 * T)], axis=1)
@@ -32,6 +33,7 @@ def test_a_torque_that_is_noise_for_a_while():
         tau[begin : begin + 160, 1] += 2.5 * np.std(tau[:, 1]) * np.random.default_rng(begin).normal(size=160)
     (told,) = _said(tau)
     assert told.signals == ("tau_m2",) and told.hint
+    assert unsettled([told]) == (told,)  # all else is told with it in the torque
     assert told.message.startswith("tau_m2 is noise for a while (rows 641 to ")
 
 
