@@ -47,8 +47,9 @@ from ident.examination.robot.geometry import unseen_base
 from ident.examination.robot.left_out import asked_for
 from ident.examination.robot.lengths import lengths
 from ident.examination.robot.tilted import tilted
-from ident.examination.tables.limits import beyond_limits
+from ident.examination.tables.limits import beyond_limits, reads_currents
 from ident.examination.tables.same_samples import same_samples
+from ident.examination.tables.smoother_here import smoother_here
 from ident.examination.torques.currents import motor_signs
 from ident.examination.torques.frictionless import frictionless
 from ident.examination.torques.weightless import unfelt
@@ -62,7 +63,8 @@ def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
     found = [check for stream in prepared.streams for check in stream.checks]
     twice = sentences("same_rows", prepared.study.remarks)
     copied = same_samples(prepared.streams)
-    return worst_first([*twice, *copied, *found, *beyond_limits(prepared)])
+    smoothed = smoother_here(prepared.streams, reads_currents(prepared))
+    return worst_first([*twice, *copied, *found, *smoothed, *beyond_limits(prepared)])
 
 
 def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
