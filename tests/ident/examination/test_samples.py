@@ -114,19 +114,22 @@ def test_a_leap_in_a_log_of_few_rows_is_told():
     assert [row for row, _, _ in mender.leaps] == [35]
 
 
-@pytest.mark.parametrize(("step", "told"), [(5e-3, True), (1e-3, True), (1e-5, False), (0.0, False)])
-def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_motion(step, told):
-    """Of a joint that sweeps 3 rad in steps of 5 mrad nothing was said, with errors of three times the
-    size."""
+@pytest.mark.parametrize("scatter", [0.0, 0.7])
+@pytest.mark.parametrize(("step", "much"), [(5e-3, True), (2e-3, True), (1e-5, False), (0.0, False)])
+def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_motion(step, much, scatter):
+    """Of a joint that sweeps 3 rad in steps of 5 mrad nothing was said, with errors of three times the size.
+    Where its filter is lowered for them they make 0.4 % of it: only what scatters by more than its steps
+    stays behind 10 Hz."""
     t = np.arange(5000) / 100
     q = 1.5 * np.sin(0.6 * t) + 0.15 * np.sin(2.1 * t)
+    q += scatter * step * np.random.default_rng(0).normal(size=len(t))
     x = np.column_stack([np.round(q / step) * step if step else q, np.cos(t)])
     excerpt = Excerpt()
     excerpt.take((np.arange(len(t)), t, x))
     columns = Columns("run", ("q1", "tau_m1"), np.array([0, 0]), ("1",), {}, ("tau_m1",), np.array([False]))
     said = list(coarse(columns, excerpt, set()))
-    assert [check.signals for check in said] == ([("q1",)] if told else [])
-    assert all("of the acceleration" in check.message for check in said)
+    assert [check.signals for check in said] == ([("q1",)] if much and scatter else [])
+    assert all("behind a filter of 10 Hz" in check.message for check in said)
 
 
 @pytest.mark.parametrize("pattern", [(2,), (3,), (1, 2), (1, 3, 2)])
@@ -156,13 +159,14 @@ def test_even_motion_in_steps_is_not_held(rate):
 
 
 @pytest.mark.parametrize(
-    ("steps", "told"), [((5e-3, 5e-3), " 0.005 rad"), ((1e-3, 5e-3), " up to 0.005 rad")]
+    ("steps", "told"), [((5e-3, 5e-3), " 0.005 rad"), ((2e-3, 5e-3), " up to 0.005 rad")]
 )
 def test_the_largest_of_steps_is_not_told_of_all(steps, told):
     """Of an AIRBOT whose fourth position was in degrees three others were told to move in its steps."""
     t = np.arange(5000) / 100
     q = 1.5 * np.sin(0.6 * t) + 0.15 * np.sin(2.1 * t)
-    x = np.column_stack([*(np.round(q / step) * step for step in steps), np.cos(t)])
+    noise = 0.7 * np.random.default_rng(0).normal(size=len(t))
+    x = np.column_stack([*(np.round(q / step + noise) * step for step in steps), np.cos(t)])
     excerpt = Excerpt()
     excerpt.take((np.arange(len(t)), t, x))
     joint, slides = np.array([0, 1, 0]), np.zeros(2, bool)
