@@ -11,12 +11,13 @@ import scipy.special
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.extended.by_rows_that_judge import own_deviations
 from ident.diagnosis.extended.in_a_study import study_term
-from ident.diagnosis.extended.on_judging_runs import behind, judged_error, spoilt
+from ident.diagnosis.extended.on_judging_runs import behind, counted_error, judged_error, spoilt
 from ident.diagnosis.extended.turning_over import turned_as_found
 from ident.diagnosis.extended.unanswered import unanswered
 from ident.diagnosis.loads.windows import windows_tried
 from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
+from ident.diagnosis.rows.rows import Rows
 from ident.equations.placing import entry_of
 from ident.equations.terms import Term as StudyTerm
 from ident.equations.terms import late_by
@@ -116,13 +117,13 @@ def extended(
             refused |= {keys[k]: Refusal(by_chance[k]) for k in lost}
         if not lost:
             worse = (
-                _worse(last, known, declared)
+                _worse(last, known, declared, outcome.last.rows)
                 or _in_vain(last, base, declared)
                 or _alone(last, declared)
                 or _beside_the_point(last, base, declared)
             )
             refused |= {keys[k]: Refusal(errors=errors) for k, errors in worse.items() if errors is not None}
-            lost = list(worse) or _above(last, base)
+            lost = list(worse) or _above(last, base, outcome.last.rows)
         if not lost:
             return last, refused
         entries = [entry for k, entry in enumerate(entries) if k not in lost]
@@ -198,10 +199,15 @@ def _p_told(found: FoundEffect, by_judged: Mapping[str, float], windows: int = 1
     return max(min(windows * found.p_told, 1.0), alone)
 
 
-def _worse(last: FitResult, known: Examined, declared: int) -> dict[int, tuple[float, float] | None]:
+def _worse(
+    last: FitResult, known: Examined, declared: int, rows: Rows
+) -> dict[int, tuple[float, float] | None]:
     """The number of the last finding taken in with which the model predicts none of its channels better than
     without it alone, or all of them together worse, and these errors without it and with it; or, of a load on
-    one recording, with which it predicts the others worse: as `ident fit` does it, it explains nothing."""
+    one recording, with which it predicts the others worse: as `ident fit` does it, it explains nothing. Of
+    all samples and of those that the equations count. (Beside 0.2 mrad of play, found to 0.007 of it, 12 % of
+    a torque were left for 7 and it was told that it is not this: at rest the filter's ringing moved the gear
+    off its flank. Where the arm moves 0.8 % are left.)"""
     channels, effects, after = last.columns.need.channels, last.study.effects, judged_error(last)
     for k in range(len(last.terms) - 1, declared - 1, -1):
         place = last.terms[k].place
@@ -211,8 +217,9 @@ def _worse(last: FitResult, known: Examined, declared: int) -> dict[int, tuple[f
         without = last.study.with_(effects=(*effects[:k], *effects[k + 1 :]))
         other = fit_study(without, known=known.again(without))
         before = judged_error(other)
-        nowhere = all(after[name] >= before[name] for name in names)
-        if names and (nowhere or behind(last, other)):
+        there, without_it = counted_error(last, rows), counted_error(other, rows)
+        nowhere = all(after[name] >= before[name] and there[name] >= without_it[name] for name in names)
+        if names and (nowhere or _behind(last, other, rows)):
             said = min(names, key=lambda name: after[name] / max(before[name], 1e-9)) if nowhere else "total"
             return {k: (before[said], after[said])}
         if place.recording is not None and spoilt(last, other):
@@ -264,8 +271,13 @@ def _beside_the_point(last: FitResult, base: FitResult, declared: int) -> dict[i
     return {}
 
 
-def _above(last: FitResult, base: FitResult) -> list[int]:
+def _behind(fit: FitResult, other: FitResult, rows: Rows) -> bool:
+    """Of all samples, and of those that the equations count."""
+    return behind(fit, other) and behind(fit, other, lambda its: counted_error(its, rows))
+
+
+def _above(last: FitResult, base: FitResult, rows: Rows) -> list[int]:
     """The number of the last finding taken in, where what would be handed over predicts the runs that chose
     nothing with a larger error than the study as it came. (A drift of a KR 300's third joint: 13 -> 11 % of
     that joint, and 37 -> 44 % of all.)"""
-    return [len(last.terms) - 1] if behind(last, base) else []
+    return [len(last.terms) - 1] if _behind(last, base, rows) else []

@@ -24,6 +24,7 @@ from ident.diagnosis.evidence.state import Found, solved
 from ident.diagnosis.evidence.sufficiency import heard
 from ident.diagnosis.left_over import chosen_by_chance
 from ident.diagnosis.outcome import Outcome
+from ident.diagnosis.rows.counted import counted
 from ident.diagnosis.rows.rows import Rows
 from ident.diagnosis.telling.findings import Finding, Unexplained
 from ident.equations.comparison import Curves
@@ -62,26 +63,18 @@ def noise_floor(
 
 def _of_counted(last: FitResult, rows: Rows, c: int) -> float:
     """What a channel's samples that its rows count keep of the fitted runs' rms error: of all samples 1.0."""
-    left, counted = [], []
+    left, own = [], []
     for curve in last.errors.curves:
         if curve.role != "identify":
             continue
         left.append(curve.measured[:, c] - curve.modelled[:, c])
-        own = np.flatnonzero(rows.recording == rows.names.index(curve.label))
-        counted.append(_counted(curve.t, rows.t[own], rows.use[c, own], rows.hop))
-    squares, counts = np.concatenate(left) ** 2, np.concatenate(counted)
+        own.append(counted(rows, curve, c))
+    squares, counts = np.concatenate(left) ** 2, np.concatenate(own)
     known = np.isfinite(squares)
     if not (known & counts).any():
         return 1.0
     whole = float(np.mean(squares[known]))
     return float(np.sqrt(np.mean(squares[known & counts]) / whole)) if whole > 0 else 1.0
-
-
-def _counted(t: np.ndarray, rows: np.ndarray, use: np.ndarray, hop: float) -> np.ndarray:
-    """(m,) bool: samples at t (m,) whose row and the rows beside it are used (R,), of rows at `rows` (R,)."""
-    nearest = np.clip(np.searchsorted(rows, np.nan_to_num(t) - hop / 2), 0, len(rows) - 1)
-    beside = [use[np.clip(nearest + k, 0, len(rows) - 1)] for k in (-1, 0, 1)]
-    return (np.abs(rows[nearest] - t) <= hop) & np.all(beside, axis=0)
 
 
 def _left_by_functions(outcome: Outcome, c: int, told: Finding | Unexplained) -> float:
