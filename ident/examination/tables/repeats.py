@@ -369,7 +369,7 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: Collection[int]) -> Iterato
         if np.ptp(x) / step < levels:
             told[name] = step
         elif position and _share_of_steps(excerpt, k, step, columns.cutoff_hz) > STEPS_SHARE:
-            hz = min(columns.cutoff_hz, _lowered(excerpt, k, step, columns.cutoff_hz))
+            hz = _filter_of(excerpt, k, columns.cutoff_hz)
             share = _share_of_steps(excerpt, k, step, hz)
             shares |= {name: (step, share, hz)} if share > STEPS_SHARE else {}
     positions = {name: step for name, step in told.items() if name in columns.signals[: columns.n]}
@@ -402,12 +402,14 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: Collection[int]) -> Iterato
         )
 
 
-def _lowered(excerpt: Excerpt, k: int, step: float, cutoff_hz: float) -> float:
-    """Hz to which the filter of a position is lowered for its steps (signals/resolution.py), as the longest
-    stretch of the excerpt tells it; inf: not below the usual one."""
+def _filter_of(excerpt: Excerpt, k: int, cutoff_hz: float) -> float:
+    """Hz of a position's filter, lowered for its steps where it moves in such (signals/resolution.py), as the
+    longest stretch of the excerpt tells it."""
+    if not in_steps(excerpt.column(k), step := resolution(excerpt.column(k))):
+        return cutoff_hz
     _, t, x = max(excerpt.stretches(k, k), key=lambda its: len(its[0]))
     rate, seconds = 1.0 / float(np.median(np.diff(t))), float(t[-1] - t[0])
-    return best_cutoff(x[:, 0], step, LowPass(cutoff_hz, rate), seconds)
+    return min(cutoff_hz, best_cutoff(x[:, 0], step, LowPass(cutoff_hz, rate), seconds))
 
 
 def _largest(columns: Columns, steps: Mapping[str, float]) -> str:
@@ -427,7 +429,8 @@ def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Chec
         for k, name in enumerate(columns.signals[: columns.n])
         if k not in others
         and np.ptp(excerpt.column(k)) > TRAVELLED
-        and (share := _share_of_noise(excerpt, k, columns.cutoff_hz)) ** 2 > NOISY
+        and _share_of_noise(excerpt, k, columns.cutoff_hz) ** 2 > NOISY
+        and (share := _share_of_noise(excerpt, k, _filter_of(excerpt, k, columns.cutoff_hz))) ** 2 > NOISY
     }
     if shares:
         yield Check(

@@ -9,7 +9,7 @@ from ident.examination.fits.samples import _cubics
 from ident.examination.tables.clock import time_unit
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.mending import Mender
-from ident.examination.tables.repeats import coarse, periods
+from ident.examination.tables.repeats import coarse, noisy, periods
 from ident.examination.tables.signals import Columns, units, wraps
 from ident.examination.tables.spikes import is_spike
 
@@ -130,6 +130,21 @@ def test_steps_that_make_much_of_the_acceleration_are_coarse_however_large_the_m
     said = list(coarse(columns, excerpt, set()))
     assert [check.signals for check in said] == ([("q1",)] if much and scatter else [])
     assert all("behind a filter of 10 Hz" in check.message for check in said)
+
+
+def test_steps_that_a_lowered_filter_takes_away_are_no_noise():
+    """Of a clean arm at 0.1 rad/s, in steps of 0.22 mrad at 50 Hz, a position was told to be noisy."""
+    t = np.arange(1500) / 50
+    q = 0.1 * np.sin(0.6 * t) + 0.01 * np.sin(2.1 * t)
+    step = 2.2e-4
+    for noise, told in ((0.0, False), (1.5, True)):
+        noisy_q = q + noise * step * np.random.default_rng(0).normal(size=len(t))
+        excerpt = Excerpt()
+        excerpt.take((np.arange(len(t)), t, np.column_stack([np.round(noisy_q / step) * step, np.cos(t)])))
+        columns = Columns(
+            "run", ("q1", "tau_m1"), np.zeros(2, int), ("1",), {}, ("tau_m1",), np.zeros(1, bool)
+        )
+        assert bool(list(noisy(columns, excerpt, set()))) is told
 
 
 @pytest.mark.parametrize("pattern", [(2,), (3,), (1, 2), (1, 3, 2)])
