@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from ident.diagnosis.diagnosis import Diagnosis
+from ident.diagnosis.extended.on_judging_runs import counted_error
 from ident.diagnosis.outcome import Step
 from ident.diagnosis.telling.findings import Alternative, Finding, Hint, Unexplained
 from ident.diagnosis.telling.requests import own_effects_of, robot_of, separable, separating_command
+from ident.estimation.fit import FitResult
 from ident.report.joints import joints_of
 from ident.report.numbers import finite
 
@@ -43,6 +45,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
             "before": before.errors.full_rate.by_recording(),
             "after": after.errors.full_rate.by_recording(),
         },
+        "error_percent_counted": _counted(diagnosis, before, after),
         "faults_undone": undone
         and {
             "error_percent": undone.full_rate_error,
@@ -54,6 +57,14 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "notes": [*diagnosis.notes, *after.notes],
     }
     return dict(finite(document))
+
+
+def _counted(diagnosis: Diagnosis, *fits: FitResult) -> dict[str, Any]:
+    """Of the samples alone that the equations count, on the runs that chose nothing."""
+    if diagnosis.outcome is None:
+        return {}
+    rows = diagnosis.outcome.last.rows
+    return {when: counted_error(fit, rows) for when, fit in zip(("before", "after"), fits)}
 
 
 def _judged(diagnosis: Diagnosis) -> dict[str, Any]:

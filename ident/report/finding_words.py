@@ -253,6 +253,18 @@ def _error_in_words(document: Mapping[str, Any], finding: Mapping[str, Any]) -> 
         return ""
     name = "all channels" if channel == "total" else channel
     text = f"; error of {name} on {where} {percent(before[role][channel])} → {percent(after[role][channel])}"
+    text += _where_it_counts(document, channel, after[role][channel] - before[role][channel])
     floor = document.get("noise_floor_percent", {}).get(channel)
     where = "" if role == "identify" else " of the fitted runs"
     return text if floor is None else f"{text}, noise floor{where} {percent(floor)}"
+
+
+def _where_it_counts(document: Mapping[str, Any], channel: str, more: float) -> str:
+    """The errors of the samples alone that the equations count, where those of all are no smaller with what
+    is found: at rest friction is anything, and so is the place of a gear in its play."""
+    both = [
+        document.get("error_percent_counted", {}).get(when, {}).get(channel) for when in ("before", "after")
+    ]
+    if more < 0 or None in both or not both[1] < both[0]:
+        return ""
+    return f" with the samples at rest, {percent(both[0])} → {percent(both[1])} of those that equations count"

@@ -90,6 +90,21 @@ def test_a_fit_is_told_by_its_error_on_runs_that_were_not_fitted():
     assert facts["Durbin-Watson, 2 is best, 1 to 3 is fair"].tone == "bad"
 
 
+@pytest.mark.parametrize(
+    ("of_all", "counted", "told"), [(8.3, 0.9, True), (2.4, 0.9, False), (8.3, 7.1, False)]
+)
+def test_errors_where_equations_count_are_told_where_those_of_all_do_not_fall(of_all, counted, told):
+    """Of 0.2 mrad of play found in a gear 9.0 -> 12.3 % were told, and not that 0.8 are left in motion."""
+    errors = {
+        "before": DIAGNOSIS["error_percent"]["before"],
+        "after": {role: {"total": 2.3, "tau_m4": of_all} for role in ("identify", "test")},
+    }
+    both = {"before": {"tau_m4": 7.0}, "after": {"tau_m4": counted}}
+    document = DIAGNOSIS | {"error_percent": errors, "error_percent_counted": both}
+    said = finding_sentence(document, document["findings"][0]).replace("\u00a0", " ")
+    assert ("with the samples at rest, 7.0 % → 0.90 % of those that equations count" in said) is told
+
+
 def test_essential_parameters_come_first_with_rule_unit_and_meaning():
     parameters = tables(fit_page(FIT, []))[1]
     assert [row[0].text for row in parameters.rows] == ["ZZ2R", "ML", "XY2"]
