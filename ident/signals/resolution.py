@@ -32,7 +32,6 @@ SELDOM = 3.6  # standard deviations, beyond which one of so many goes in a hundr
 TRANSIENTS = 20.0  # periods of the cut-off in a recording's stretch: its ends take a fifth of it at most
 HALVINGS = 12  # of the range of a cut-off, in its logarithm
 STEPS = 1.25  # from one cut-off that is tried to the next
-TURN_S = 0.01
 
 
 def resolution(x: np.ndarray) -> float:

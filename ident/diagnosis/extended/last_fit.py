@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import scipy.special
@@ -208,7 +209,8 @@ def _worse(
     all samples and of those that the equations count. (Beside 0.2 mrad of play, found to 0.007 of it, 12 % of
     a torque were left for 7 and it was told that it is not this: at rest the filter's ringing moved the gear
     off its flank. Where the arm moves 0.8 % are left.)"""
-    channels, effects, after = last.columns.need.channels, last.study.effects, judged_error(last)
+    channels, effects = last.columns.need.channels, last.study.effects
+    after, there = judged_error(last), counted_error(last, rows)
     for k in range(len(last.terms) - 1, declared - 1, -1):
         place = last.terms[k].place
         names = [last.columns.channels[c] for c in place.rows(channels)] if place.recording is None else []
@@ -217,7 +219,7 @@ def _worse(
         without = last.study.with_(effects=(*effects[:k], *effects[k + 1 :]))
         other = fit_study(without, known=known.again(without))
         before = judged_error(other)
-        there, without_it = counted_error(last, rows), counted_error(other, rows)
+        without_it = counted_error(other, rows)
         nowhere = all(after[name] >= before[name] and there[name] >= without_it[name] for name in names)
         if names and (nowhere or _behind(last, other, rows)):
             said = min(names, key=lambda name: after[name] / max(before[name], 1e-9)) if nowhere else "total"
@@ -273,7 +275,7 @@ def _beside_the_point(last: FitResult, base: FitResult, declared: int) -> dict[i
 
 def _behind(fit: FitResult, other: FitResult, rows: Rows) -> bool:
     """Of all samples, and of those that the equations count."""
-    return behind(fit, other) and behind(fit, other, lambda its: counted_error(its, rows))
+    return behind(fit, other) and behind(fit, other, partial(counted_error, rows=rows))
 
 
 def _above(last: FitResult, base: FitResult, rows: Rows) -> list[int]:
