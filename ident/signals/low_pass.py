@@ -9,6 +9,7 @@ cost a second."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -89,11 +90,19 @@ def fast_length(rows: int) -> int:
 
 def zero_phase(x: np.ndarray, rate_hz: float, cutoff_hz: float, order: int = 4) -> np.ndarray:
     """Filter the columns of x (N, m) forwards and backwards; ends are continued by odd reflection."""
-    filter = LowPass(cutoff_hz, rate_hz, order)
-    columns = x if x.ndim == 2 else x[:, None]
-    padded = reflected(columns, filter.halo, filter.halo)
-    out = filtered(filter, padded, slice(filter.halo, filter.halo + len(columns)))
+    (out,) = through(x if x.ndim == 2 else x[:, None], [LowPass(cutoff_hz, rate_hz, order)])
     return out if x.ndim == 2 else out[:, 0]
+
+
+def through(x: np.ndarray, filters: Sequence[LowPass]) -> Iterator[np.ndarray]:
+    """The columns of x (N, m), continued so, behind each of several filters of one rate; transformed once."""
+    halo = max(its.halo for its in filters)
+    padded = reflected(x, halo, halo)
+    size = fast_length(len(padded))
+    spectrum, frequency = np.fft.rfft(padded, size, axis=0), np.fft.rfftfreq(size, 1.0 / filters[0].rate_hz)
+    for its in filters:
+        whole = np.fft.irfft(spectrum * its.response(frequency)[:, None], size, axis=0)
+        yield whole[halo : halo + len(x)]
 
 
 def reflected(x: np.ndarray, before: int, after: int) -> np.ndarray:

@@ -23,7 +23,7 @@ from dataclasses import replace
 import numpy as np
 
 from ident.recordings.recording import RecordingStream, raw_blocks
-from ident.signals.low_pass import LowPass, zero_phase
+from ident.signals.low_pass import LowPass, through, zero_phase
 
 ALIKE = 0.99  # share of a position's changes that are whole steps
 EXCERPT = 16000  # rows in which a step is looked for
@@ -74,7 +74,9 @@ def best_cutoff(q: np.ndarray, step: float, filter: LowPass, stretch_s: float) -
     rounding = step * np.rint((motion - q[0]) / step) + q[0] - motion
     edge = _edge(q, step, replace(filter, cutoff_hz=known))
     hz = known * STEPS ** np.arange(int(np.log(filter.cutoff_hz / known) / np.log(STEPS)) + 1)
-    errors = [_errors(q, rounding, replace(filter, cutoff_hz=its))[edge : len(q) - edge] for its in hz]
+    filters = [replace(filter, cutoff_hz=its) for its in hz]
+    both, inner = np.stack([q, rounding], axis=1), slice(edge, len(q) - edge)
+    errors = [_errors(both[inner], passed[inner]) for passed in through(both, filters)]
     best = _lowest(hz, np.stack(errors))
     return best if best < hz[-1] else np.inf
 
@@ -89,11 +91,9 @@ def _lowest(hz: np.ndarray, errors: np.ndarray) -> float:
     return float(hz[np.argmax(more.sum(axis=1) <= np.sqrt(np.sum(more**2, axis=1)))])
 
 
-def _errors(q: np.ndarray, rounding: np.ndarray, filter: LowPass) -> np.ndarray:
-    """(N,) squares of what a filter loses of a motion that was recorded as q (N,) with errors like those of
-    `rounding` (N,), and of what it passes of these."""
-    both = np.stack([q, rounding], axis=1)
-    passed = zero_phase(both, filter.rate_hz, filter.cutoff_hz, filter.order)
+def _errors(both: np.ndarray, passed: np.ndarray) -> np.ndarray:
+    """(N,) squares of what a filter loses of a motion and of what it passes of its rounding: both (N, 2)
+    positions as recorded and errors like those of their rounding, passed (N, 2) these behind the filter."""
     taken = both - passed
     return np.asarray(taken[:, 0] ** 2 - taken[:, 1] ** 2 + passed[:, 1] ** 2)
 
