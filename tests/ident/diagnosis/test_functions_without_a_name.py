@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from small_arm import ARM
 
+from benchmarks.exam.make_cases import make_case
 from ident.diagnosis import diagnose_study
 from ident.diagnosis.evidence.evidence import weigh
 from ident.diagnosis.evidence.leading import leading_metric
@@ -311,3 +312,15 @@ def test_what_one_run_alone_met_is_heard_in_the_noise_beside_it(arm):
     _, _, left = leftovers(state, [], [], tau, 0.01)
     (told,) = left
     assert told.channel == 1 and "q2" in told.variables and not told.carries_over and told.share > 0.9
+
+
+@pytest.mark.long
+def test_a_law_that_leans_on_turning_joints_is_none(tmp_path):
+    """A torque sensor whose scale is a cubic, on a joint that turns every second: two frictions of the rate
+    were told, each by less than what a function of rate and torque says beside them."""
+    truth = make_case("outside", ["bent_scale"], 2073142912, "bent", tmp_path, 30.0, 250.0, "")
+    diagnosis = diagnose_study(load_study(tmp_path / "cases" / "bent" / "study.yaml"))
+    assert truth["effects"][0]["joints"] == [5]
+    assert not diagnosis.findings
+    (told,) = (u for u in diagnosis.unexplained if u.joints == (5,))
+    assert set(told.depends_on) == {"dq5", "tau_m5"}
