@@ -31,15 +31,15 @@ def noise_bursts(columns: Columns, excerpt: Excerpt, others: Collection[int]) ->
     several = len(columns.signals) > columns.n + 1
     for k in range(columns.n, len(columns.signals)):
         usual = float(np.std(excerpt.column(k)))
-        windows = [w for its in excerpt.pieces for w in _windows(its[0], its[2][:, k])]
-        if k in others or not usual > 0 or not windows:
+        windows = [_windows(its[0], its[2][:, k]) for its in excerpt.pieces]
+        rows, sizes = (np.concatenate(its) for its in zip(*windows, strict=True))
+        if k in others or not usual > 0 or not len(rows):
             continue
-        sizes = np.array([size for _, size in windows])
         loud = sizes > max(usual, AS_USUAL * float(np.median(sizes)))
         runs = np.array([run for run in runs_of(loud) if run[1] - run[0] > 1])  # one may hold a transient
         if not len(runs) or loud.mean() > MOST:
             continue
-        first, last = windows[runs[0, 0]][0], windows[runs[0, 1] - 1][0] + ROWS - 1
+        first, last = rows[runs[0, 0]], rows[runs[0, 1] - 1] + ROWS - 1
         times = f" and {len(runs) - 1} more times" if len(runs) > 2 else " and once more" * (len(runs) - 1)
         name = columns.signals[k]
         yield Check(
@@ -49,15 +49,16 @@ def noise_bursts(columns: Columns, excerpt: Excerpt, others: Collection[int]) ->
             f"about {np.median(sizes[loud]):.3g} there, where all that it does deviates by {usual:.3g}, and "
             f"{np.median(sizes[~loud]):.2g} elsewhere: a cable, a plug, a disturbance",
             "leave that out with from: and to:" + f", or the torque with {columns.without([name])}" * several,
-            rows=(first, windows[runs[-1, 1] - 1][0] + ROWS - 1),
+            rows=(int(first), int(rows[runs[-1, 1] - 1]) + ROWS - 1),
             hint=True,
             open=True,
         )
 
 
-def _windows(rows: np.ndarray, x: np.ndarray) -> Iterator[tuple[int, float]]:
-    """First row (from 1) and deviation of noise of each so many rows of a torque (N,)."""
-    for begin in range(0, len(x) - ROWS + 1, ROWS):
-        own = x[begin : begin + ROWS]
-        ways = np.diff(own, 3) / np.sqrt(20.0), own - CUBIC @ own
-        yield int(rows[begin]) + 1, min(float(np.median(np.abs(way))) / NORMAL for way in ways)
+def _windows(rows: np.ndarray, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(K,) first row (from 1) and deviation of noise of each so many rows of a torque (N,)."""
+    count = len(x) // ROWS
+    own = x[: count * ROWS].reshape(count, ROWS)
+    ways = np.diff(own, 3, axis=1) / np.sqrt(20.0), own - own @ CUBIC
+    sizes = np.min([np.median(np.abs(way), axis=1) for way in ways], axis=0) / NORMAL
+    return rows[: count * ROWS : ROWS] + 1, sizes
