@@ -67,8 +67,9 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
 
 
 def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
-    """Of the explanations of the leading channels that the judged rows cannot tell from the best, the one
-    with fewest parameters; where those rows could not show what is between two, the fitted ones decide.
+    """Of the explanations of the leading channels that the judged rows, or all, cannot tell from the best the
+    one with fewest parameters; where the judged ones could not show what is between two, the fitted ones
+    decide.
     (Weak hysteresis of an LWR4+: a Maxwell slip was 30 nats ahead on the fitted rows and none on the
     others.) Of a law that passed the simpler one that it contains is among them, whatever its blocks: that
     nothing is there has been rejected. (Of an AIRBOT's second joint friction by quadrant was told, 35.0 nats
@@ -82,10 +83,19 @@ def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:
     if left_out:  # what the study itself took out of the model is there, and comes before what imitates it
         return left_out[0]
     asked = (*weighed.passed, *_contained(weighed))
-    least = max(most.log_e - tau, tau)
-    equal = [(r, e) for r, e in asked if e.log_e > least and set(r.columns) & set(lead.columns)]
     rows = int((weighed.metric.fitted.mask & weighed.metric.rows.use.any(axis=0)).sum())
-    worth = [e.gain - 0.5 * r.term.free * np.log(rows) for r, e in equal]  # each number chosen there is paid
+
+    def fits(r: Refined, e: Evidence) -> float:  # each number chosen there is paid
+        return e.gain - 0.5 * r.term.free * float(np.log(rows))
+
+    every = fits(lead, most) + most.log_e
+    equal = [
+        (r, e)
+        for r, e in asked
+        if set(r.columns) & set(lead.columns)
+        and (e.log_e > max(most.log_e - tau, tau) or (e.log_e > tau and fits(r, e) + e.log_e > every - tau))
+    ]
+    worth = [fits(r, e) for r, e in equal]
     first = equal[int(np.argmax(worth))]
     equal = [
         its
