@@ -28,6 +28,7 @@ from ident.examination.tables.clock import (
     time_unit_beside,
     uniform_clock,
 )
+from ident.examination.tables.lost_rows import lost_rows
 from ident.examination.tables.of_table import more_joints, of_table
 from ident.examination.tables.same_samples import fitted_twice
 from ident.examination.tables.shared_stamps import Spread, spread, spread_stamps
@@ -172,6 +173,10 @@ def open_recording(
             counted_rate_hz=clock.rate_hz,
             counted_from_s=clock.start,
         )
+        seen = surveyed(stream, study)
+    if (lost := lost_rows(seen.excerpt, len(need.joints))) is not None:
+        checks.append(lost.check(stream.label))
+        stream = replace(stream, lost=lost)
         seen = surveyed(stream, study)
     rate_hz = stream.counted_rate_hz or seen.rate_hz
     columns = Columns(

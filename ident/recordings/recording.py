@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ident.examination.check import Check
+from ident.examination.tables.lost_rows import LostRows
 from ident.examination.tables.mending import NOTHING, Mending
 from ident.examination.tables.shared_stamps import Spread
 from ident.examination.tables.signals import MOVED
@@ -80,6 +81,7 @@ class RecordingStream:
     counted_from_s: float = 0.0
     ticks: Ticks | None = None  # of the clock on which its rows were taken, where its stamps are not those
     spread: Spread | None = None  # when its rows were taken, where they share stamps
+    lost: LostRows | None = None  # of which the stamps know nothing
     held: Held = field(default_factory=Held, init=False, repr=False, compare=False)  # by filters
 
     @property
@@ -95,10 +97,12 @@ class RecordingStream:
     def times(self, rows: np.ndarray, plain: np.ndarray) -> np.ndarray:
         """(N,) [s] when rows of the table were taken; plain: their columns in SI units, as in `names`."""
         if self.counted_rate_hz is not None:
-            return np.asarray(self.counted_from_s + rows / self.counted_rate_hz)
-        if self.spread is not None:
-            return self.spread.of(rows)
-        return plain[:, 0] if self.ticks is None else self.ticks.of(plain[:, 0])
+            t = np.asarray(self.counted_from_s + rows / self.counted_rate_hz)
+        elif self.spread is not None:
+            t = self.spread.of(rows)
+        else:
+            t = plain[:, 0] if self.ticks is None else self.ticks.of(plain[:, 0])
+        return t if self.lost is None else t + self.lost.later(rows)
 
     @property
     def rate_hz(self) -> float:

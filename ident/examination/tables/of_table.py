@@ -11,7 +11,6 @@ import numpy as np
 from ident.examination.check import Check
 from ident.examination.tables import processed, repeats
 from ident.examination.tables.excerpt import Excerpt
-from ident.examination.tables.lost_rows import lost_rows
 from ident.examination.tables.mending import Mender
 from ident.examination.tables.noise_bursts import noise_bursts
 from ident.examination.tables.signals import (
@@ -64,7 +63,6 @@ def of_table(
         smoothed_wraps(columns, excerpt),
         units(columns, mender, excerpt, lowest, highest),
         position_steps(columns, mender, excerpt, periods),
-        lost_rows(columns, excerpt),
         dead_and_resting(columns, lowest, highest),
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
