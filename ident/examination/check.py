@@ -18,6 +18,7 @@ _GRAVEST = (
     "time_unit",
     "clock_rate",
     "angle_unit",
+    "dead_channel",
     "torque_sign",
     "torque_scale",
     "swapped_signals",

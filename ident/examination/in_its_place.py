@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ident.equations.prepared import Prepared
-from ident.examination.check import listed
-from ident.examination.fits.hypothesis import CLEARLY, Asked, Hypothesis
+from ident.examination.check import Check, listed
+from ident.examination.fits.hypothesis import CLEARLY, Asked, Hypothesis, not_recorded
 from ident.examination.fits.stretches import RARE, Explained, all_rows, same, steadily
 from ident.examination.rivals.rivals import Rival, alike, rivals
 from ident.examination.robot.geometry import tables_instead
@@ -67,10 +67,17 @@ def _silent(asked: Asked, best: Hypothesis, words: Sequence[str]) -> list[Hypoth
     return [Hypothesis(0.0, asked.how, replace(best.check, remedy=""), words=its) for its in words]
 
 
-def unrecorded(asked: Asked, best: Hypothesis) -> list[Hypothesis]:
-    """Positions that are one number in all recordings, as none is that was recorded. (Of a Barrett without
-    its first one its second torque was told to have the other sign.)"""
+def unrecorded(asked: Asked, best: Hypothesis, near: Sequence[Hypothesis]) -> Check | None:
+    """Positions that are one number in all recordings, as none is that was recorded, or else the best one and
+    what is near it; no line is right for both. (Of a Barrett without its first one its second torque was told
+    to have the other sign, and was turned.)"""
     every = np.concatenate([s.q for s in asked.quick.samples])
-    still = [f"q{asked.joints[j]}" for j in np.flatnonzero(np.ptp(every, axis=0) == 0)]
+    still = tuple(f"q{asked.joints[j]}" for j in np.flatnonzero(np.ptp(every, axis=0) == 0))
+    if not still or best.check.check == "dead_channel":
+        return None
     words = f"{listed(still)} {'is' if len(still) == 1 else 'are'} not recorded, though the joint moves"
-    return _silent(asked, best, [words] if still and best.check.check != "dead_channel" else [])
+    either = best.beside([*near, *_silent(asked, best, [words])]).check
+    if not either.signals:  # of so many none is told
+        return either
+    message = f"{words}, or {either.message.replace(f', or {words}', '')}"
+    return replace(not_recorded(still), message=message, open=True)

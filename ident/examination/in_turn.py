@@ -58,7 +58,9 @@ def in_turn(prepared: Prepared, asked: Asked) -> InTurn:
         ends = here.of_robot(best) or best.check.check in ("unrelated_torque", "dead_channel")
         if ends or best.check.outcome == "refused":  # nothing here that later questions could stand on
             return replace(its, ended=True)
-        near = [*in_its_place(prepared, here, best, told), *unrecorded(here, best)]
+        near = in_its_place(prepared, here, best, told)
+        if lost := unrecorded(here, best, near):
+            return replace(its, found=(*its.found[:-1], lost), ended=True)
         its = replace(its, asked=here.after(best))
     return its
 

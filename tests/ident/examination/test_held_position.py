@@ -8,6 +8,7 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit, examine_tables
+from ident.examination.undone import undoing
 
 
 def _study(folder, columns):
@@ -77,7 +78,7 @@ def test_a_position_of_a_slower_bus_does_not_leap_with_each_message(tmp_path, sl
 @ON_RECORDINGS[0]
 @ON_RECORDINGS[1]
 def test_a_position_that_is_one_number_throughout_may_not_be_recorded(tmp_path):
-    """Of a Barrett without its first one its second torque was told to have the other sign."""
+    """Of a Barrett without its first one its second torque was told to have the other sign, and turned."""
 
     def change(log):
         for table in log.tables.values():
@@ -85,4 +86,5 @@ def test_a_position_that_is_one_number_throughout_may_not_be_recorded(tmp_path):
 
     study = strangers_log(tmp_path, "barrett_wam_2dof", (50, False, True, True), change)
     (told, *_) = examine_fit(prepare_study(study))
-    assert "or q1 is not recorded, though the joint moves" in told.message
+    assert told.check == "dead_channel" and told.signals == ("q1",) and undoing(told) is None
+    assert told.message.startswith("q1 is not recorded, though the joint moves, or tau_m2 has the other sign")
