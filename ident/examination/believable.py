@@ -51,9 +51,9 @@ def believable(prepared: Prepared, asked: Asked) -> list[Hypothesis]:
     if error.max() > DOUBTFUL:
         found += [*several_signs(asked), *swapped(asked), *other_torques(asked), *degrees(asked)]
         found += turned_scales(asked) if not prepared.study.without else []
-        found += coupled_positions(asked)
+        found += [*coupled_positions(asked), *_positions(asked)]
     if bad(asked.fit):
-        found += [*_positions(asked), *geared(asked), *scaled_positions(asked), *other_orders(asked)]
+        found += [*geared(asked), *scaled_positions(asked), *other_orders(asked)]
     clocks = list(clock_of_all(asked))
     longer = list(lengths(prepared, asked)) if clocks else []  # by which bodies weigh otherwise, too
     clocks = [h for h in clocks if all(h.gain > its.gain for its in longer)]
