@@ -49,7 +49,9 @@ from modelgen.geometry.names import ParameterName
 LOAD = "a load is carried that the study does not declare", "declare it with payload:"
 
 
-def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = True) -> Iterator[Check]:
+def another_signal(
+    asked: Asked, told: Sequence[Hypothesis], positions: bool = True, over: str = "all recordings"
+) -> Iterator[Check]:
     """The signal of one recording that explains steadily more than each of the hypotheses told of all; or of
     all, where the fitted ones are too poor to tell it and those that judge do. (Of seven seconds of a rokae
     with its third position turned that was told of the recording that judges.)
@@ -119,7 +121,7 @@ def another_signal(asked: Asked, told: Sequence[Hypothesis], positions: bool = T
     every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]
     every.sort(key=lambda its: its is not first or gain(its) <= gain(best))
     said = list({its.words + _where(its, best): its for its in every})
-    fallen = f"{falls(before.fit, best.explained.fit)} over all recordings"
+    fallen = f"{falls(before.fit, best.explained.fit)} over {over}"
     where = "in this recording " if best.recording else ""
     which = ", these recordings do not tell which" if said[1:] else ""
     taken = "with another one in its place" if best.check == "dead_channel" else "so taken"

@@ -11,10 +11,11 @@ from planted import ON_RECORDINGS, asked_of, measured, parted, planted, stranger
 from small_arm import ARM
 
 import ident
+from benchmarks.strangers_faults import weighing
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.one_recording.another_signal import another_signal
-from ident.examination.undone import mended_study
+from ident.examination.undone import mended_study, undoing
 from ident.recordings.study import ColumnMap
 from ident.twin import PlannedRun, simulate
 
@@ -482,3 +483,20 @@ def test_what_friction_says_of_all_recordings_is_not_hidden_by_one(tmp_path, hit
     study = strangers_log(tmp_path, "franka_panda", (50, False, False, False), turned)
     (told, *_) = examine_fit(prepare_study(study))
     assert (told.check, told.signals) == ("torque_sign", ("tau_l7",))
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_all_torques_of_one_recording_turned_beside_a_load_in_another_one(tmp_path):
+    """Of an AIRBOT a contact or another robot was told there, and loads of 1.3 and 1.8 kg in the others."""
+
+    def change(log):
+        log.hit = ["run3"]
+        weighing(log, lambda table, g: np.tile(g, (len(table["t"]), 1)), 0.5, tool=True)
+        log.tables["run1"] |= {f"tau_m{j}": -log.tables["run1"][f"tau_m{j}"] for j in range(1, 7)}
+
+    study = strangers_log(tmp_path, "airbot_play", (50, False, False, False), change)
+    (told,) = examine_fit(prepare_study(study))
+    assert (told.check, told.recording) == ("torque_sign", "run1") and "over run1, run2" in told.message
+    assert undoing(told) is not None
