@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from ident.equations.prepared import Prepared
+from ident.equations.prepared import Prepared, prepare_study
+from ident.errors import RecordingError
 from ident.examination.asking import asked_of
 from ident.examination.believable import believable, unforeseen
 from ident.examination.check import Check, listed, refuse, turned_sign, worst_first
@@ -54,6 +55,7 @@ from ident.examination.torques.currents import motor_signs
 from ident.examination.torques.frictionless import frictionless
 from ident.examination.torques.weightless import unfelt
 from ident.examination.torques.within import changed_within
+from ident.examination.undone import mended_study
 
 ALIKE = 2  # causes beside the one that all recordings tell: of more none is told
 
@@ -86,7 +88,7 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     halfway = list(changed_within(asked))
     its = in_turn(prepared, asked)
     if its.alone is not None:
-        return its.alone
+        return its.alone + _behind(prepared, its.alone)
     if its.found and its.found[-1].outcome == "refused":
         stream = next(s for s in prepared.streams if s.role == "identify")
         refuse(stream.file, [*examine_tables(prepared), *its.found])
@@ -101,6 +103,21 @@ def examine_fit(prepared: Prepared) -> tuple[Check, ...]:
     if not found and not beside and len(prepared.columns.need.joints) > 1 and _quiet(prepared):
         beside += unseen_base(prepared, its.asked)
     return (*_joined(found, its.asked.maps), *beside)
+
+
+def _behind(prepared: Prepared, alone: tuple[Check, ...]) -> tuple[Check, ...]:
+    """What the recordings show with that undone which one of them shows alone, and which hid it; not of the
+    same signals once more. (Of an LWR4+ with one torque of a run turned and another one times three the
+    second was not told, of an AIRBOT that it is one or the other.)"""
+    mended = mended_study(prepared.study, alone)
+    if mended is None:
+        return ()
+    try:
+        found = examine_fit(prepare_study(mended))
+    except RecordingError:
+        return ()
+    told = {(c.recording, name) for c in alone for name in c.signals}
+    return tuple(c for c in found if c.signals and told.isdisjoint((c.recording, x) for x in c.signals))
 
 
 Question = tuple[bool, Callable[[], Iterable[Check]]]  # whether it is asked, and what answers it

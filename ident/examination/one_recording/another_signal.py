@@ -116,6 +116,7 @@ def another_signal(
     told_too = [its for its in once.values() if _explains(its, before)]
     told_too = [its for its in told_too if steadily(before, its.explained, RARE)]
     told_too = [its for its in told_too if _of_itself(before, owns, its) and _itself(asked, before, its)]
+    told_too = [its for its in told_too if half_of(before, best.explained, its.explained)]
     near = [its for its in (*told_too, *instead) if not steadily(its.explained, best.explained, RARE)]
     first = max(instead, key=gain, default=best)  # of ten numbers, which may have less to say than one
     every = [best, *sorted([*near, *everywhere], key=gain, reverse=True)]

@@ -500,3 +500,25 @@ def test_all_torques_of_one_recording_turned_beside_a_load_in_another_one(tmp_pa
     (told,) = examine_fit(prepare_study(study))
     assert (told.check, told.recording) == ("torque_sign", "run1") and "over run1, run2" in told.message
     assert undoing(told) is not None
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_fault_behind_another_one_of_the_same_recording(tmp_path):
+    """Of an AIRBOT it was told that it is the one or the other, of an LWR4+ the first alone."""
+
+    def change(log):
+        table = log.tables["run1"]
+        table["tau_m2"], table["tau_m3"] = -table["tau_m2"], 3 * table["tau_m3"]
+
+    study = strangers_log(tmp_path, "airbot_play", (100, False, False, False), change)
+    told = examine_fit(prepare_study(study))
+    assert [(c.recording, c.check, c.signals) for c in told] == [
+        ("run1", "torque_sign", ("tau_m2",)),
+        ("run1", "torque_scale", ("tau_m3",)),
+    ]
+    assert (
+        undoing(told[0]) is not None
+        and 0.9 < float(re.findall(r"is ([0-9.]+) times", told[1].message)[0]) / 3 < 1.1
+    )
