@@ -42,7 +42,7 @@ def signed(asked: Asked, quick: Quick, c: int, label: str = "") -> Quick | None:
     other torques show, then of a fit of them all. None of a clipped torque, of one of both signs, and where
     that is no more than the other sign."""
     how, which = asked.how, [s for s in quick.samples if label in ("", s.label)]
-    if asked.name(c) in asked.clipped or not _one_sided(which, how.order[c]):
+    if asked.name(c) in asked.clipped or not one_sided(which, how.order[c]):
         return None
     k, its = how.order[c], [label in ("", s.label) for s in quick.samples]
     made = quick.of([s.without([c]) if mine else s for s, mine in zip(quick.samples, its)])
@@ -54,7 +54,7 @@ def signed(asked: Asked, quick: Quick, c: int, label: str = "") -> Quick | None:
     return made if made.fit(how).gain_over(turned.fit(how)) > CLEARLY else None
 
 
-def _one_sided(samples: Sequence[Sample], k: int) -> bool:
+def one_sided(samples: Sequence[Sample], k: int) -> bool:
     """Whether torque k goes beyond zero by no more than a filter makes of a sharp turn there."""
     low, high = (f(f(s.Y[:, k]) for s in samples) for f in (min, max))
     return bool(min(high, -low) < RAIL * (high - low))

@@ -3,8 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from planted import ON_RECORDINGS, asked_of, measured, parted, planted
+import pytest
+from planted import ON_RECORDINGS, asked_of, measured, parted, planted, strangers_log
 
+from ident.equations.prepared import prepare_study
+from ident.examination.examine import examine_fit
 from ident.examination.fits.hypothesis import CLEARLY
 from ident.examination.fits.stretches import all_rows
 from ident.examination.one_recording.changed import unsigned
@@ -36,3 +39,16 @@ def test_a_magnitude_of_one_recording(tmp_path):
     (told,) = (its for its in unsigned(asked, whole, ["identify", "validate"]) if its.signals == ("tau_l2",))
     assert told.recording == "identify"
     assert told.explained.fit.gain_over(turned.fit(asked.how)) > CLEARLY
+
+
+@pytest.mark.long
+def test_of_a_torque_that_is_mostly_friction_the_magnitude_is_told_beside_the_sign(tmp_path):
+    """A KR 300's fourth had the other sign, and the line that turns it leaves as much."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["tau_m4"] = abs(table["tau_m4"])
+
+    study = strangers_log(tmp_path, "kuka_kr300", (0, False, True, False), change)
+    (told,) = examine_fit(prepare_study(study))
+    assert told.check == "torque_sign" and "or tau_m4 is recorded without its sign" in told.message
