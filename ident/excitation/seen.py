@@ -67,8 +67,8 @@ def seen(state: State, suspects: Mapping[str, Hypothesis]) -> Seen | None:
             told[label], parameters[label] = e.log_e, _reported(term, e.sizes, state)
     pairs = combinations(told, 2) if state.rows.held_apart else ()
     ahead = {(a, b): float(told[a] - told[b]) for a, b in pairs}
-    roles = state.rows.roles
-    motions = [m for m, s in zip(state.motions, state.segments) if roles[s.recording] == "validate"]
+    judging = set(state.rows.recording[state.rows.judged].tolist())
+    motions = [m for m, s in zip(state.motions, state.segments) if s.recording in judging]
     return Seen(ahead, motions, parameters)
 
 

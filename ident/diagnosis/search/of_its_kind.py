@@ -40,21 +40,23 @@ def times_noise_of_its_kind(others: State, m: Metric, f: Found) -> float | None:
 
 
 def _apart(others: State, m: Metric, f: Found, term: Term) -> tuple[float, int]:
-    """The square of the distance of another shape's sizes between the sides, in their noise, and how many
-    these are; nothing of one that says part of its torque."""
+    """The square of the distance of another shape's sizes between the sides, beside the effect's own, in
+    their noise, and how many these are; nothing of one that says part of its torque."""
     columns = others.scene.columns(term)
     if set(columns) != set(f.columns):
         return 0.0, 0
-    white = m.whiten({c: np.column_stack([z, f.columns[c] @ f.sizes]) for c, z in columns.items()})
-    left, _ = beside_model(m, m.fitted, white)
+    own, white = m.whiten(f.columns), m.whiten(columns)
+    left, _ = beside_model(m, m.fitted, {c: np.column_stack([z, own[c] @ f.sizes]) for c, z in white.items()})
     across, whole = left[:-1, -1], left[-1, -1]
     if across @ np.linalg.pinv(left[:-1, :-1], rcond=1e-9) @ across > OWN * whole:
         return 0.0, 0
-    own = {c: z[:, :-1] for c, z in white.items()}
-    apart, spread = np.zeros(len(across)), np.zeros((len(across), len(across)))
+    p = len(across)
+    both = {c: np.hstack([z, own[c]]) for c, z in white.items()}
+    apart, spread = np.zeros(p), np.zeros((p, p))
     for side, sign in ((m.fitted, 1.0), (m.judged, -1.0)):
-        left, right = beside_model(m, side, own)
-        noise = float(np.mean([side.rss[c] / max(side.free[c], 1) for c in own]))
+        left, right = beside_model(m, side, both)
+        told = right[p:] @ np.linalg.pinv(left[p:, p:], rcond=1e-9) @ right[p:]
+        noise = float(sum(side.rss[c] for c in both) - told) / max(sum(side.free[c] for c in both), 1)
         inverse = np.linalg.pinv(left, rcond=1e-9)
-        apart, spread = apart + sign * inverse @ right, spread + noise * inverse
+        apart, spread = apart + sign * (inverse @ right)[:p], spread + noise * inverse[:p, :p]
     return float(apart @ np.linalg.pinv(spread, rcond=1e-9) @ apart), len(apart)

@@ -116,6 +116,20 @@ def test_shapes_that_are_all_alike_say_nothing_of_it(tiny):
     assert times_noise_of_its_kind(others, others.metric, replace(f, term=None)) is None
 
 
+def test_a_strong_wave_over_a_short_way_makes_no_change_of_others(tiny):
+    """Others are not quite apart from it, and take up some of it, by where a run goes: of a ripple of 265
+    nats they changed by 57 times the noise, and it was no name."""
+
+    def short(term):
+        angle = term.theta["wavenumber"] / 4 * (Q / 2 + np.where(np.arange(M) < M // 2, 0.6, -0.6))
+        return np.column_stack([np.sin(angle), np.cos(angle)])
+
+    for seed in range(5):
+        others, f = case(tiny, seed, 0.0, 0.0, 8.0, short)
+        beside = beside_changes(others, f, TAU)
+        assert beside.of_its_kind and beside.kappa < 2 and beside.log_e > 100
+
+
 def test_a_shape_beyond_its_bounds_is_not_asked(tiny):
     """It may be no number: the root of a counterbalance's geometry, beyond 1, ended a diagnosis."""
     others, f = case(

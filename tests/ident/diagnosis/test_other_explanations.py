@@ -8,6 +8,13 @@ from planted import ON_RECORDINGS, strangers_log, with_fault
 
 import ident
 from ident.diagnosis import diagnose_study, weighed_again
+from ident.diagnosis.evidence.settled import with_found
+from ident.diagnosis.evidence.state import Found
+from ident.diagnosis.opening import opened
+from ident.diagnosis.rows.terms import Term
+from ident.equations.prepared import prepare_study
+from ident.excitation.seen import seen
+from modelgen.effects import catalogue
 
 
 def test_what_says_more_and_is_no_law_may_be_there_all_the_same(monkeypatch):
@@ -54,3 +61,21 @@ def test_a_spring_where_joints_move_alike(tmp_path):
     document = ident.diagnose(ident.load(path)).document()
     told = [f for f in document["findings"] if 3 in f["joints"]]
     assert all("spring" in {f["effect"], *(a["effect"] for a in f["alternatives"])} for f in told)
+
+
+def test_an_identify_run_that_judges_is_what_has_been_seen(arm):
+    """With no validate run, of two identify runs and two explanations a diagnosis ended in a traceback."""
+    study = arm("torque_ripple:2:A=0.4,wavenumber=9,phi=0.3")
+    runs = tuple(run.model_copy(update={"use": "identify"}) for run in study.recordings)
+    begun = opened(prepare_study(study.with_(recordings=runs)))
+    state, place = begun.state, begun.layout.place(1, None, side="motor")
+    shapes = {"torque_ripple": {"wavenumber": 9.0}, "gear_ripple": {"wavenumber": 9.0}}
+    own, other = (Term(catalogue()[name], place, its) for name, its in shapes.items())
+    columns = state.scene.columns(own)
+    state = with_found(state, Found(own, columns, np.zeros(2)))
+    its = seen(state, {"one": own, "other": other})
+    assert set(its.ahead) == {("one", "other")}
+    assert sum(len(m.t) for m in its.motions) == sum(
+        len(s.t) for s in state.segments if state.rows.judged[state.rows.recording == s.recording].any()
+    )
+    assert its.motions
