@@ -85,9 +85,9 @@ def unexplained(asked: Asked) -> Iterator[Check]:
 def badly_explained(asked: Asked) -> Iterator[Check]:
     """Several torques of which more is left than of a clean arm's, of which one at most hardly goes with
     its motion. (Of an AIRBOT's, with a position smoothed over its wraps, 57 % were left and nothing was said;
-    with the table of a UR10e 46 to 69 % of three.)"""
+    with the table of a UR10e 46 to 69 % of three. What is left of clipped ones is bent, and told.)"""
     error = asked.fit.error
-    badly = [c for c in asked.seen if error[c] > BAD]
+    badly = [c for c in asked.seen if error[c] > BAD and asked.name(c) not in asked.clipped]
     if len(badly) > 1:
         names, left = asked.names(badly), listed(f"{100 * error[c]:.0f} %" for c in badly)
         what = f"the model explains {listed(names)} badly (errors of {left})"
