@@ -105,10 +105,11 @@ def _as_nearest(item: Mapping[str, Any], near: Mapping[str, Any], sides: str) ->
 
 
 def _too_poorly_told(item: Mapping[str, Any], near: Mapping[str, Any], chance: float, sides: str) -> str:
-    """What the stretches of the recordings do not tell from nothing."""
+    """What the stretches of the recordings, or their bands, do not tell from nothing."""
     return (
-        f"{_as_nearest(item, near, sides)}; but between stretches of the recordings its size changes so much "
-        f"that a fit does not tell it from zero (p {number(chance, 2)}); longer or more varied motion would."
+        f"{_as_nearest(item, near, sides)}; but between stretches of the recordings, or bands of frequency, "
+        f"its size changes so much that a fit does not tell it from zero (p {number(chance, 2)}); longer or "
+        "more varied motion would."
     )
 
 

@@ -23,6 +23,7 @@ LONGEST = 0.05  # s: what lasts longer is in the rows that are fitted
 SHARE = 0.1  # of a torque's range that it falls by at least; of a joint's usual rate, below which it turns
 LEFT = 0.25  # of the torque, at most, for a fall to zero
 SMOOTH = 5  # rows
+FASTER = 2.0  # times as fast as it goes anywhere about there
 AFTER = (0.05, 0.1, 0.2, 0.4)  # s behind a turn
 
 
@@ -80,7 +81,9 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
 
 def _moments(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int, bool]]:
     """Of torques (C, N) of which some row may be a fall to zero: which one goes elsewhere for a moment, its
-    first row, the one behind its last, and whether it is a fall."""
+    first row, the one behind its last, and whether it is a fall, which is sudden. (Of an arm in MuJoCo that
+    goes from point to point torques went to zero and back as it braked and went on the other way, by a fifth
+    of them from row to row: a gear had play.)"""
     low, high = np.quantile(x, [0.05, 0.95], axis=1)
     sides = np.minimum(np.abs(x[:, : -2 * around]), np.abs(x[:, 2 * around :]))
     may = (np.abs(x[:, around:-around]) < LEFT * sides) & (sides > SHARE * (high - low)[:, None])
@@ -95,7 +98,10 @@ def _moments(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int, bool]]
         for first, last in runs_of(off > least).tolist():
             if last - first <= around and first > 0 and last < x.shape[1]:
                 k = first + int(np.argmax(off[first:last]))
-                yield c, first, last, bool(abs(x[c, k]) < LEFT * abs(course[k]))
+                steps = np.abs(np.diff(x[c, max(first - around, 0) : last + around]))
+                edges = slice(min(first, around) - 1, min(first, around) + last - first)
+                sudden = steps[edges].max() > FASTER * np.delete(steps, edges).max(initial=0.0)
+                yield c, first, last, bool(sudden and abs(x[c, k]) < LEFT * abs(course[k]))
 
 
 def _apart(moments: Sequence[float], least: float) -> list[float]:

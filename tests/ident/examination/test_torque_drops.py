@@ -89,3 +89,12 @@ def test_spikes_where_joints_stop_of_which_some_end_near_zero_are_no_falls():
     tau = _torques()
     tau[rows + 2, 1] -= 20.0
     assert _said(tau)
+
+
+def test_a_torque_that_goes_through_zero_as_its_joint_brakes_and_goes_back_does_not_fall():
+    """From point to point: of an arm in MuJoCo at 100 Hz a gear was told to have play."""
+    tau = _torques()
+    for row in _turning(1):
+        away = np.abs(np.arange(len(T)) - (row + 8)) / 6.0
+        tau[:, 1] *= np.minimum(away, 1.0)
+    assert not _said(tau)
