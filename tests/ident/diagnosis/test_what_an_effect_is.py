@@ -133,6 +133,27 @@ def test_sizes_that_the_loop_left_out_are_held_at_zero_in_the_last_fit(arm):
     assert told.parameters["Fc"].given and told.parameters["Ia"].value == 0.0
 
 
+def test_a_load_of_a_run_that_judges_is_held_without_what_no_motion_shows(tmp_path):
+    """Of two joints no motion shows a body's mass: a study that held it at zero was refused, and a payload
+    was told to be something else."""
+    (tmp_path / "robot.yaml").write_text(ARM.split("  - {joint: revolute, antecedent: 2")[0])
+    runs = (PlannedRun("run1", "identify", 14.0), PlannedRun("run2", "validate", 10.0))
+    made = simulate(tmp_path / "robot.yaml", "A", (), seed=3, sensors=Sensors(rate_hz=200.0), runs=runs)
+    study = load_study(write_simulation(made, tmp_path / "out"))
+    begun = opened(prepare_study(study))
+    here = catalogue()["payload_change"].places(replace(begun.layout, recordings=("run2",)))
+    light = next(place for place in here if place.link == 2)
+    assert not {"M", "MZ"} & set(light.parts)
+    term = Term(catalogue()["payload_change"], light)
+    columns = begun.state.scene.columns(term)
+    state = with_found(begun.state, Found(term, columns, np.full(len(light.parts), 0.1)))
+    state = replace(state, found=(replace(state.found[0], sizes=np.full(len(light.parts), 0.1)),))
+    entry = entry_of(study_term(state.terms[0], state), (1, 2))
+    assert "M" not in entry and "XX" in entry["fixed"]
+    (told,) = fit_study(study.with_(effects=(entry,))).terms
+    assert dict(zip(told.linear, told.size))["MX"] == 0.1
+
+
 def test_what_a_study_left_out_is_asked_of_every_joint(tmp_path_factory):
     """A budget of two places for one effect hid the others' viscous friction, and a square took its place."""
     folder = tmp_path_factory.mktemp("left_out")
