@@ -203,7 +203,7 @@ def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: f
     if late_at is not None:
         late = in_time(state, library.places, late_at, tau, alpha)
         if late is not None and not late.evidence.given and late.evidence.log_e > evidence.log_e:
-            return _settled(late, late.tried)
+            return _settled(late, (*late.tried, *could_stand(weighed, best, tau)))
 
     def step() -> Step:
         rivals = rivals_of(weighed, best, evidence, tau, alpha)

@@ -7,6 +7,7 @@ import pytest
 from planted import ON_RECORDINGS, strangers_log, with_fault
 
 import ident
+from benchmarks.exam.make_cases import make_case
 from ident.diagnosis import diagnose_study, weighed_again
 from ident.diagnosis.evidence.settled import with_found
 from ident.diagnosis.evidence.state import Found
@@ -14,6 +15,7 @@ from ident.diagnosis.opening import opened
 from ident.diagnosis.rows.terms import Term
 from ident.equations.prepared import prepare_study
 from ident.excitation.seen import seen
+from ident.recordings.study import load_study
 from modelgen.effects import catalogue
 
 
@@ -79,3 +81,12 @@ def test_an_identify_run_that_judges_is_what_has_been_seen(arm):
         len(s.t) for s in state.segments if state.rows.judged[state.rows.recording == s.recording].any()
     )
     assert its.motions
+
+
+@pytest.mark.long
+def test_a_torque_that_comes_late_may_be_a_soft_gear(tmp_path):
+    """Of a soft last gear of an LWR4+ 14 ms were told, and a lag as what may be instead, and no gear."""
+    make_case("weak", ["joint_elasticity"], 2154114508, "soft", tmp_path, 30.0, 250.0, "")
+    (found,) = diagnose_study(load_study(tmp_path / "cases" / "soft" / "study.yaml")).findings
+    told = {found.effect, *(a.named["effect"] for a in found.equivalent)}
+    assert found.joints == (7,) and {"joint_elasticity", "time_delay", "torque_lag"} <= told
