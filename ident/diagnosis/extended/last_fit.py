@@ -185,9 +185,9 @@ def _vague(told: Sequence[FoundEffect], by_chance: Mapping[int, float], alpha: f
 
 
 def _as_told(found: FoundEffect, own: Mapping[str, float], wider: Mapping[str, float]) -> dict[str, float]:
-    """{parameter: deviation that is told with it}: its own, and by how much it moves with the band. (Of five
-    arms that MuJoCo moved torques were 0.3 to 0.6 ms late, +- 0.3 to 0.5 by how much their bands differed,
-    and so all of the robots lacked it.)"""
+    """{parameter: deviation that is told with it}: its own, and by how much it moves with the band. (Of three
+    arms that MuJoCo moved torques were told to be 0.3 to 0.6 ms late, +- 0.3 to 0.5: what their bands
+    differed by had not been asked.)"""
     plain = {name: p.std for name, p in found.parameters.items() if p.std} | dict(own)
     return {name: float(np.hypot(std, wider.get(name, 0.0))) for name, std in plain.items()}
 
