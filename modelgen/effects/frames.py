@@ -39,7 +39,10 @@ def frames(robot: Robot, q: Array) -> Frames:
     """Evaluate T(a(j), j) = Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r) for every row; q (N, n)."""
     q = np.asarray(q, dtype=float)
     N, L = len(q), len(robot.links)
-    R, p = np.empty((N, L, 3, 3)), np.empty((N, L, 3))
+    R, p = (
+        np.empty((L, 3, 3, N)),
+        np.empty((L, 3, N)),
+    )  # samples side by side, as they are read
     joint: list[int] = []
     for row, link in enumerate(robot.links):
         moving = link.sigma != 2
@@ -51,20 +54,20 @@ def frames(robot: Robot, q: Array) -> Frames:
         theta = theta0 + variable * (link.sigma == 0)
         r = r0 + variable * (link.sigma == 1)
         fixed = _rz(gamma) @ _rx(alpha)  # (3, 3)
-        shift = np.array([0.0, 0.0, b]) + fixed @ np.array([d, 0.0, 0.0]) + r[:, None] * fixed[:, 2]
+        shift = (np.array([0.0, 0.0, b]) + fixed @ np.array([d, 0.0, 0.0]))[:, None] + r * fixed[:, 2:]
         if link.antecedent == 0:
-            axes, p[:, row] = np.broadcast_to(fixed, (N, 3, 3)), shift
+            axes, p[row] = np.broadcast_to(fixed[:, :, None], (3, 3, N)), shift
         else:
             a = link.antecedent - 1
-            axes = (R[:, a].reshape(-1, 3) @ fixed).reshape(N, 3, 3)
-            p[:, row] = p[:, a] + np.einsum("nij,nj->ni", R[:, a], shift)
-        c, s = np.cos(theta)[:, None], np.sin(theta)[:, None]
-        R[:, row, :, 0] = c * axes[:, :, 0] + s * axes[:, :, 1]
-        R[:, row, :, 1] = c * axes[:, :, 1] - s * axes[:, :, 0]
-        R[:, row, :, 2] = axes[:, :, 2]
+            axes = fixed.T @ R[a]
+            p[row] = p[a] + np.einsum("ijn,jn->in", R[a], shift)
+        c, s = np.cos(theta), np.sin(theta)
+        R[row, :, 0] = c * axes[:, 0] + s * axes[:, 1]
+        R[row, :, 1] = c * axes[:, 1] - s * axes[:, 0]
+        R[row, :, 2] = axes[:, 2]
     return Frames(
-        R=R,
-        p=p,
+        R=R.transpose(3, 0, 1, 2),
+        p=p.transpose(2, 0, 1),
         sigma=tuple(link.sigma for link in robot.links),
         antecedent=tuple(link.antecedent for link in robot.links),
         joint=tuple(joint),

@@ -218,12 +218,34 @@ def gravity_columns(robot: Robot, q: Array, gravity: Array, names: tuple[str, ..
 
     What a tilt brings in beside the known parameters: MX1 and MY1 of an upright first axis.
     """
-    return unit_weights(robot, q, names) @ np.asarray(gravity, dtype=float)
+    return _weights_apart(frames(robot, q), np.asarray(gravity, dtype=float), names)
 
 
 def unit_weights(robot: Robot, q: Array, names: tuple[str, ...]) -> Array:
     """(N, n, len(names), 3) that `gravity_columns` has of a unit gravity along each base axis."""
-    if not names:
-        return np.zeros((*np.shape(q), 0, 3))
     arm = frames(robot, q)
-    return np.stack([_weights(arm, {name: 1.0}) for name in names], axis=2)
+    return np.stack([_weights_apart(arm, g, names) for g in np.eye(3)], axis=3)
+
+
+def _weights_apart(arm: Frames, g: Array, names: tuple[str, ...]) -> Array:
+    """A first moment m beyond a turning joint about z weighs (m x z) g = m (z x g) there: that product is
+    made once for each joint, and the axes of each link turn it. (Made of one name after the other, bodies
+    and all, they took most of the last fit of an arm of five joints.)"""
+    out = np.zeros((len(arm.p), arm.n, len(names)))
+    bodies = [(name.rstrip("0123456789"), int(name.lstrip("MXYZ")) - 1) for name in names]
+    turning = {j: _skew(g).T @ arm.R[:, j, :, 2].T for j, sigma in enumerate(arm.sigma) if sigma == 0}
+    for row in {row for _, row in bodies}:
+        for j in (j for j in arm.above(row) if arm.joint[j] >= 0):
+            torque = {"M": -arm.R[:, j, :, 2] @ g}
+            if j in turning:
+                torque = dict(zip(("MX", "MY", "MZ"), np.einsum("nia,in->an", arm.R[:, row], turning[j])))
+                torque["M"] = np.einsum("ni,in->n", arm.p[:, row] - arm.p[:, j], turning[j])
+            for k, (kind, its) in enumerate(bodies):
+                if its == row and kind in torque:
+                    out[:, arm.joint[j], k] = torque[kind]
+    return out
+
+
+def _skew(g: Array) -> Array:
+    """(3, 3) of g x."""
+    return np.cross(g, -np.eye(3))

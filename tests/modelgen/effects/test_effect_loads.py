@@ -11,6 +11,7 @@ from modelgen.effects.loads import (
     gravity_columns,
     gravity_torque,
     tilted,
+    unit_weights,
 )
 from modelgen.geometry.robot_file import load_robot
 
@@ -79,6 +80,19 @@ def test_only_a_tilt_shows_the_first_moment_of_an_upright_first_link():
     assert not gravity_columns(robot, q, np.array([0, 0, -9.81]), ("MX1", "MY1")).any()
     seen = gravity_columns(robot, q, np.array([1.0, 0, 0]), ("MX1",))
     assert np.abs(seen[:, 0, 0]).max() > 0.5 and not seen[:, 1:].any()
+
+
+@pytest.mark.parametrize("name", [*ROBOTS, "scara"])
+def test_weights_of_single_parameters_add_up(name):
+    robot = load_robot(name)
+    q, g = some_states(robot), np.array([0.3, -0.5, -9.7])
+    standard = {f"{kind}{j}": v for (j, kind), v in some_weights(robot).items()}
+    names, values = tuple(standard), np.array([*standard.values()])
+    whole = gravity_torque(robot, q, standard, g)
+    assert gravity_columns(robot, q, g, names) @ values == pytest.approx(whole, abs=1e-11)
+    assert np.einsum("njka,k,a->nj", unit_weights(robot, q, names), values, g) == pytest.approx(
+        whole, abs=1e-11
+    )
 
 
 def test_gate_opens_and_closes():
