@@ -10,10 +10,12 @@ from planted import ON_RECORDINGS, measured
 
 import ident
 from ident.diagnosis.extended import compared_exactly, last_fit
+from ident.diagnosis.extended.approximated import apart
 from ident.diagnosis.extended.last_fit import _as_told, _p_told, _vague, first_extended
 from ident.diagnosis.extended.on_judging_runs import behind, judged_error
 from ident.diagnosis.loads.windows import windows_of, windows_tried
 from ident.diagnosis.rows.terms import Term as LoopTerm
+from ident.diagnosis.telling.findings import _deviation
 from ident.equations.comparison import Curves
 from ident.equations.observation import ChannelFactor, stack
 from ident.equations.terms import Term
@@ -149,6 +151,26 @@ def test_what_moves_with_the_band_is_told_by_that_from_zero(moves, vague_then):
     how much the study's own band told another delay."""
     late = found(1e-9, size=3.2e-4, std=5e-5)
     assert bool(vague([late], 0, 0.01, **_as_told(late, {}, {"Fs": moves}))) is vague_then
+
+
+@pytest.mark.parametrize(
+    ("name", "theta", "sizes", "fitted", "off"),
+    [
+        # an arm that MuJoCo moved from point to point: Fc = 1.0724 N m, sigma = 684 N m/rad
+        ("hysteresis", {"width": 1.557e-3}, [1.0712], {"Fc": 0.9001, "sigma": 673.8}, {"Fc": 0.1711}),
+        ("torque_ripple", {"wavenumber": 4.0}, [-1.0, -0.02], {"phi": 3.12}, {"phi": 0.0416}),  # not a turn
+    ],
+)
+def test_a_parameter_is_known_no_better_than_two_fits_differ(name, theta, sizes, fitted, off):
+    term = LoopTerm(effect(name), Place(joint=0, side="motor"), theta)
+    model = SimpleNamespace(number=lambda *_: None)
+    state = SimpleNamespace(found=(SimpleNamespace(term=term, sizes=np.array(sizes)),), model=model)
+    its = SimpleNamespace(parameters={key: SimpleNamespace(value=value) for key, value in fitted.items()})
+    got = apart(state, term, its)
+    assert set(got) == set(fitted)
+    assert {key: got[key] for key in off} == pytest.approx(off, abs=1e-4)
+    assert _deviation(0.046, 0.0, 0.1711) == 0.1711 and _deviation(0.046, 0.0, 0.01) == 0.046
+    assert _deviation(None, 0.0, 0.1711) is None  # given, or at the end of its search
 
 
 def test_the_loudest_of_many_windows_is_told_from_zero_by_all_of_them():
