@@ -109,6 +109,7 @@ def _rows(motion: Motion, chain: Chain, place: Mapping[str, slice]) -> _Rows:
             for channel in range(known.shape[1]):
                 entries.append((channel, parameter))
                 values.append(change[:, channel])
+    chain.forget()
     return _Rows(np.array(entries, int).reshape(-1, 2), np.array(values).reshape(-1, len(motion.t)), known.T)
 
 

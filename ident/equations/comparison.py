@@ -156,6 +156,8 @@ def fitted_torques(
             torque = modelled_torque(columns, fit.chi, stream.payload, block)
             modelled.append(torque if chain is None else torque + chain.torque(motion)[inner])
             measured.append(measured_torque(columns, fit.chi, block))
+            if chain is not None:
+                chain.forget()
         yield block, measured, modelled
 
 

@@ -92,7 +92,7 @@ class FittedModel:
         before = self.before
         if before is None:
             return self.torque(motion)
-        return self.once(("total",), motion, lambda: self.torque(motion) + before(motion))
+        return self.once(("total", id(before)), motion, lambda: self.torque(motion) + before(motion))
 
     def link_torque(self, motion: Motion) -> np.ndarray:
         """(N, n) torque that each gear passes on: the sensor channel's where the model has one, else the

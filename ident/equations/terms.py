@@ -153,17 +153,23 @@ class Tangent:
 class Chain:
     """The terms of a model and what each sees of the others: those that act before it (a recorder acts last).
 
-    One pass over the recordings uses one of these, since states go on from block to block.
+    One pass over the recordings uses one of these, since states go on from block to block; what the model
+    answers is kept of one block (`forget`).
     """
 
     def __init__(self, model: FittedModel, terms: Sequence[Term]) -> None:
-        self.model, self.terms = model, tuple(terms)
+        self.model, self.terms = replace(model, kept={}), tuple(terms)
         self.seen = {term.label: self._seen(term) for term in terms}
         self._memories: dict[tuple[object, ...], Memory] = {}
         self._last: tuple[Motion | None, dict[str, np.ndarray]] = (None, {})
 
     def memory(self, *key: object) -> Memory:
         return self._memories.setdefault(key, {})
+
+    def forget(self) -> None:
+        """What was kept of a block that is done."""
+        if self.model.kept is not None:
+            self.model.kept.clear()
 
     def torque(self, motion: Motion, terms: Sequence[Term] | None = None) -> np.ndarray:
         """(N, C) of some of the terms, by default all; each is computed once a block."""
@@ -198,8 +204,8 @@ def torque_of(term: Term, motion: Motion, model: FittedModel, memory: Memory) ->
     size = np.array(term.size)
     for channel, columns in term.effect.columns(term.place, term.theta, size, motion, model, memory).items():
         out[:, channel] += columns @ size
-    for number, change in _changes(term, motion, model).items():
-        out += model.chi[number] * change
+    if term.effect.changes_model:
+        out += term.effect.torque_change(term.place, term.theta, motion, model, model.chi)
     return out
 
 
@@ -244,11 +250,12 @@ def _changes(term: Term, motion: Motion, model: FittedModel) -> Mapping[int, np.
 
 
 def _bent(term: Term, motion: Motion, model: FittedModel) -> bool:
-    """Whether the columns change with the size: the term is not linear in it."""
+    """Whether the columns change with the size: the term is not linear in it. What acts before it is not
+    asked: states that go on from block to block would go on from these samples."""
     size = np.array(term.size)
     if term.effect.state is not None or not size.any():
         return False
-    few = replace(motion.only(slice(PROBE)), measured=None)
+    few, model = replace(motion.only(slice(PROBE)), measured=None), replace(model, before=None)
     one, other = (
         term.effect.columns(term.place, term.theta, times * size, few, model, {}) for times in (1.0, 1.3)
     )

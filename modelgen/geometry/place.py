@@ -149,7 +149,9 @@ class Motion:
         return way if self.before is None else way | {"before": self.before[:, joint]}
 
     def only(self, rows: slice) -> Motion:
-        """These samples of it alone."""
+        """These samples of it alone; where they are all, itself: what was asked about it is known."""
+        if rows.indices(len(self.t)) == (0, len(self.t), 1):
+            return self
         parts = {name: getattr(self, name)[rows] for name in ("t", "q", "dq", "ddq", "sign_dq")}
         before = None if rows.start else self.before
         measured = None if self.measured is None else self.measured[rows]
