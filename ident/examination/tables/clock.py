@@ -100,6 +100,7 @@ class Clock:
     rate_hz: float
     worst_s: float
     step_s: float
+    usual_s: float  # from one of its stamps to the next
     rates: tuple[float, float] | None = None  # that such stamps have, of few steps
 
     @property
@@ -118,8 +119,9 @@ class Clock:
 
     @property
     def unbroken(self) -> bool:
-        """Whether no row is missing: stamps of even samples may then wander from the line."""
-        return self.step_s * self.rate_hz < LONG
+        """Whether no row is missing: stamps of even samples may then wander from the line. (Of a Barrett at
+        250 Hz whose log pauses for a minute the line was one of 15 Hz, by which it was read.)"""
+        return self.step_s < LONG * self.usual_s
 
 
 @dataclass(slots=True)
@@ -188,8 +190,9 @@ def _clock(its: Iterable[tuple[np.ndarray, np.ndarray]], step: float) -> Clock:
         usual += [float(np.median(steps[steps > 0]))] if (steps > 0).any() else []
         last = t[-1]
     middle = (high + low) / 2
-    pause = PAUSE * float(np.median(usual))  # which is no step of the stamps
-    return Clock(float(first + middle), float(1.0 / step), float(high - middle), min(float(longest), pause))
+    each = float(np.median(usual))
+    longest = min(float(longest), PAUSE * each)  # a pause is no step of the stamps
+    return Clock(float(first + middle), float(1.0 / step), float(high - middle), longest, each)
 
 
 def _rates(its: Iterable[tuple[np.ndarray, np.ndarray]], step_s: float) -> tuple[float, float] | None:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ident.examination.tables.clock import PAUSE
+
 PIECE = 2048  # rows
 PIECES = 48
 Block = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -32,11 +34,24 @@ class Excerpt:
             self.every *= 2
 
     def stretches(self, k: int, j: int) -> Iterator[Block]:
-        """Rows, t and two columns (N, 2) of the pieces, those that follow each other as one."""
+        """Rows, t and two columns (N, 2) of the pieces, those that follow each other without a pause as one.
+        (Of an LWR4+ that pauses for a second the filter was not lowered for its steps that is lowered, and
+        they were told to make 67 % of an acceleration.)"""
         x = np.stack([self.column(k), self.column(j)], axis=1)
         rows, t = (np.concatenate([piece[i] for piece in self.pieces]) for i in (0, 1))
-        ends = np.flatnonzero(np.diff(rows) != 1) + 1
+        ends = np.union1d(np.flatnonzero(np.diff(rows) != 1) + 1, resumed(t))
         yield from zip(*(np.split(part, ends) for part in (rows, t, x)))
+
+    def unpaused(self) -> Iterator[Block]:
+        """The pieces, cut where the stamps pause: what follows is another motion, or this one later on."""
+        for piece in self.pieces:
+            yield from zip(*(np.split(part, resumed(piece[1])) for part in piece))
+
+    def reach(self, k: int) -> float:
+        """How far a column goes at most without a pause. (A UR10e that stands in ten poses does not move.)"""
+        x = self.column(k)
+        rows, t = (np.concatenate([piece[i] for piece in self.pieces]) for i in (0, 1))
+        return max(float(np.ptp(part)) for part in np.split(x, resumed(t, rows)))
 
     def column(self, k: int) -> np.ndarray:
         """(N,) of all pieces, as taken up to the first question; not to be written into."""
@@ -54,3 +69,11 @@ class Excerpt:
         """Whether a column holds fewer than `count` different values; a part of it usually says no."""
         x = self.column(k)
         return len(np.unique(x[:PIECE])) < count and len(np.unique(x)) < count
+
+
+def resumed(t: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+    """(K,) where stamps t (N,) go on after a pause; rows (N,) of the table, where some are not among them."""
+    steps = np.diff(t) / (1 if rows is None else np.diff(rows))
+    positive = steps[steps > 0]
+    usual = float(np.median(positive)) if len(positive) else np.inf
+    return np.flatnonzero(steps > PAUSE * usual) + 1

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ident.examination.tables.excerpt import resumed
 from ident.examination.tables.spikes import (
     dead_band,
     dropouts,
@@ -170,8 +171,9 @@ class Mender:
         self._unwrap(rows, filled, begun, done)
         values = np.where(bad, values, filled) if bad.any() else filled
         spikes = gross & ~empty & ~sentinel
+        apart = resumed(t)
         for k in range(values.shape[1]):
-            spikes[:, k] |= is_spike(filled[:, k], k < self.n, float(self._reach[k])) & ~bad[:, k]
+            spikes[:, k] |= is_spike(filled[:, k], k < self.n, float(self._reach[k]), apart) & ~bad[:, k]
         self._count("spike", rows, spikes & fresh[:, None])
         bad |= spikes
         lost = bool(bad.any())

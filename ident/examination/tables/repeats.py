@@ -361,7 +361,7 @@ def coarse(columns: Columns, excerpt: Excerpt, slow: Collection[int]) -> Iterato
         few = not position and excerpt.fewer(k, TORQUE_LEVELS)  # however seldom it changes
         if (len(steps) < 20 and not few) or k in slow or excerpt.fewer(k, 3):  # a switch is told by itself
             continue
-        if np.ptp(excerpt.column(int(columns.joint[k]))) < MOVED:  # it rests
+        if excerpt.reach(int(columns.joint[k])) < MOVED:  # it rests
             continue
         step = resolution(x)
         if not in_steps(x, step):
@@ -428,7 +428,7 @@ def noisy(columns: Columns, excerpt: Excerpt, others: set[int]) -> Iterator[Chec
         name: share
         for k, name in enumerate(columns.signals[: columns.n])
         if k not in others
-        and np.ptp(excerpt.column(k)) > TRAVELLED
+        and excerpt.reach(k) > TRAVELLED
         and _share_of_noise(excerpt, k, columns.cutoff_hz) ** 2 > NOISY
         and (share := _share_of_noise(excerpt, k, _filter_of(excerpt, k, columns.cutoff_hz))) ** 2 > NOISY
     }
@@ -463,8 +463,9 @@ def _share_of_noise(excerpt: Excerpt, k: int, cutoff_hz: float) -> float:
 
 
 def _spectra(excerpt: Excerpt, k: int) -> Iterator[tuple[float, np.ndarray, np.ndarray]]:
-    """Of every piece its rate, frequencies and what a position's deviations from a line have there."""
-    for _, t, values in excerpt.pieces:
+    """Of every piece without a pause its rate, frequencies and what a position's deviations from a line have
+    there. (Of two recordings in one file, a minute apart, positions were told to be noise, or none.)"""
+    for _, t, values in excerpt.unpaused():
         if len(t) < SHORTEST or not t[-1] > t[0]:
             continue
         N, rate = len(t), (len(t) - 1) / (t[-1] - t[0])

@@ -218,7 +218,7 @@ def position_steps(
         rows = row + 1, row + 1
         remedy = "use the part before or after it with from: and to:"
         said = f"{columns.signals[k]} leaps by {leap} in row {row + 1} and stays there, as when "
-        said += "an encoder slips or rows were cut out"
+        said += "an encoder slips, rows were cut out or recordings were put together"
         if len(at_once) > max(1, columns.n / 2):
             said = f"{listed(at_once)} leap in row {row + 1}, {columns.signals[k]} by {leap}, and "
             said += "stay there: rows were cut out, or recordings were put together"

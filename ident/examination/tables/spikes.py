@@ -40,6 +40,7 @@ BY_CHANCE = 1e-3  # that what stands next to zeros is so near to them
 LEAST_LEAP, MESSAGES = 5e-3, 64  # rad, m, N m or N; rows that are lost at most
 STRETCH = 100  # samples of a local scale
 FEWEST = 20  # samples that show a scatter
+_NOWHERE = np.zeros(0, int)
 RAILS = 0.02  # share of a signal at an end of its range, from which on it is clipped
 
 
@@ -209,13 +210,13 @@ def _short(far: np.ndarray, x: np.ndarray) -> np.ndarray:
     return out
 
 
-def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
-    """(N,) bool for one signal (N,); known: its range in what came before."""
+def is_spike(x: np.ndarray, position: bool, known: float = 0.0, resumed: np.ndarray = _NOWHERE) -> np.ndarray:
+    """(N,) bool for one signal (N,); known: its range in what came before; resumed (K,): rows with which
+    the log goes on after a pause, over which nothing is a neighbour."""
     none = np.zeros(len(x), bool)
     if len(x) < 20:
         return none
-    wide = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
-    a, b, c, d, e = (wide[k : k + len(x)] for k in range(5))
+    a, b, c, d, e = _neighbours(x, resumed)
     off = np.abs(c - _median_of_five(a, b, c, d, e))
     if position:
         candidates = off > LEAST_SPIKE
@@ -241,6 +242,19 @@ def is_spike(x: np.ndarray, position: bool, known: float = 0.0) -> np.ndarray:
         its = miss[near][told[near]]
         none[at] = off[at] > factor * (_scale(its) if len(its) >= FEWEST else _scale(miss[told]))
     return none
+
+
+def _neighbours(x: np.ndarray, resumed: np.ndarray) -> list[np.ndarray]:
+    """The samples (N,) two rows before to two behind each of x (N,); beyond an end of a stretch its last one.
+    (Of a KR 300 that pauses for a second two samples of a position beside it were told to be spikes.)"""
+    wide = np.concatenate([x[:1], x[:1], x, x[-1:], x[-1:]])
+    its = [wide[k : k + len(x)] for k in range(5)]
+    if len(resumed):
+        row = np.arange(len(x))
+        ends = np.concatenate([[0], resumed, [len(x)]])
+        here = np.searchsorted(ends, row, side="right")
+        its = [x[np.clip(row + k, ends[here - 1], ends[here] - 1)] for k in range(-2, 3)]
+    return its
 
 
 def _off_rails(x: np.ndarray) -> np.ndarray:
