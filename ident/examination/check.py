@@ -6,6 +6,8 @@ message and the remedy are those of the RecordingError that ends the command.
 
 from __future__ import annotations
 
+import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -127,10 +129,17 @@ def column_line(
                 values[key] = value
         if "offset" in change:
             values["offset"] = float(values.get("offset", 0.0) + change["offset"])
-        text = ", ".join(f"{k}: {v:.6g}" if isinstance(v, float) else f"{k}: {v}" for k, v in values.items())
-        parts.append(f"{signal}: {values['column'] if list(values) == ['column'] else f'{{{text}}}'}")
+        said = {k: f"{v:.6g}" if isinstance(v, float) else _as_yaml(v) for k, v in values.items()}
+        text = ", ".join(f"{k}: {its}" for k, its in said.items())
+        parts.append(f"{signal}: {said['column'] if list(said) == ['column'] else f'{{{text}}}'}")
     own = "(under this recording's own entry where the others are right) " if beside else ""
     return f"{own}columns: {{{', '.join(parts)}}}"
+
+
+def _as_yaml(value: object) -> str:
+    """A number, or a column's name as it has to stand between braces."""
+    text = str(value)
+    return text if re.fullmatch(r"[\w.+-]+", text) else json.dumps(text, ensure_ascii=False)
 
 
 def listed(items: Iterable[object]) -> str:

@@ -127,6 +127,7 @@ def open_recording(
         window,
         stiffness,
         _NO_SURVEY,
+        maps=found.maps,
     )
     seen, checks = surveyed(stream, study), []
     mended: Check | None = None

@@ -6,8 +6,9 @@ samples, however long the log is. Opening and surveying are `opening.py`'s.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -82,6 +83,7 @@ class RecordingStream:
     ticks: Ticks | None = None  # of the clock on which its rows were taken, where its stamps are not those
     spread: Spread | None = None  # when its rows were taken, where they share stamps
     lost: LostRows | None = None  # of which the stamps know nothing
+    maps: Mapping[str, Any] = field(default_factory=dict, compare=False)  # signal: its column, as it was read
     held: Held = field(default_factory=Held, init=False, repr=False, compare=False)  # by filters
 
     @property

@@ -41,7 +41,7 @@ class SignalColumns:
     signals: tuple[str, ...]
     factors: np.ndarray
     offsets: np.ndarray
-    maps: Mapping[str, ColumnMap]  # those of the study, and those found by the joints' names
+    maps: Mapping[str, ColumnMap]  # of the study, found by the joints' names, in units that the file states
     remarks: tuple[str, ...]
 
 
@@ -101,6 +101,7 @@ def signal_columns(study: Study, entry: RecordingEntry, need: Need, table: Table
                 add(f"tau_m{j}")
     for k in need.sensor:
         add(f"tau_l{need.joints[k]}")
+    maps |= _in_their_units(need, table, maps)
     return SignalColumns(
         tuple(names), tuple(found), np.array(factors), np.array(offsets), maps, tuple(dict.fromkeys(remarks))
     )
@@ -210,6 +211,22 @@ def _stated(table: Table, signal: str, where: str, column: ColumnMap) -> tuple[s
     if "scale" in column.model_fields_set:
         return unit, 1.0
     return unit, UNITS.get(signal.rstrip("0123456789"), {}).get(unit, 1.0)
+
+
+def _in_their_units(need: Need, table: Table, maps: Mapping[str, ColumnMap]) -> dict[str, ColumnMap]:
+    """Maps of columns whose unit the file states, velocities, too, with its factor as their scale, in whose
+    place a line puts another one. (Of a log whose header said deg and deg/s the velocities were told to be in
+    degrees.)"""
+    known = {}
+    for signal in ("t", *(f"{kind}{j}" for kind in KINDS for j in need.joints)):
+        column = maps.get(signal, ColumnMap(column=signal))
+        where = column.column
+        name = table.columns[where] if isinstance(where, int) and where < len(table.columns) else where
+        if isinstance(name, str) and name in table.columns:
+            _, stated = _stated(table, signal, name, column)
+            if stated != 1:
+                known[signal] = column.model_copy(update={"scale": stated})
+    return known
 
 
 def _effort_is_known(

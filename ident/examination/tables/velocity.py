@@ -14,6 +14,7 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.tables.signals import Columns
+from ident.examination.tables.spikes import no_measurement
 
 if TYPE_CHECKING:
     from ident.recordings.recording import RecordingStream
@@ -191,11 +192,19 @@ def _degrees(columns: Columns, found: dict[str, float], whole: bool) -> Iterator
         verb = "are" if everywhere or len(its) > 1 else "is"
         factor = float(np.median(list(its.values())))
         scales = {f"{signal}{j}": {"scale": 0.0174533} for j in joints}
+        message = f"{subject} {verb} {factor:.4g} times the derivative of {of}: {which} {verb} in degrees"
+        remedy = f"write {columns.line(scales)}"
+        others = [f"{'dq' if signal == 'q' else 'q'}{j}" for j in its]
+        read = [columns.maps[name].scale for name in others if name in columns.maps]
+        if len(read) == len(others) and all(abs(DEGREE * scale - 1) < NEAR for scale in read):
+            unit = "rad/s" if signal == "q" else "rad"
+            message += f", or {listed(others)} {verb} in {unit} and {verb} read as degrees"
+            remedy += f", or {columns.line({name: {'scale': DEGREE} for name in others})} where it is that"
         yield Check(
             "angle_unit" if signal == "q" else "clock_rate",
             ("t", *(f"dq{j}" for j in its)) if signal == "dq" else tuple(scales),
-            f"{subject} {verb} {factor:.4g} times the derivative of {of}: {which} {verb} in degrees",
-            f"write {columns.line(scales)}",
+            message,
+            remedy,
             outcome="refused",
             recording=columns.recording,
         )
@@ -299,10 +308,12 @@ def with_velocities(
     columns: Columns, stream: RecordingStream, table: Table, has: dict[str, tuple[str, float, float]]
 ) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
     """Blocks: rows (N,) of the table, t (N,), q and dq (N, k) of the joints that have both, inside the
-    window and without what was mended away."""
+    window and without what was mended away; NaN where a velocity is no measurement. (Of an AIRBOT that logs
+    -999 for what was lost the velocities were told to be another signal's.)"""
     n, m = len(columns.labels), len(stream.signal_joints)
     mine, row, mending = [columns.labels.index(j) for j in has], 0, stream.survey.mending
     joints = np.concatenate([stream.signal_joints, np.zeros(len(has), int)])
+    factor, offset = np.array([its[1:] for its in has.values()]).T
     for block in table.blocks([*stream.names, *(where for where, _, _ in has.values())]):
         rows = np.arange(row, row + len(block))
         row += len(block)
@@ -311,7 +322,9 @@ def with_velocities(
         inside = (t >= stream.window[0]) & (t < stream.window[1])
         if not inside.any():
             continue
-        dq = block[:, len(stream.names) :] * [s for _, s, _ in has.values()] + [o for _, _, o in has.values()]
+        dq = block[:, len(stream.names) :] * factor + offset
+        mark, gross = no_measurement(dq, factor, offset, np.zeros(len(has)))
+        dq[mark | gross] = np.nan
         values, rows = np.hstack([plain[:, -m:], dq])[inside], rows[inside]
         t, values, _ = mending.apply(rows, t[inside], values, n, joints)
         rows = rows[~np.isin(rows, mending.dropped)] if len(mending.dropped) else rows

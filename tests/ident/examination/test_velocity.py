@@ -1,7 +1,10 @@
 """Velocities that are not the derivatives of the positions, of a simulated arm."""
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from pyarrow.csv import write_csv
 from recordings import motion, recording, write_parquet, write_study
 
 from ident.diagnosis import diagnosis, working
@@ -93,6 +96,52 @@ def test_velocities_in_rpm_are_told(tmp_path, turns, words):
 
     text, checks = _refused(tmp_path, change)
     assert checks == {"clock_rate"} and f"{words};" in text and "degrees" not in text
+
+
+@pytest.mark.parametrize("which", ["q", "dq"])
+def test_what_is_read_as_degrees_may_be_none(tmp_path, which):
+    """Positions in rad that a study or a header calls degrees: that the velocities are was told."""
+    study = _logged(tmp_path, lambda c: c)
+    columns = {f"{which}{j}": {"column": f"{which}{j}", "scale": np.pi / 180} for j in (2, 3)}
+    with pytest.raises(RecordingError) as caught:
+        prepare_study(study.with_(columns=columns))
+    text, unit = str(caught.value), {"q": "rad", "dq": "rad/s"}[which]
+    assert f"are in degrees, or {which}2, {which}3 are in {unit} and are read as degrees" in text
+    assert f"columns: {{{which}2: {{column: {which}2, scale: 1}}, {which}3: {{column: {which}3, " in text
+
+
+@pytest.mark.parametrize("mark", [-999.0, np.nan, 3e12])
+def test_what_is_no_measurement_is_no_velocity(tmp_path, mark):
+    """A logger's marks in velocities were told as another signal, or a factor."""
+
+    def change(c):
+        lost = np.random.default_rng(0).random(c["t"].shape) < 0.002
+        return c | {name: np.where(lost, mark, x) for name, x in c.items() if name[:2] == "dq"}
+
+    assert not _opened(tmp_path, change)
+
+
+def _in_text(folder, change):
+    """A log with its units in its header."""
+    _logged(folder, change)
+    columns = pq.read_table(folder / "run.parquet").to_pydict()
+    units = {"q": " [deg]", "dq": " [deg/s]"}
+    sized = {k: np.rad2deg(x) if k.rstrip("1234567") in units else x for k, x in columns.items()}
+    named = {f"{k}{units.get(k.rstrip('1234567'), '')}": pa.array(x) for k, x in sized.items()}
+    write_csv(pa.table(named), folder / "run.csv")
+    return load_study(write_study(folder, [{"file": "run.csv"}]))
+
+
+@pytest.mark.long
+def test_units_of_a_header_are_those_of_velocities_and_of_lines(tmp_path):
+    """A log in deg and deg/s by its header was refused for velocities in degrees; a line for one of its
+    columns was no YAML, and its scale stood in the place of the header's."""
+    plain = prepare_study(_in_text(tmp_path, lambda c: c))
+    assert not plain.streams[0].checks and examine_fit(plain) == ()
+    study = _in_text(tmp_path, lambda c: c | {"q3": -c["q3"], "dq3": -c["dq3"]})
+    (said,) = examine_fit(prepare_study(study))
+    assert '{column: "q3 [deg]", scale: 0.0174533, sign: -1}' in said.remedy
+    assert examine_fit(prepare_study(mended_study(study, [said]))) == ()
 
 
 def _held(name, begin, end):
