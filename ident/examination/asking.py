@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -34,10 +35,10 @@ def asked_of(prepared: Prepared) -> Asked | None:
     if not (quick.identify.rows > 10).any():
         return None
     how, currents = quick.plain(), reads_currents(prepared)
-    gains, maps = _gains(prepared, currents), dict(prepared.study.columns)
+    gains, maps = _gains(prepared, currents), _maps(prepared)
     anywhere = frozenset().union(*clipped.values())
     its = quick, how, quick.fit(how), maps, currents, gains, _velocities(prepared), anywhere
-    return Asked(*its, _hidden_steps(prepared))
+    return Asked(*its, _hidden_steps(prepared), prepared.study.gravity)
 
 
 def _clipped(prepared: Prepared) -> dict[str, set[str]]:
@@ -74,8 +75,15 @@ def _hidden_steps(prepared: Prepared) -> np.ndarray:
     return np.max([none, *(np.array(bank.hidden) for bank in prepared.banks if bank.hidden)], axis=0)
 
 
+def _maps(prepared: Prepared) -> dict[str, Any]:
+    """The study's maps, and those that all recordings were read by, into which a line is put."""
+    first, *others = (stream.maps for stream in prepared.streams)
+    shared = {name: its for name, its in first.items() if all(other.get(name) == its for other in others)}
+    return {**shared, **prepared.study.columns}
+
+
 def _velocities(prepared: Prepared) -> frozenset[str]:
     """Joints whose velocity is logged in every recording."""
-    labels, maps = [str(joint) for joint in prepared.columns.need.joints], prepared.study.columns
-    logged = [set(logged_velocities(labels, maps, stream.table)) for stream in prepared.streams]
+    labels = [str(joint) for joint in prepared.columns.need.joints]
+    logged = [set(logged_velocities(labels, stream.maps, stream.table)) for stream in prepared.streams]
     return frozenset(set(labels).intersection(*logged))

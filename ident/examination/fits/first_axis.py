@@ -14,6 +14,7 @@ import numpy as np
 from ident.examination.fits.sphere import degrees_between
 from modelgen.geometry.kinematics import Geometry, State, Vector, transforms
 
+ROBOT_FILE = "the robot file"
 ROUND_ANGLE = 4.0  # degrees, within which an axis of the base is meant
 
 
@@ -57,6 +58,12 @@ class FirstAxis:
         return (
             f", or {self.name} starts from another zero, about {-zero:.2g} rad off" if far <= within else ""
         )
+
+
+def told_by(gravity: object) -> str:
+    """The file that says where gravity is, by the study's own, if it has one. (Of a study that turned it over
+    it was told to be turned against the robot file's, which was right.)"""
+    return ROBOT_FILE if gravity is None else "the study"
 
 
 def gravity_line(gravity: np.ndarray) -> str:

@@ -79,6 +79,7 @@ class Asked:
     velocities: frozenset[str] = frozenset()
     clipped: frozenset[str] = frozenset()
     hidden: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    gravity: tuple[float, float, float] | None = None  # of the study, where it has one
 
     def of_robot(self, its: Hypothesis) -> bool:
         """Whether it is of the robot (its base, an axis) and leaves torques and motion as they are: no fit of

@@ -17,7 +17,7 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.fits.bodies import beyond_own
-from ident.examination.fits.first_axis import FirstAxis, gravity_line
+from ident.examination.fits.first_axis import FirstAxis, gravity_line, told_by
 from ident.examination.fits.hypothesis import CLEARLY, SWAPPED, Asked, Hypothesis
 from ident.examination.fits.quick import FLOOR, Assignment
 from ident.examination.fits.sphere import degrees_between
@@ -172,10 +172,11 @@ def _told(asked: Asked, its: Motion, plain: ByItself) -> Hypothesis:
     first = FirstAxis.of(table, asked.joints)
     if "offset" not in its.change or first is None or its.signals != (first.name,):
         return zero
-    gravity = first.turned(table.gravity, its.change["offset"])
-    words = f"gravity is turned by {degrees_between(np.array(table.gravity, float), gravity):.0f} degrees"
-    message = f"{words} against the robot file's: the base is mounted otherwise; {fallen} (geometric mean)"
-    mounted = Check("base_orientation", (), message, gravity_line(gravity))
+    told = np.array(table.gravity if asked.gravity is None else asked.gravity, float)
+    gravity = first.turned(told, its.change["offset"])
+    words = f"gravity is turned by {degrees_between(told, gravity):.0f} degrees"
+    message = f"{words} against {told_by(asked.gravity)}'s: the base is mounted otherwise; {fallen}"
+    mounted = Check("base_orientation", (), f"{message} (geometric mean)", gravity_line(gravity))
     return replace(zero, check=mounted, words=words).beside([zero])
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.fits.bodies import Parts, beyond_own, by_own, errors, gain
-from ident.examination.fits.first_axis import ROUND_ANGLE, FirstAxis, gravity_line
+from ident.examination.fits.first_axis import ROBOT_FILE, ROUND_ANGLE, FirstAxis, gravity_line
 from ident.examination.fits.hypothesis import BAD, BAD_TOGETHER, Hypothesis
 from ident.examination.fits.quick import Assignment
 from ident.examination.fits.sphere import degrees_between, sought
@@ -47,8 +47,10 @@ def base_orientation(
     measured: Callable[[np.ndarray, Sequence[int]], Direction] | None = None,
     first: FirstAxis | None = None,
     tables: Callable[[np.ndarray, Sequence[int]], Sequence[str]] | None = None,
+    told_by: str = ROBOT_FILE,
 ) -> Iterator[Hypothesis | Tilt]:
-    """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is the file's.
+    """Gravity in any direction, and of any size where accelerations show it; assumed (3,) is as
+    `told_by`, a file, has it.
     rivals: the other faults with which the model would predict validate; None where a fault is known already.
     stretches: all that fits and judges, as one and in pieces. names (C,) of the signals; aside: channels that
     are not taken, as with the gravity that all tell they contradict the others. measured: where gravity is by
@@ -117,7 +119,7 @@ def base_orientation(
         less = None if validate is None else validate.without(beside)
         its, kept_out = identify.without(beside), np.flatnonzero(beside)
         of_rest = base_orientation(
-            its, less, assumed, how, None, None, names, kept_out, measured, first, tables
+            its, less, assumed, how, None, None, names, kept_out, measured, first, tables, told_by
         )
         yield from (h for h in of_rest if isinstance(h, Hypothesis))
     if beside.any() or not _explained(before, error):  # something else is missing
@@ -132,9 +134,11 @@ def base_orientation(
         where += f" without {listed([names[c] for c in aside])}, which the others contradict,"
     line = gravity_line(best)
     angle = degrees_between(assumed, best)
-    turned = f"turned by {angle:.0f} degrees against the robot file's{known}" if norm else "absent"
-    if norm and angle < LEAST_ANGLE:
-        turned = f"{norm:.3g} m/s^2, not {size:.4g} as the robot file says"
+    turned = f"turned by {angle:.0f} degrees against {told_by}'s{known}" if norm else "absent"
+    if norm and not np.any(assumed):
+        turned, why = f"not zero, as {told_by}'s is", f"these torques feel what the arm weighs{known}"
+    elif norm and angle < LEAST_ANGLE:
+        turned = f"{norm:.3g} m/s^2, not {size:.4g} as {told_by} says"
         why = "its unit is another"
     else:
         zero = "" if first is None else first.zero_of(assumed, best, max(within, ROUND_ANGLE))
@@ -181,7 +185,9 @@ def _named(seen: Direction) -> tuple[np.ndarray, float]:
     return near if degrees_between(seen.gravity, near) <= seen.within else seen.gravity, seen.within
 
 
-def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iterator[Check]:
+def unseen(
+    identify: Parts, validate: Parts | None, assumed: np.ndarray, told_by: str = ROBOT_FILE
+) -> Iterator[Check]:
     """Said where another axis of the base could as well be upright: what few joints feel of gravity, first
     moments make up for, and only their part in the inertia contradicts. A base told wrongly is not named. Of
     torques none of which is explained every base explains as much. (Of an AIRBOT whose second position was a
@@ -198,10 +204,10 @@ def unseen(identify: Parts, validate: Parts | None, assumed: np.ndarray) -> Iter
             told.append((degrees_between(assumed, axis), now))
     if told and np.any(assumed):
         angle, now = max(told, key=lambda its: its[0])
-        yield _unseen(angle, plain, now, held)
+        yield _unseen(angle, plain, now, held, told_by)
 
 
-def _unseen(angle: float, plain: np.ndarray, now: np.ndarray, held: np.ndarray | None) -> Check:
+def _unseen(angle: float, plain: np.ndarray, now: np.ndarray, held: np.ndarray | None, file: str) -> Check:
     """Where what judges is foretold badly the base is one of many things that may be wrong. (Of a KR 300 with
     a row of its table or a position's time wrong nothing but the base was told.)"""
     turned, controlled = f"gravity turned by {angle:.0f} degrees", "what a controller adds to carry the arm"
@@ -220,7 +226,7 @@ def _unseen(angle: float, plain: np.ndarray, now: np.ndarray, held: np.ndarray |
         (),
         f"these recordings do not show how the base is mounted: with {turned} the model explains the torques "
         f"about as well (errors of {span(now)}, as told {span(plain)})",
-        "gravity is taken as the robot file has it, make sure that it is, and that torques are not logged "
+        f"gravity is taken as {file} has it, make sure that it is, and that torques are not logged "
         f"less {controlled}",
     )
 

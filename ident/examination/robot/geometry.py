@@ -11,7 +11,7 @@ import numpy as np
 from ident.equations.prepared import Prepared
 from ident.examination.check import Check
 from ident.examination.fits.bodies import Parts, errors, parts_of
-from ident.examination.fits.first_axis import FirstAxis
+from ident.examination.fits.first_axis import FirstAxis, told_by
 from ident.examination.fits.hypothesis import CLEARLY, Asked, Hypothesis
 from ident.examination.fits.quick import gain_of
 from ident.examination.fits.samples import Sample
@@ -54,7 +54,7 @@ def of_geometry(prepared: Prepared, asked: Asked, prior: float) -> Iterable[Hypo
         return tables.instead_of(with_gravity(table, g), how, aside)
 
     asks = (others, stretches, names, None, measured, FirstAxis.of(table, asked.joints), instead)
-    tilted = list(base_orientation(identify, validate, gravity, how, *asks))
+    tilted = list(base_orientation(identify, validate, gravity, how, *asks, told_by(asked.gravity)))
     yield from tilted
     # a row of the table may stand for the base, or for a joint that is recorded the other way
     clearly = [its.gain + CLEARLY * isinstance(its, Hypothesis) for its in tilted]
@@ -88,7 +88,7 @@ def with_gravity(table: Any, gravity: np.ndarray) -> Any:
 
 def unseen_base(prepared: Prepared, asked: Asked) -> Iterable[Check]:
     made = table_and_samples(prepared, asked)
-    return () if made is None else unseen(*_parts(*made[:2], asked), made[2])
+    return () if made is None else unseen(*_parts(*made[:2], asked), made[2], told_by(asked.gravity))
 
 
 def table_and_samples(prepared: Prepared, asked: Asked) -> tuple[Any, list[Sample], np.ndarray] | None:

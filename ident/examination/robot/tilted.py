@@ -14,7 +14,7 @@ import numpy as np
 from ident.equations.prepared import Prepared
 from ident.examination.check import Check
 from ident.examination.fits.bodies import errors, gain, parts_of, with_bodies
-from ident.examination.fits.first_axis import FirstAxis
+from ident.examination.fits.first_axis import FirstAxis, told_by
 from ident.examination.fits.hypothesis import Asked, Hypothesis
 from ident.examination.fits.sphere import degrees_between, sought
 from ident.examination.fits.stretches import RARE, Explained, all_rows, steadily
@@ -58,7 +58,7 @@ def tilted(prepared: Prepared, asked: Asked) -> Iterator[Check]:
     zero = "" if first is None else first.zero_of(gravity, seen.gravity, seen.within)
     degrees = int(np.ceil(seen.within))
     known = f"{degrees} degree{'s' if degrees > 1 else ''}"
-    said = f"gravity is turned by {angle:.0f} degrees against the robot file's (within {known})"
+    said = f"gravity is turned by {angle:.0f} degrees against {told_by(asked.gravity)}'s (within {known})"
     check = Check(
         "base_orientation",
         (),

@@ -89,3 +89,25 @@ def test_six_joints_may_not_show_which_way_up_the_base_is(tmp_path):
     study = strangers_log(tmp_path, "airbot_play", (100, False, False, True), turned)
     (check,) = examine_fit(prepare_study(study))
     assert check.check == "poor_excitation" and "gravity turned by 180 degrees" in check.message
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("told", "words"),
+    [
+        ([0, 0, 9.81], "gravity is turned by 180 degrees against the study's"),
+        ([0, 0, 0], "gravity is not zero, as the study's is: these torques feel what the arm weighs"),
+    ],
+)
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_gravity_of_a_study_is_told_as_its_own(tmp_path, told, words):
+    """The robot file's, which was right, was told to be 180 degrees off, and none to be off by 90."""
+
+    def change(log):
+        log.study["gravity"] = told
+
+    (said,) = examine_fit(
+        prepare_study(strangers_log(tmp_path, "airbot_play", (0, False, True, False), change))
+    )
+    assert said.message.startswith(words) and said.remedy == "gravity: [0, 0, -9.81]"
