@@ -68,9 +68,11 @@ def in_turn(prepared: Prepared, asked: Asked) -> InTurn:
 def _doubted(prepared: Prepared) -> bool:
     """Whether a table shows that a position may be another signal: then no table of the robot is wrong by it.
     (Of a UR10e under a header that had lost its first name two rows of the robot file were told to be
-    exchanged.)"""
-    odd = [c for s in prepared.streams for c in s.checks if c.check == "clock_rate"]
-    return any(name[0] == "q" for c in odd for name in c.signals)
+    exchanged, of an AIRBOT whose log counts its joints from 0 that alpha and d belong a row lower.)"""
+    checks = [c for s in prepared.streams for c in s.checks]
+    odd = [c for c in checks if c.check == "clock_rate"]
+    from_0 = any(c.check == "joint_numbers" for c in checks)
+    return from_0 or any(name[0] == "q" for c in odd for name in c.signals)
 
 
 def _of_one(prepared: Prepared, asked: Asked, told: list[Hypothesis], odd: bool) -> Iterator[Check]:

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from ident.errors import RecordingError, StudyError
+from ident.recordings.counted import from_zero
 from ident.recordings.need import Need
 from ident.recordings.study import ColumnMap, RecordingEntry, Study
 from ident.recordings.tables import Table
@@ -58,7 +59,7 @@ def signal_columns(study: Study, entry: RecordingEntry, need: Need, table: Table
 
     def add(signal: str, factor: float = 1.0) -> None:
         column = maps.get(signal, ColumnMap(column=signal))
-        where = _place(table, signal, column, signal in maps)
+        where = _place(table, signal, column, signal in maps, need.joints)
         unit, stated = _stated(table, signal, where, column)
         if stated != 1:
             remarks.append(f"{where} is in {unit} by the file's own word and was converted")
@@ -189,7 +190,7 @@ def _by_study(
     return maps
 
 
-def _place(table: Table, signal: str, column: ColumnMap, mapped: bool) -> str:
+def _place(table: Table, signal: str, column: ColumnMap, mapped: bool, joints: Sequence[object]) -> str:
     """The name of the column in the table."""
     where = column.column
     if isinstance(where, int):
@@ -201,7 +202,7 @@ def _place(table: Table, signal: str, column: ColumnMap, mapped: bool) -> str:
             )
         return table.columns[where]
     if where not in table.columns:
-        raise _missing(table, signal, where, mapped)
+        raise _missing(table, signal, where, mapped, joints)
     return where
 
 
@@ -256,7 +257,7 @@ def _effort_is_known(
         raise StudyError(str(study.file), "effort", f"{effort} is measured at the motor; write model: A")
 
 
-def _missing(table: Table, signal: str, where: str, mapped: bool) -> RecordingError:
+def _missing(table: Table, signal: str, where: str, mapped: bool, joints: Sequence[object]) -> RecordingError:
     if not table.has_names:
         return RecordingError(
             table.file,
@@ -278,6 +279,11 @@ def _missing(table: Table, signal: str, where: str, mapped: bool) -> RecordingEr
             table.file,
             f"names its joints {', '.join(named[:12])}, and none of them is known for {where}; "
             "add joints: [...] with these names in the robot's order to the study",
+        )
+    if not mapped and (counted := from_zero(table.columns, joints)):
+        return RecordingError(
+            table.file,
+            f"column {where} is missing, and the joints are counted from 0; write columns: {counted}",
         )
     return RecordingError(
         table.file,

@@ -29,6 +29,7 @@ from ident.examination.tables.smoothed_wraps import smoothed_wraps
 from ident.examination.tables.stopped_at_once import stopped_at_once
 from ident.examination.tables.torque_drops import torque_drops
 from ident.examination.tables.torque_leaps import torque_leaps
+from ident.recordings.counted import from_zero
 
 TORQUES = ("tau_m", "tau_l", "i")
 
@@ -94,12 +95,14 @@ def more_joints(recording: str, columns: Collection[str], joints: Collection[str
     if not others or not set(joints) < measured:
         return []
     which = f"joint{'s' if len(others) > 1 else ''} {', '.join(others)}"
+    counted = from_zero(columns, joints)
+    from_0 = f"where the log counts joints from 0 write columns: {counted}; " if counted else ""
     return [
         Check(
-            "more_joints",
+            "joint_numbers" if counted else "more_joints",
             (),
             f"position and torque of {which} are recorded, which the robot does not have",
-            "if another robot was recorded, name that; a tool's joints may be left out",
+            f"{from_0}if another robot was recorded, name that; a tool's joints may be left out",
             recording=recording,
         )
     ]

@@ -1,16 +1,20 @@
 """Stamps that a clock's own are, rounded; joints whose encoder moves and which do not."""
 
+import re
+
 import numpy as np
 import pytest
 from planted import ON_RECORDINGS, planted
-from recordings import motion, write_parquet, write_study
+from recordings import motion, recording, write_parquet, write_study
 from small_arm import ARM
 
 import generated
 from ident.equations.prepared import prepare_study
+from ident.errors import RecordingError
 from ident.estimation.fit import fit_study
 from ident.examination.tables.clock import Grid, goes_on, rounded_stamps, time_stamps, uniform_clock
 from ident.examination.tables.of_table import more_joints
+from ident.recordings.counted import from_zero
 from ident.recordings.study import load_study
 
 K = np.arange(6000)
@@ -172,3 +176,18 @@ def test_joints_that_the_robot_does_not_have(tmp_path):
     assert check.outcome == "warned" and "of joint 4 are recorded" in check.message
     assert not more_joints("run", [*names, "q4", "q5"], ("1", "2", "3"))
     assert not more_joints("run", [*names, *extra], ("left1", "left2"))
+
+
+def test_joints_that_are_counted_from_0(tmp_path):
+    """Of an AIRBOT's log, with a gripper as joint 6, it was told that alpha and d belong a row lower; where
+    the last joint is missing it was to be mapped alone."""
+    names = ["t", *(f"{s}{j}" for s in ("q", "dq", "tau_m") for j in (0, 1, 2))]
+    line = "columns: {q1: q0, q2: q1, q3: q2, dq1: dq0, dq2: dq1, dq3: dq2, tau_m1: tau_m0, tau_m2: tau_m1, "
+    (check,) = more_joints("run", [*names, "q3", "dq3", "tau_m3"], ("1", "2", "3"))
+    assert check.check == "joint_numbers" and line in check.remedy
+    assert from_zero(names, (1, 2, 3)) and not from_zero(names, (1, 2, 3, 4)) and not from_zero(names, (2, 3))
+    columns, _ = recording(seconds=2.0)
+    shifted = {re.sub(r"\d+$", lambda m: str(int(m[0]) - 1), name): x for name, x in columns.items()}
+    write_parquet(tmp_path / "run.parquet", shifted)
+    with pytest.raises(RecordingError, match=r"joints are counted from 0; write columns: \{q1: q0, q2: q1"):
+        prepare_study(load_study(write_study(tmp_path, [{"file": "run.parquet"}])))
