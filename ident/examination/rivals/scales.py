@@ -184,10 +184,14 @@ def _milli(asked: Asked, other: Fit, which: Sequence[int]) -> Check:
     return Check(
         "torque_scale",
         names,
-        f"{_named(names)} {_times_too(MILLI, MILLI, MILLI)} beside the other torques, as in N mm: scaled, "
-        f"{falls(asked.fit, other)}",
+        f"{_named(names)} {_times_too(MILLI, MILLI, MILLI)} beside the other torques, {_as_in(names)}: "
+        f"scaled, {falls(asked.fit, other)}",
         asked.line({name: {"scale": MILLI} for name in names}),
     )
+
+
+def _as_in(names: Sequence[str]) -> str:
+    return "as in mA" if names[0][0] == "i" else "as in N mm"
 
 
 def _named(names: Sequence[str]) -> str:
@@ -289,7 +293,7 @@ def too_large(asked: Asked, names: Collection[str]) -> Iterator[Hypothesis]:
             "torque_scale",
             told,
             f"{listed(told)} {'is' if len(told) == 1 else 'are'} larger than robots' joints give, and by the "
-            f"other torques {1 / its.high:.0f} to {1 / its.low:.0f} times too large, as in N mm: scaled, "
+            f"other torques {1 / its.high:.0f} to {1 / its.low:.0f} times too large, {_as_in(told)}: scaled, "
             f"{falls(as_it_is.fit, milli.fit)}",
             asked.line({name: {"scale": MILLI} for name in told}),
             spread=(1 / its.low - 1 / its.high) * MILLI / (2 * NORMAL),

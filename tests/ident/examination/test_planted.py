@@ -256,6 +256,14 @@ def test_two_torques_in_n_mm(tmp_path):
     assert (check.check, check.signals) == ("torque_scale", ("tau_m2", "tau_m3")) and "N mm" in check.message
 
 
+@pytest.mark.long
+def test_three_currents_in_ma(tmp_path):
+    """Of a UR10e they were told to be as in N mm, which no current is."""
+    milli = lambda c: c | {name: 1e3 * c[name] for name in ("i4", "i5", "i6")}  # noqa: E731
+    (check,) = examine_fit(prepare_study(planted(tmp_path, milli)))
+    assert check.signals == ("i4", "i5", "i6") and ", as in mA: scaled" in check.message
+
+
 @pytest.mark.parametrize("robot", ["airbot_play", "ur10e"])
 @pytest.mark.long
 def test_a_small_tilt_is_no_torque_s_scale_and_no_base_upside_down(robot):
