@@ -174,7 +174,8 @@ def unpredicted(asked: Asked) -> list[Check]:
 
 def _unforetold(what: str, error: float, held: float) -> str:
     explained = f"what identify explains ({100 * error:.0f} % error)"
-    return f"{explained} does not predict {what} at all ({100 * held:.0f} %)"
+    size = f"{100 * held:.0f}" if held < 10 else "more than 1000"  # which no number says better
+    return f"{explained} does not predict {what} at all ({size} %)"
 
 
 def _apart(asked: Asked) -> Check:

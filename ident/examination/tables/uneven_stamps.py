@@ -26,24 +26,27 @@ FEWEST = 25  # long steps: how far joints go in them is then known to a seventh,
 
 
 def uneven_steps(excerpt: Excerpt, joints: int) -> str:
-    """In words where at least one step in twenty is long and positions, the first so many columns, go in
-    these less than half of what they have to go beyond what they go in the others; nothing elsewhere."""
-    long, usual = (np.zeros(4) for _ in range(2))  # steps, their sum [s], what joints go, have to at one pace
+    """In words where at least one step in twenty is long beside those around it and positions, the first so
+    many columns, go in these less than half of what they have to go beyond what they go in the others;
+    nothing elsewhere. (Of logs that hold a row where something changed, or change their rate, steps are long
+    where joints are slow, or all of them: of three arms' the stamps were told to be rounded.)"""
+    long, usual = (np.zeros(5) for _ in range(2))  # steps, s, what is usual there, joints go, have to evenly
     for _, t, values in excerpt.pieces:
         on = np.diff(t)
         if len(t) < 4 * SIDE or not (on > 0).any():
             continue
-        middle = float(np.median(on[on > 0]))
+        middle = np.median(np.lib.stride_tricks.sliding_window_view(on, 2 * SIDE + 1), axis=1)
         (dt, went), (_, pace) = _steps(t, values[:, :joints])
-        each = np.stack([np.ones(len(dt)), dt, (went * pace).sum(axis=1), (pace * pace).sum(axis=1)])
+        gone, evenly = (went * pace).sum(axis=1), (pace * pace).sum(axis=1)
+        each = np.stack([np.ones(len(dt)), dt, middle, gone, evenly])
         far = dt > LONG * middle
         long += each[:, far & (dt < PAUSE * middle)].sum(axis=1)
         usual += each[:, ~far & (dt > 0)].sum(axis=1)
-    if long[0] < max(FEWEST, BURSTS * (long[0] + usual[0])) or not min(long[3], usual[3]) > 0:
+    if long[0] < max(FEWEST, BURSTS * (long[0] + usual[0])) or not min(*long[2:], *usual[2:]) > 0:
         return ""
     steps, share = (long[1] / long[0], usual[1] / usual[0]), long[0] / (long[0] + usual[0])
-    further = (long[2] / long[3]) / (usual[2] / usual[3])
-    if not further - 1 < 0.5 * (steps[0] / steps[1] - 1):
+    further = (long[3] / long[4]) / (usual[3] / usual[4])
+    if not further - 1 < 0.5 * ((long[1] / long[2]) / (usual[1] / usual[2]) - 1):
         return ""
     return (
         f"{100 * share:.0f} % of the steps of t are {1e3 * steps[0]:.3g} ms, the others "

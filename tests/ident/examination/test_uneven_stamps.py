@@ -28,6 +28,20 @@ def test_rounded_stamps_are_told_and_lost_rows_are_not():
     assert not _said(t, np.round(t, 3)) and not _said(t, t)
 
 
+@pytest.mark.parametrize("kind", ["where something changed", "at two rates"])
+def test_rows_that_are_held_where_joints_are_slow_have_their_own_stamps(kind):
+    """Steps are long as joints are slow, or all of them are: of three arms' logs it was told that stamps are
+    rounded, or taken late."""
+    t = np.arange(8000) / 94.0
+    kept = [row for row in range(8000) if row // 400 % 3 or row % 3 == 0]
+    if kind == "where something changed":
+        q, kept = np.sin(0.9 * t), [0]
+        for row in range(len(t)):
+            if abs(q[row] - q[kept[-1]]) > 0.02:
+                kept.append(row)
+    assert len(kept) > 1000 and not _said(t, t, kept)
+
+
 def _on_ticks(stamps):
     return ticks(lambda: np.array_split(stamps, 7))
 
