@@ -91,6 +91,7 @@ class Mender:
     steps: list[tuple[int, int, float]] = field(
         default_factory=list
     )  # row, column, size of leaps of positions
+    whole: int = 0  # rows that hold a value of every signal
     left_out: int = 0  # rows of runs in which a position is unknown for longer than can be interpolated
     truncated: int | None = None  # row, where the last one is not whole
     _found: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = field(default_factory=list)
@@ -160,6 +161,7 @@ class Mender:
         for k in range(self.n, values.shape[1]):
             sentinel[:, k] |= dropouts(told[:, k])
         sentinel &= ~empty
+        self.whole += int((fresh & ~empty.any(axis=1)).sum())
         self._count("missing_values", rows, empty & fresh[:, None])
         self._count("sentinel", rows, sentinel & fresh[:, None])
         self._count("dead_band", rows, band & fresh[:, None])

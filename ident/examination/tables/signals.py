@@ -113,12 +113,16 @@ def lost_samples(columns: Columns, mender: Mender, rows: int) -> Iterator[Check]
                 f"{'are' if number > 1 else 'is'} {_WORDS[kind]} (rows {span[0]} to {span[1]}); "
                 f"{_done(kind, number, mender.left_out if (mine < columns.n).any() else 0)}"
             )
+        cure = _CURE[kind] if refused else ""
+        if refused and kind == "missing_values" and 2 * mender.whole < rows - worst:
+            message += f", and {mender.whole} of the rows hold every signal"
+            cure = "where logs with stamps of their own were put together interpolate them to the same stamps"
         check = {"sentinel": "missing_values", "ended": "frozen"}.get(kind, kind)
         yield Check(
             check,
             () if kind in _WHOLE else names,
             message,
-            _CURE[kind] if refused else "",
+            cure,
             outcome="refused" if refused else "mended",
             rows=span,
         )

@@ -10,7 +10,7 @@ from ident.examination.tables.clock import time_unit
 from ident.examination.tables.excerpt import Excerpt
 from ident.examination.tables.mending import Mender
 from ident.examination.tables.repeats import coarse, noisy, periods
-from ident.examination.tables.signals import Columns, units, wraps
+from ident.examination.tables.signals import Columns, lost_samples, units, wraps
 from ident.examination.tables.spikes import is_spike
 
 N, BLOCK = 20000, 3000
@@ -35,6 +35,25 @@ def test_values_lost_between_stamps_that_repeat(began):
     seen[700:702, 0] = np.nan
     once, again, _, _ = mended(seen, began + rows // 2 * 0.002)
     assert np.abs(once - true).max() < 1e-6 and np.abs(again - true).max() < 1e-6
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_logs_put_together_with_stamps_of_their_own_are_told(together):
+    """Where positions and torques stand in rows of their own all were to be exported without these."""
+    t = np.arange(N) / 1000
+    x = np.column_stack([np.sin(t), np.cos(t), np.sin(2 * t)])
+    x[1::2, :2] = np.nan
+    x[int(together) :: 2, 2] = np.nan
+    mender = Mender(2, np.ones(3), np.zeros(3))
+    for part in np.array_split(np.arange(N), 7):
+        list(mender.run([(part, t[part], x[part])]))
+    columns = Columns(
+        "run", ("q1", "q2", "tau_m1"), np.array([0, 1, 0]), ("1", "2"), {}, (), np.zeros(2, bool)
+    )
+    said, *_ = lost_samples(columns, mender, N)  # and of the last row
+    assert said.outcome == "refused" and "of 20000 samples of q1" in said.message
+    assert ("0 of the rows hold every signal" in said.message) is not together
+    assert ("interpolate them to the same stamps" in said.remedy) is not together
 
 
 @pytest.mark.parametrize("zero", [0.0, 3.0])
