@@ -1,7 +1,7 @@
 """Tables as text, in the dialects of `dialect.py`, read in blocks whatever their length.
 
-A last line that was cut off while it was written is left out and said. ISO dates become seconds since the
-first row; cells such as `[0.1, 0.2]` are spread over name1..namen.
+A last line that was cut off while it was written is left out and said. Dates and times of day become seconds
+since the first row; cells such as `[0.1, 0.2]` are spread over name1..namen.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from ident.errors import RecordingError
 from ident.recordings.tables.arrow import numbers
 from ident.recordings.tables.dialect import DATE, LIST, NULLS, Dialect, dialect_of, is_number, split
 from ident.recordings.tables.table import Blocks, Table, damaged, not_numeric
+from ident.recordings.tables.times_of_day import TIME, Times
 
 HEAD = 1 << 18  # bytes that tell the dialect
 BLOCK = 1 << 21
@@ -131,7 +132,9 @@ def _read(path: Path, dialect: Dialect, end: int, places: Sequence[tuple[int, in
     parse = pc.ParseOptions(delimiter="\t" if dialect.separator == " " else dialect.separator)
     # One thread: with several, Arrow does not say in which row a cell is no number.
     options = pc.ReadOptions(column_names=names, block_size=BLOCK, use_threads=False)
-    origins: dict[str, Any] = {}
+    lists = {k for k, j in places if j is not None}
+    texts = [k for k in used if k not in lists and types[str(k)] == pa.string()]
+    origins: dict[str, Any] = {dialect.names[k]: Times() for k in texts}
     with path.open("rb") as opened:
         opened.seek(dialect.offset)
         rows = io.BufferedReader(_Rows(opened, end - dialect.offset, dialect), BLOCK)
@@ -149,6 +152,8 @@ def _type(cells: Sequence[str]) -> Any:
     if cells and all(DATE.fullmatch(cell) for cell in cells) and not any(is_number(cell) for cell in cells):
         zone = re.search(r"(Z|[+-]\d\d:?\d\d)$", cells[0][10:]) is not None
         return pa.timestamp("ns", tz="UTC" if zone else None)
+    if cells and all(TIME.fullmatch(cell) for cell in cells):
+        return pa.string()
     return pa.float64()
 
 
@@ -157,6 +162,11 @@ def _column(path: Path, name: str, column: Any, origins: dict[str, Any]) -> np.n
 
     if not types.is_string(column.type):
         return numbers(str(path), name, column, origins)
+    if name in origins:
+        try:
+            return np.asarray(origins[name].seconds(column.to_pylist()))
+        except ValueError as error:
+            raise not_numeric(str(path), name, str(error)[:40]) from None
     cells = [_list(cell) if cell else None for cell in column.to_pylist()]
     width = max((len(cell) for cell in cells if cell is not None), default=0)
     if any(cell is not None and len(cell) != width for cell in cells):

@@ -1,5 +1,7 @@
 """Text tables as spreadsheets, controllers and scripts write them: the same numbers, or one sentence."""
 
+from datetime import datetime, timedelta
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,21 @@ def test_iso_dates_become_seconds_since_the_first(tmp_path, zone, between):
     text = "time,q1\n" + "".join(f"2026-03-01{between}12:00:00.{k:03d}{zone},{k}\n" for k in range(5))
     _, values = read(tmp_path, text, "time", "q1")
     assert np.allclose(values, [[k / 1000, k] for k in range(5)], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    "form", ["%d.%m.%Y %H:%M:%S,%f", "%m/%d/%Y %I:%M:%S.%f %p", "%H:%M:%S.%f", "%Y-%m-%d %H:%M:%S,%f"]
+)
+def test_times_of_day_become_seconds_since_the_first(tmp_path, form):
+    """Over midnight, the end of a month and empty cells; of spreadsheets and Python's logging they were
+    refused."""
+    began = datetime(2024, 2, 29, 23, 59, 59, 900000)
+    times = ["" if k == 3 else (began + timedelta(seconds=0.05 * k)).strftime(form) for k in range(6)]
+    _, values = read(tmp_path, "time;q1\n" + "".join(f"{t};{k}\n" for k, t in enumerate(times)), "time", "q1")
+    assert np.allclose(values[:, 0], [0, 0.05, 0.1, np.nan, 0.2, 0.25], atol=1e-9, equal_nan=True)
+    with pytest.raises(RecordingError, match="column time is not numeric"):
+        text = "time;q1\n" + "".join(f"{began.strftime(form)};1\n" for _ in range(60)) + "never;1\n"
+        read(tmp_path, text, "time", "q1")
 
 
 @pytest.mark.parametrize("form", ['"[{}, {}]"', "[{} {}]"])
