@@ -121,7 +121,7 @@ def opened(
     cutoff = diagnosis_cutoff(prepared)
     slowest = min(stream.rate_hz for stream in prepared.streams)
     settings = study.filter.model_copy(
-        update={"position_cutoff_hz": min(PREFILTER * cutoff, HIGHEST * slowest)}
+        update={"position_cutoff_hz": min(PREFILTER * cutoff, HIGHEST * slowest), "path": "position"}
     )
     room = room_for(prepared, cutoff, memory)
     banks = tuple(

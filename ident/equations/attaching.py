@@ -77,6 +77,7 @@ def motion_of(stream: RecordingStream, block: FilteredBlock, columns: Columns) -
         columns.torque(block),
         stream.rate_hz,
         block.before,
+        block.path,
     )
 
 

@@ -52,7 +52,8 @@ class FineSegment:
     samples about each, measured (N, C) Y as recorded (a mean of it has no steps where friction turns over: a
     TX40's torques that all came 20 ms late were then told of no delay); rate_hz of the fine samples; every:
     fine samples from one row to the next; vs (n,) the speed from which a sign is certain;
-    before (k, n) q on the way to the first sample."""
+    path (N, n) the positions along which memories go on, where these are not q; before (k, n) the same on the
+    way to the first sample."""
 
     recording: int
     label: str
@@ -70,6 +71,7 @@ class FineSegment:
     filter: LowPass
     every: int
     vs: np.ndarray
+    path: np.ndarray | None = None
     before: np.ndarray | None = None
 
     @property
@@ -85,7 +87,8 @@ class FineSegment:
     def motion(self) -> Motion:
         """The stretch as effects see it."""
         moving, measured = (self.q, self.dq, self.ddq, self.sign_dq), (self.measured, self.rate_hz)
-        return Motion(self.label, self.payload, self.t - self.begun, *moving, *measured, self.before)
+        went = (self.before, self.path)
+        return Motion(self.label, self.payload, self.t - self.begun, *moving, *measured, *went)
 
     def decimate(self, columns: np.ndarray, joint: int | None = None) -> np.ndarray:
         """(N, k), weighted by a joint's certainty as its rows are -> (rows, k)."""
@@ -176,6 +179,7 @@ class FineKeeper:
         # at a turn it falls and rises within few samples: one of them taken for all puts rows 6 % off
         certain = means_about(block.certain, np.arange(len(block.t))[pick], step)
         signals += [certain.T, self.columns.torque(block)[pick].T]
+        signals += [] if block.path is None else [block.path[pick].T]
         kind = np.float64 if stream.survey.rows / step < LONG else np.float32
         kept = np.vstack(signals).astype(kind)
         self.t.setdefault(key, []).append(block.t[pick].copy())
@@ -199,9 +203,10 @@ class FineKeeper:
         each = every // step
         pick = slice(cut.start * each, len(t) if cut.stop >= len(t) // each else cut.stop * each)
         n = len(self.columns.need.joints)
-        ends = np.arange(1, 7) * n
+        C = len(self.columns.channels)
+        ends = [*(np.arange(1, 7) * n), 6 * n + C]
         kind = np.float64 if len(t[pick]) < LONG else np.float32
-        q, dq, ddq, sign, speed, certain, measured = (
+        q, dq, ddq, sign, speed, certain, measured, path = (
             np.array(part.T, kind, order="C") for part in np.split(whole[:, pick], ends)
         )
         return FineSegment(
@@ -221,6 +226,7 @@ class FineKeeper:
             LowPass(self.cutoff_hz, stream.rate_hz / step, self.order),
             each,
             self.vs[stream.label],
+            path if path.size else None,
             None if cut.start else self.before.get(key),
         )
 

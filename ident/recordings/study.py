@@ -114,6 +114,8 @@ class FilterSettings(_Strict):
     `sign_cutoff_hz` (default 4 x position) smooths the velocity whose sign Coulomb friction takes.
     `sign_velocity` [rad/s or m/s]: samples of a joint slower than this do not count in its fit; default:
     what the noise of its velocity asks for, 0: every sample counts, with the plain sign (see filtering.py).
+    `path`: the positions along which what remembers them goes on (presliding, play): those of the `position`
+    filter, or of the `sign` filter, which rounds a turn less.
     `resample_hz` is the uniform rate of jittered recordings (default: their own mean rate).
     """
 
@@ -121,6 +123,7 @@ class FilterSettings(_Strict):
     decimation_cutoff_hz: Annotated[Number, Field(ge=0.001, le=1e5)] | Literal["auto"] = "auto"
     sign_cutoff_hz: Annotated[Number, Field(ge=0.01, le=1e5)] | None = None
     sign_velocity: Annotated[Number, Field(ge=0, le=100)] | None = None
+    path: Literal["position", "sign"] = "position"
     order: Annotated[Whole, Field(ge=1, le=8)] = 4
     resample_hz: Annotated[Number, Field(ge=0.1, le=1e5)] | None = None
 

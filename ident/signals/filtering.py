@@ -72,8 +72,9 @@ class FilteredBlock:
     filtered with the position filter when that was asked). vs (n,) is the speed from which a sign is certain,
     certain (N, n) the weight 0..1 that follows from it, speed (N, n) the rate whose sign it is. motor_ddq
     (N, n): the motors' own acceleration where q is the joints' (`positions: joint`). real (N, n), bool: where
-    the joint's torque and all positions were measured, not put in for samples that were lost. before (k, n):
-    q of the samples ahead of those, none behind a stretch's first block.
+    the joint's torque and all positions were measured, not put in for samples that were lost. path (N, n):
+    positions along which memories go on, where these are not q; before (k, n): the same of the samples ahead
+    of those, none behind a stretch's first block.
     """
 
     t: np.ndarray
@@ -88,6 +89,7 @@ class FilteredBlock:
     speed: np.ndarray | None = None
     motor_ddq: np.ndarray | None = None
     real: np.ndarray | None = None
+    path: np.ndarray | None = None
     before: np.ndarray | None = None
 
 
@@ -103,6 +105,7 @@ class FilterBank:
     late: tuple[tuple[int, ...], ...] = ()  # of each joint: samples by which its torques come late, if any do
     lowest: tuple[float, ...] = ()  # Hz of each joint behind which its steps tell it best (resolution.py)
     hidden: tuple[float, ...] = ()  # rad | m of each joint: a step, within which a turn is hidden
+    light: bool = False  # memories go on along the sign's positions
 
     @property
     def filters(self) -> tuple[tuple[LowPass, LowPass], ...]:
@@ -140,6 +143,7 @@ def filter_bank(settings: FilterSettings, rate_hz: float) -> FilterBank:
         LowPass(settings.position_cutoff_hz, rate_hz, settings.order),
         LowPass(min(sign_cutoff, 0.4 * rate_hz), rate_hz, settings.order),
         None,
+        light=settings.path == "sign",
     )
 
 
@@ -306,7 +310,8 @@ def _block(
     around = first_difference(its.light, rate)  # two rows less at either end
     speed = around[bank.beside - 2 :][: len(its.weight)]
     dq, ddq = first_difference(its.q, rate), second_difference(its.q, rate)
-    sign = told_sign(its.light[here][span], speed[span], rate, vs, bank.turn_over, states)
+    light = its.light[here]
+    sign = told_sign(light[span], speed[span], rate, vs, bank.turn_over, states)
     shown = _shown(its.light, bank, turned, len(its.weight))[2:-2]
     certain = _certain(around, shown, vs, bank, len(its.weight))[span]
     certain[:, segment.resting] = 0.0  # its encoder's flicker has no sign
@@ -326,7 +331,8 @@ def _block(
         speed[span],
         None if its.bent is None else (ddq + second_difference(its.bent, rate))[span],
         its.weight[span] > 0,
-        its.q[2:-2][: span.start],
+        light[span] if bank.light else None,
+        (light if bank.light else its.q[2:-2])[: span.start],
     )
 
 

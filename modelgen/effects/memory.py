@@ -5,10 +5,11 @@ own key, the instants, the driving signal and the state of the last block; the n
 sample before its own first one. A gap or another recording begins relaxed, where the way to its first sample
 does. Blocks may overlap.
 
-Tried, and not taken: to integrate along the positions whose sign friction takes, filtered at four times the
-cut-off of the others. Of an arm in an independent simulator Dahl's friction was then 3.40 N m, as it is, for
-3.27; of measured robots, whose torques are filtered, more was left (a UR10e's joint 4 5.2 % for 4.4, of a
-Kinova's joint 7 3.3 for 3.0). And to begin slid in: of an AIRBOT's joint 6 35 % were left for 23.
+Along which positions is the study's choice (`filter: path`), and a diagnosis takes the one that predicts
+better: along those whose sign friction takes, filtered at four times the cut-off of the others, Dahl's
+friction of an arm in an independent simulator was 3.40 N m, as it is, for 3.27; of measured robots, whose
+torques are filtered, more was left (a UR10e's joint 4 5.2 % for 4.4, of a Kinova's joint 7 3.3 for 3.0).
+Tried, and not taken: to begin slid in. Of an AIRBOT's joint 6 35 % were left for 23.
 """
 
 from collections.abc import Callable, Hashable, Mapping, MutableMapping

@@ -128,8 +128,9 @@ class Motion:
     """One uninterrupted, uniformly sampled stretch of a recording, or a block of one.
 
     t (N,) s since the recording's first sample; q, dq, ddq, sign_dq (N, n), rad or m, sign_dq the sign of dq
-    or its smoothed form; measured (N, C) N m or N as recorded, in the model's channels, or None; before
-    (k, n) positions on the way to the first sample, or None.
+    or its smoothed form; measured (N, C) N m or N as recorded, in the model's channels, or None; path (N, n)
+    positions along which memories go on, where these are not q; before (k, n) the same on the way to the
+    first sample, or None.
     """
 
     recording: str
@@ -142,10 +143,12 @@ class Motion:
     measured: Array | None
     rate_hz: float
     before: Array | None = None
+    path: Array | None = None
 
     def way(self, joint: int) -> dict[str, Array]:
         """What a joint's states go along: t, q (N,), and `before` (k,) where it is known."""
-        way = {"t": self.t, "q": self.q[:, joint]}
+        path = self.q if self.path is None else self.path
+        way = {"t": self.t, "q": path[:, joint]}
         return way if self.before is None else way | {"before": self.before[:, joint]}
 
     def only(self, rows: slice) -> Motion:
@@ -154,8 +157,8 @@ class Motion:
             return self
         parts = {name: getattr(self, name)[rows] for name in ("t", "q", "dq", "ddq", "sign_dq")}
         before = None if rows.start else self.before
-        measured = None if self.measured is None else self.measured[rows]
-        return replace(self, **parts, measured=measured, before=before)
+        measured, path = (x if x is None else x[rows] for x in (self.measured, self.path))
+        return replace(self, **parts, measured=measured, before=before, path=path)
 
 
 def torque_slopes(torque: Callable[[Motion, Array, Array, Array], Array], motion: Motion, j: int) -> Array:

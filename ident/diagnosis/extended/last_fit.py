@@ -14,6 +14,7 @@ from ident.diagnosis.extended.approximated import Moved, moved
 from ident.diagnosis.extended.by_rows_that_judge import own_deviations
 from ident.diagnosis.extended.in_a_study import study_term
 from ident.diagnosis.extended.on_judging_runs import behind, counted_error, judged_error, spoilt
+from ident.diagnosis.extended.remembered_path import along_the_better_path
 from ident.diagnosis.extended.turning_over import turned_as_found
 from ident.diagnosis.extended.unanswered import unanswered
 from ident.diagnosis.loads.windows import windows_tried
@@ -81,7 +82,7 @@ def extended(
     point the last fit moved, a body of 0.00 +- 0.01 kg was told as something that nothing explains.)"""
     refused: Refused = {}
     study = known.prepared.study
-    declared = len(study.effects)
+    declared, settings = len(study.effects), study.filter
     terms = outcome.last.terms[declared:]
     if not terms:
         return without_findings(base, outcome.last, known, progress), refused
@@ -103,13 +104,15 @@ def extended(
         return lost
 
     while len(entries) > declared:
-        extended = study.with_(effects=tuple(entries))
+        extended = study.with_(effects=tuple(entries), filter=settings)
         try:
             last = fit_study(extended, progress=progress, known=known.again(extended))
         except (FitFailedError, NotEnoughDataError, StudyError):
             entries.pop()
             refused[keys.pop()] = Refusal()
             continue
+        last = along_the_better_path(last, known, progress)
+        settings = last.study.filter
         # with a sign that is too sharp its shape is fitted in an effect's place, or hides one in its error
         last = turned_as_found(last, outcome.last, known, progress)
         told = found_effects(last)

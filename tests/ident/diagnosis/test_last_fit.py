@@ -9,7 +9,7 @@ from dry_arm import opened_dry_arm
 from planted import ON_RECORDINGS, measured
 
 import ident
-from ident.diagnosis.extended import compared_exactly, last_fit
+from ident.diagnosis.extended import compared_exactly, last_fit, remembered_path
 from ident.diagnosis.extended.approximated import apart
 from ident.diagnosis.extended.last_fit import _as_told, _p_told, _vague, first_extended
 from ident.diagnosis.extended.on_judging_runs import behind, judged_error
@@ -20,6 +20,7 @@ from ident.equations.comparison import Curves
 from ident.equations.observation import ChannelFactor, stack
 from ident.equations.terms import Term
 from ident.estimation.least_squares import weighted_least_squares
+from ident.recordings.study import FilterSettings
 from ident.report.unexplained_words import unexplained_sentence
 from modelgen.effects import catalogue, effect
 from modelgen.effects.place import Place
@@ -99,6 +100,8 @@ def test_what_is_needed_is_asked_with_friction_turning_over_as_found(monkeypatch
     p of 0.1, and the base went out of the model that explains all."""
     told = {"sharp": 0.1, "turned": p_turned}
     monkeypatch.setattr(last_fit, "fit_study", lambda *_, **__: "sharp")
+    its = SimpleNamespace(study=SimpleNamespace(filter=None))
+    monkeypatch.setattr(last_fit, "along_the_better_path", lambda *_: its)
     monkeypatch.setattr(last_fit, "turned_as_found", lambda *_: "turned")
     monkeypatch.setattr(last_fit, "without_findings", lambda *_: None)
     for name in ("entry_of", "study_term", "own_deviations", "windows_tried"):
@@ -115,12 +118,35 @@ def test_what_is_needed_is_asked_with_friction_turning_over_as_found(monkeypatch
         return (SimpleNamespace(essential=True, p_value=told[last], p_itself=told[last]),)
 
     monkeypatch.setattr(last_fit, "found_effects", found_there)
-    study = SimpleNamespace(effects=(), with_=lambda **_: None)
+    study = SimpleNamespace(effects=(), filter=None, with_=lambda **_: None)
     columns = SimpleNamespace(need=SimpleNamespace(joints=()))
     known = SimpleNamespace(prepared=SimpleNamespace(study=study), again=lambda _: None)
     outcome = SimpleNamespace(last=SimpleNamespace(terms=[SimpleNamespace(key=1, place=None)], rows=None))
     its, refused = last_fit.extended(known, outcome, SimpleNamespace(columns=columns), 0.01, None)
     assert (its, refused) == ("turned" if p_turned < 1e-3 else None, {})
+
+
+@pytest.mark.parametrize(
+    ("name", "now", "then", "path"),
+    [
+        ("hysteresis", 1.9, 0.7, "sign"),  # percent of the runs that chose nothing, along either path
+        ("hysteresis", 4.4, 5.2, "position"),
+        ("stribeck_friction", 1.9, 0.7, "position"),  # it remembers nothing
+    ],
+)
+def test_a_memory_goes_on_along_the_path_that_predicts_better(monkeypatch, name, now, then, path):
+    def study(settings):
+        return SimpleNamespace(filter=settings, with_=lambda filter: study(filter))
+
+    def last(error, its):
+        return SimpleNamespace(
+            **vars(fit(error, 5.0)), study=its, terms=[SimpleNamespace(effect=effect(name))]
+        )
+
+    monkeypatch.setattr(remembered_path, "fit_study", lambda its, **_: last(then, its))
+    known = SimpleNamespace(again=lambda its: its)
+    chosen = remembered_path.along_the_better_path(last(now, study(FilterSettings())), known, None)
+    assert chosen.study.filter.path == path
 
 
 def test_an_interval_that_holds_zero_names_nothing():

@@ -245,6 +245,7 @@ FILTER = {
     "decimation_cutoff_hz": 3.0,
     "sign_cutoff_hz": 5.0,
     "sign_velocity": 0.3,
+    "path": "sign",
     "order": 2,
     "resample_hz": 80.0,
 }
@@ -296,9 +297,14 @@ def third(keys):
 
 
 BESIDE = {"payload_mass": LOADED, "instant_sign": TURNING}  # what these keys are said of
+REMEMBERS = {"effects": [{"effect": "hysteresis", "joint": 1, "width": 0.01, "fixed": ["width"]}]}
 CHANGES = [
     *((BASE | BESIDE.get(key, {}), BASE | more) for key, more in STUDY.items()),
-    *((BASE, BASE | {"filter": BASE["filter"] | {key: value}}) for key, value in FILTER.items()),
+    *(
+        (BASE | its, BASE | its | {"filter": BASE["filter"] | {key: value}})
+        for key, value in FILTER.items()
+        for its in [REMEMBERS if key == "path" else {}]
+    ),
     *((third({}), third({key: value})) for key, value in ENTRY.items()),
 ]
 
