@@ -60,6 +60,7 @@ def fit_document(result: FitResult) -> dict[str, Any]:
         "filter": {
             "position_cutoff_hz": result.study.filter.position_cutoff_hz,
             "decimation_cutoff_hz": result.cutoff_hz,
+            "path": result.study.filter.path,
             "order": result.study.filter.order,
             "trials": [
                 {
