@@ -20,7 +20,7 @@ import numpy as np
 
 from ident.examination.check import Check, listed
 from ident.examination.fits.hypothesis import CLEARLY, Asked, Hypothesis
-from ident.examination.fits.quick import Assignment, Fit, Normal, Quick, added, alone, gain_of, solve
+from ident.examination.fits.quick import FLOOR, Assignment, Fit, Normal, Quick, added, alone, gain_of, solve
 from ident.examination.fits.samples import LAGS, Sample
 from ident.examination.fits.stretches import RARE, Explained, all_rows, confirmed, half_of, steadily
 from ident.examination.fits.turning import with_any_turn_over
@@ -147,7 +147,8 @@ def _told(
     remedy: str,
     fitted: bool = False,
 ) -> Hypothesis:
-    before, after = (100 * float(np.exp(np.mean(np.log(x.error[which])))) for x in (asked.fit, other))
+    errors = (np.maximum(x.error[which], FLOOR) for x in (asked.fit, other))
+    before, after = (100 * float(np.exp(np.mean(np.log(x)))) for x in errors)
     message = f"{words}{also}: so moved, the error falls from {before:.0f} to {after:.0f} %"
     check = Check("channel_delay", asked.names(which), message, remedy, open=not fitted)
     return Hypothesis(other.gain_over(asked.fit), asked.how, check, moved, words)

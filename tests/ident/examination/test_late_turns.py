@@ -140,3 +140,21 @@ def test_torques_that_are_late_in_the_run_that_judges(tmp_path):
     told = [its for its in every if its.explained.fit.gain_over(before.fit) > its.least]
     assert [(its.recording, len(its.signals)) for its in told] == [("run2", 6)]
     assert "about 0.02 s after the positions or smoothed as much" in told[0].words
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.filterwarnings("error")
+def test_of_fewer_rows_than_parameters_errors_are_none(tmp_path):
+    """Of a TX40's first second and a half, at 100 Hz, a warning of NumPy's was all that was said of it."""
+
+    def change(log):
+        log.study["recordings"] = log.study["recordings"][:1]
+        log.tables = {"run1": log.tables["run1"]}
+        for table in log.tables.values():
+            t = table["t"]
+            rows = np.searchsorted(t, t[0] + 0.01 * np.floor((t - t[0]) / 0.01)).clip(max=len(t) - 1)
+            table |= {k: x[rows] for k, x in table.items() if k[:3] == "tau"}
+
+    examine_fit(prepare_study(strangers_log(tmp_path, "staubli_tx40", (100, False, False, True), change)))
