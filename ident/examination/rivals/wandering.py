@@ -35,8 +35,8 @@ CHANGED = {
     ),
     WEIGHT: (
         "other weights",
-        "a load that is taken up or set down, a position that drifts, a base that tilts, or something else "
-        "that comes or goes there",
+        "a load that is taken up or set down, another zero of the torque from some time on, a position that "
+        "drifts, a base that tilts, or something else that comes or goes there",
     ),
 }
 LEFT = 0.05  # of a torque, below which nobody asks why (of a clean arm's random walk, 1 % of it, it was told)

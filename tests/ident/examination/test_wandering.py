@@ -147,3 +147,20 @@ def test_a_load_that_is_gripped_half_way(tmp_path):
     assert check.check == "changes_meanwhile" and {"tau_m2", "tau_m3"} < set(check.signals)
     assert "other weights" in check.message and "a load that is taken up" in check.message
     assert not unsettled([check])  # a load that is found explains it
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_another_zero_from_some_time_on_is_among_what_may_change_weights(tmp_path):
+    """Of an AIRBOT's second torque, off in the end of one run, loads, drifts and tilts were told."""
+
+    def change(log):
+        tau = log.tables["run1"]["tau_m2"]
+        log.tables["run1"]["tau_m2"] = tau + 0.5 * np.std(tau) * (np.arange(len(tau)) > 0.6 * len(tau))
+
+    found = examine_fit(
+        prepare_study(strangers_log(tmp_path, "airbot_play", (0, False, True, False), change))
+    )
+    (said,) = (c for c in found if c.signals == ("tau_m2",))
+    assert "another zero of the torque from some time on" in said.message
