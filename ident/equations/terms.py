@@ -158,7 +158,8 @@ class Chain:
     """
 
     def __init__(self, model: FittedModel, terms: Sequence[Term]) -> None:
-        self.model, self.terms = replace(model, kept={}), tuple(terms)
+        self._answers: dict[Any, Any] = {}
+        self.model, self.terms = replace(model, kept=self._answers), tuple(terms)
         self.seen = {term.label: self._seen(term) for term in terms}
         self._memories: dict[tuple[object, ...], Memory] = {}
         self._last: tuple[Motion | None, dict[str, np.ndarray]] = (None, {})
@@ -168,8 +169,7 @@ class Chain:
 
     def forget(self) -> None:
         """What was kept of a block that is done."""
-        if self.model.kept is not None:
-            self.model.kept.clear()
+        self._answers.clear()
 
     def torque(self, motion: Motion, terms: Sequence[Term] | None = None) -> np.ndarray:
         """(N, C) of some of the terms, by default all; each is computed once a block."""

@@ -39,10 +39,8 @@ def frames(robot: Robot, q: Array) -> Frames:
     """Evaluate T(a(j), j) = Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r) for every row; q (N, n)."""
     q = np.asarray(q, dtype=float)
     N, L = len(q), len(robot.links)
-    R, p = (
-        np.empty((L, 3, 3, N)),
-        np.empty((L, 3, N)),
-    )  # samples side by side, as they are read
+    # samples side by side in memory, as they are read
+    R, p = np.empty((L, 3, 3, N)), np.empty((L, 3, N))
     joint: list[int] = []
     for row, link in enumerate(robot.links):
         moving = link.sigma != 2

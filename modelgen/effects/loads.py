@@ -11,6 +11,7 @@ import numpy as np
 from modelgen.dynamics.newton_euler import INERTIAL, motions, regressor, unit_wrench
 from modelgen.effects.frames import Frames, frames
 from modelgen.geometry.kinematics import geometry, state
+from modelgen.geometry.names import ParameterName
 from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
@@ -232,20 +233,16 @@ def _weights_apart(arm: Frames, g: Array, names: tuple[str, ...]) -> Array:
     made once for each joint, and the axes of each link turn it. (Made of one name after the other, bodies
     and all, they took most of the last fit of an arm of five joints.)"""
     out = np.zeros((len(arm.p), arm.n, len(names)))
-    bodies = [(name.rstrip("0123456789"), int(name.lstrip("MXYZ")) - 1) for name in names]
-    turning = {j: _skew(g).T @ arm.R[:, j, :, 2].T for j, sigma in enumerate(arm.sigma) if sigma == 0}
+    read = [ParameterName.of(name) for name in names]
+    bodies = [(its.kind, int(its.label) - 1) for its in read if its is not None]
+    turning = {j: np.cross(arm.R[:, j, :, 2], g) for j, sigma in enumerate(arm.sigma) if sigma == 0}
     for row in {row for _, row in bodies}:
         for j in (j for j in arm.above(row) if arm.joint[j] >= 0):
             torque = {"M": -arm.R[:, j, :, 2] @ g}
             if j in turning:
-                torque = dict(zip(("MX", "MY", "MZ"), np.einsum("nia,in->an", arm.R[:, row], turning[j])))
-                torque["M"] = np.einsum("ni,in->n", arm.p[:, row] - arm.p[:, j], turning[j])
+                torque = dict(zip(("MX", "MY", "MZ"), np.einsum("nia,ni->an", arm.R[:, row], turning[j])))
+                torque["M"] = np.einsum("ni,ni->n", arm.p[:, row] - arm.p[:, j], turning[j])
             for k, (kind, its) in enumerate(bodies):
                 if its == row and kind in torque:
                     out[:, arm.joint[j], k] = torque[kind]
     return out
-
-
-def _skew(g: Array) -> Array:
-    """(3, 3) of g x."""
-    return np.cross(g, -np.eye(3))

@@ -9,7 +9,7 @@ import numpy as np
 
 from ident.diagnosis.evidence.metric import Metric, whole
 from ident.diagnosis.evidence.state import State, shown
-from ident.diagnosis.extended.in_a_study import is_told
+from ident.diagnosis.extended.in_a_study import is_told, reported
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.settling import place_of
 from ident.estimation.blocks import by_stretches, stretch_s
@@ -22,10 +22,7 @@ def own_deviations(state: State, term: Term) -> dict[str, float]:
     number = place_of(state, term)
     if number is None or shown(state.rows, state.found[number].columns):
         return {}
-    f, effect, place = state.found[number], term.effect, term.place
-    known = _known(state, number)
-    values = {**term.theta, **dict(zip(effect.parameters_of(place), map(float, f.sizes)))}
-    told = effect.report(values, known, effect.context_of(place, state.model), place)
+    told = reported(state, number, _known(state, number))
     return {name: float(its["std"]) for name, its in told.items()}
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from ident.diagnosis.evidence.state import State, shown
 from ident.diagnosis.rows.terms import Term
 from ident.equations.terms import Term as StudyTerm
 from ident.estimation.fit import FitResult
+from modelgen.effects.effect import Report
 
 
 def study_term(term: Term, state: State) -> StudyTerm:
@@ -35,6 +38,15 @@ def study_term(term: Term, state: State) -> StudyTerm:
         left_out if free else {**sizes, **left_out},
         bounds if free else {},
     )
+
+
+def reported(state: State, number: int, covariance: np.ndarray | None = None) -> Report:
+    """What an effect says of itself as the loop has found it; covariance (p, p) of its coefficients."""
+    found = state.found[number]
+    assert found.term is not None  # a function without a name reports nothing
+    effect, place = found.term.effect, found.term.place
+    values = {**found.term.theta, **dict(zip(effect.parameters_of(place), map(float, found.sizes)))}
+    return effect.report(values, covariance, effect.context_of(place, state.model), place)
 
 
 def is_told(fit: FitResult, term: Term) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.special
 
 from ident.diagnosis.evidence.state import State
-from ident.diagnosis.extended.approximated import Moved, moved
+from ident.diagnosis.extended.approximated import Moved, deviations, moved
 from ident.diagnosis.extended.by_rows_that_judge import own_deviations
 from ident.diagnosis.extended.in_a_study import study_term
 from ident.diagnosis.extended.on_judging_runs import behind, counted_error, judged_error, spoilt
@@ -96,7 +96,7 @@ def extended(
     def poorly(told: Sequence[FoundEffect], wider: Moved) -> list[int]:
         own = {k: (f, keys[k]) for k, f in enumerate(told) if k >= declared}
         by_chance = {
-            k: _p_told(f, _as_told(f, known_by_judged[key], wider.get(key, {})), windows[key])
+            k: _p_told(f, deviations(f, known_by_judged[key], wider.get(key, {})), windows[key])
             for k, (f, key) in own.items()
         }
         lost = _vague(told, by_chance, alpha)
@@ -185,14 +185,6 @@ def _vague(told: Sequence[FoundEffect], by_chance: Mapping[int, float], alpha: f
     ms by what its stretches say. (What the study itself left out is there whatever its interval.)"""
     vague = [k for k, p in by_chance.items() if p > alpha and not told[k].term.effect.replaces]
     return [max(vague, key=by_chance.__getitem__)] if vague else []
-
-
-def _as_told(found: FoundEffect, own: Mapping[str, float], wider: Mapping[str, float]) -> dict[str, float]:
-    """{parameter: deviation that is told with it}: its own, and by how much it moves with the band. (Of three
-    arms that MuJoCo moved torques were told to be 0.3 to 0.6 ms late, +- 0.3 to 0.5: what their bands
-    differed by had not been asked.)"""
-    plain = {name: p.std for name, p in found.parameters.items() if p.std} | dict(own)
-    return {name: float(np.hypot(std, wider.get(name, 0.0))) for name, std in plain.items()}
 
 
 def _p_told(found: FoundEffect, by_judged: Mapping[str, float], windows: int = 1) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from ident.diagnosis.evidence.evidence import drop_percent
 from ident.diagnosis.evidence.state import State, solved
 from ident.diagnosis.evidence.sufficiency import explained_share, signals_read
-from ident.diagnosis.extended.approximated import Moved, apart
+from ident.diagnosis.extended.approximated import Moved, apart, deviations
 from ident.diagnosis.extended.by_rows_that_judge import own_deviations
 from ident.diagnosis.extended.in_a_study import is_told, same
 from ident.diagnosis.extended.last_fit import Refusal
@@ -157,8 +157,9 @@ def _practical_size(state: State, term: Term) -> float:
 
 def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, moved: Moved) -> Finding:
     state, e = outcome.last, step.evidence
-    wider, own_rows = moved.get(term.key, {}), own_deviations(state, term)
+    own_rows = own_deviations(state, term)
     two_fits = {} if own_rows else apart(state, term, fitted)
+    stds = deviations(fitted, own_rows, moved.get(term.key, {}), two_fits)
     place = term.place
     c = main_channel(e, term, state)
     labels = state.problem.robot.joint_labels
@@ -182,7 +183,7 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         {
             name: {
                 "value": p.value,
-                "std": _deviation(own_rows.get(name, p.std), wider.get(name, 0.0), two_fits.get(name, 0.0)),
+                "std": stds.get(name),
                 "unit": p.unit,
                 "at_bound": p.at_bound,
             }
@@ -205,12 +206,6 @@ def _finding(step: Step, term: Term, fitted: FoundEffect, outcome: Outcome, move
         term.effect.signature,
         picture(state, term, c),
     )
-
-
-def _deviation(std: float | None, wider: float, apart: float) -> float | None:
-    """With what it is less known by, and no less than two fits differ by; None of a value that was given, or
-    whose search ended at a bound."""
-    return max(float(np.hypot(std, wider)), apart) if std else None
 
 
 def unexplained_of(u: Unnamed, outcome: Outcome) -> Unexplained:

@@ -10,12 +10,11 @@ from planted import ON_RECORDINGS, measured
 
 import ident
 from ident.diagnosis.extended import compared_exactly, last_fit, remembered_path
-from ident.diagnosis.extended.approximated import apart
-from ident.diagnosis.extended.last_fit import _as_told, _p_told, _vague, first_extended
+from ident.diagnosis.extended.approximated import apart, deviations
+from ident.diagnosis.extended.last_fit import _p_told, _vague, first_extended
 from ident.diagnosis.extended.on_judging_runs import behind, judged_error
 from ident.diagnosis.loads.windows import windows_of, windows_tried
 from ident.diagnosis.rows.terms import Term as LoopTerm
-from ident.diagnosis.telling.findings import _deviation
 from ident.equations.comparison import Curves
 from ident.equations.observation import ChannelFactor, stack
 from ident.equations.terms import Term
@@ -111,7 +110,7 @@ def test_what_is_needed_is_asked_with_friction_turning_over_as_found(monkeypatch
     for name in ("_worse", "_in_vain", "_alone", "_beside_the_point"):
         monkeypatch.setattr(last_fit, name, lambda *_: {})
     monkeypatch.setattr(last_fit, "_p_told", lambda *_: 0.0)
-    for name in ("moved", "_as_told"):
+    for name in ("moved", "deviations"):
         monkeypatch.setattr(last_fit, name, lambda *_: {})
 
     def found_there(last):
@@ -176,7 +175,7 @@ def test_what_moves_with_the_band_is_told_by_that_from_zero(moves, vague_then):
     """Of an arm that MuJoCo moved torques were 0.32 +- 0.46 ms late: by noise alone 0.05 of it, and 0.46 by
     how much the study's own band told another delay."""
     late = found(1e-9, size=3.2e-4, std=5e-5)
-    assert bool(vague([late], 0, 0.01, **_as_told(late, {}, {"Fs": moves}))) is vague_then
+    assert bool(vague([late], 0, 0.01, **deviations(late, {}, {"Fs": moves}))) is vague_then
 
 
 @pytest.mark.parametrize(
@@ -195,8 +194,15 @@ def test_a_parameter_is_known_no_better_than_two_fits_differ(name, theta, sizes,
     got = apart(state, term, its)
     assert set(got) == set(fitted)
     assert {key: got[key] for key in off} == pytest.approx(off, abs=1e-4)
-    assert _deviation(0.046, 0.0, 0.1711) == 0.1711 and _deviation(0.046, 0.0, 0.01) == 0.046
-    assert _deviation(None, 0.0, 0.1711) is None  # given, or at the end of its search
+
+
+def test_a_deviation_is_its_own_or_what_two_fits_differ_by():
+    def told(std, differ):
+        its = SimpleNamespace(parameters={"Fc": SimpleNamespace(std=std)})
+        return deviations(its, {}, {}, {"Fc": differ}).get("Fc")
+
+    assert told(0.046, 0.1711) == 0.1711 and told(0.046, 0.01) == 0.046
+    assert told(None, 0.1711) is None  # given, or at the end of its search
 
 
 def test_the_loudest_of_many_windows_is_told_from_zero_by_all_of_them():
