@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from ident.errors import RecordingError, StudyError
-from ident.recordings.counted import from_zero
+from ident.recordings.counted_from_zero import from_zero
 from ident.recordings.need import Need
 from ident.recordings.study import ColumnMap, RecordingEntry, Study
 from ident.recordings.tables import Table

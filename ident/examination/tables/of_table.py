@@ -29,7 +29,7 @@ from ident.examination.tables.smoothed_wraps import smoothed_wraps
 from ident.examination.tables.stopped_at_once import stopped_at_once
 from ident.examination.tables.torque_drops import torque_drops
 from ident.examination.tables.torque_leaps import torque_leaps
-from ident.recordings.counted import from_zero
+from ident.recordings.counted_from_zero import from_zero
 
 TORQUES = ("tau_m", "tau_l", "i")
 

@@ -14,7 +14,7 @@ from ident.errors import RecordingError
 from ident.estimation.fit import fit_study
 from ident.examination.tables.clock import Grid, goes_on, rounded_stamps, time_stamps, uniform_clock
 from ident.examination.tables.of_table import more_joints
-from ident.recordings.counted import from_zero
+from ident.recordings.counted_from_zero import from_zero
 from ident.recordings.study import load_study
 
 K = np.arange(6000)
