@@ -117,6 +117,14 @@ def test_times_of_day_become_seconds_since_the_first(tmp_path, form):
         read(tmp_path, text, "time", "q1")
 
 
+@pytest.mark.parametrize("cell", ["27:00:00", "24:00:00", "8:60:00", "8:00:61", "8:0:00"])
+def test_no_clock_shows_such_a_time(tmp_path, cell):
+    """Read as one, a day went by at the next row, and nothing was said."""
+    times = [f"8:00:{k:02d}" for k in range(60)]
+    with pytest.raises(RecordingError, match=f"column time is not numeric .{cell}"):
+        read(tmp_path, "time;q1\n" + "".join(f"{t};1\n" for t in (*times, cell)), "time", "q1")
+
+
 @pytest.mark.parametrize("form", ['"[{}, {}]"', "[{} {}]"])
 def test_lists_in_cells(tmp_path, form):
     text = "timestamp,observation.state,task\n"
