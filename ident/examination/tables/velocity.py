@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ident.examination.check import Check, listed
+from ident.examination.tables.late_positions import lag_of, late_positions
 from ident.examination.tables.signals import Columns
 from ident.examination.tables.spikes import no_measurement
 
@@ -46,12 +47,15 @@ def velocity_agrees(columns: Columns, stream: RecordingStream, table: Table) -> 
     has = logged_velocities(columns.labels, columns.maps, table)
     if not has or stream.stiffness is not None:
         return
-    found = {}
+    found, lags = {}, {}
     t, q, dq = _read(columns, stream, table, has)
     for k, j in enumerate(has):
         fit = slope(t, q[:, k], dq[:, k])
         if fit is not None:
             found[j] = fit
+        if (lag := lag_of(t, q[:, k], dq[:, k])) is not None:
+            lags[j] = lag
+    yield from late_positions(columns, lags)
     yield from _judged(columns, found, lambda j: _rivals(j, list(has), t, q, dq))
 
 

@@ -230,3 +230,30 @@ def test_a_remedy_that_leads_to_a_refusal_is_not_taken(tmp_path, monkeypatch):
     found = diagnosis.diagnose_study(_logged(tmp_path, lambda c: c))
     assert any("not applied" in note and "dq3" in note for note in found.notes)
     assert found.findings == ()
+
+
+@pytest.mark.parametrize(
+    ("late", "check", "words"),
+    [
+        (
+            {"q4": 12},
+            ("q4",),
+            "the derivative of q4 comes about 60 ms after dq4 (of the other joints by 0 ms)",
+        ),
+        ({"dq4": 12}, ("dq4",), "dq4 comes about 60 ms after the derivative of q4"),
+        ({f"dq{j}": -12 for j in range(1, 8)}, tuple(f"q{j}" for j in range(1, 8)), "or dq1, dq2"),
+        ({f"dq{j}": 3 for j in range(1, 8)}, None, ""),
+        ({"q4": 1}, None, ""),
+    ],
+)
+def test_a_position_that_comes_later_than_its_velocity_is_told(tmp_path, late, check, words):
+    """Of an AIRBOT whose fourth position came 12 rows late nothing was said: its torque is small. Velocities
+    that are filtered alike come later by as much on all joints, and say nothing."""
+
+    def moved(columns):
+        rows = np.arange(len(columns["t"]))
+        return columns | {k: np.interp(rows - n, rows, columns[k]) for k, n in late.items()}
+
+    told = [c for c in _opened(tmp_path, moved) if c.check == "channel_delay"]
+    assert [c.signals for c in told] == ([check] if check else [])
+    assert all(words in c.message for c in told)
