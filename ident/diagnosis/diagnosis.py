@@ -52,7 +52,7 @@ from ident.diagnosis.telling.visible import Visible, smallest_visible
 from ident.diagnosis.traced import Traced, trace_whole
 from ident.diagnosis.working import Working, working_study
 from ident.estimation.fit import FitResult
-from ident.examination.check import Check
+from ident.examination.check import Check, worst_first
 from ident.examination.undone import unsettled
 from ident.progress import Progress, part_of, silent
 from ident.recordings.study import Study
@@ -132,10 +132,10 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     """What is said of what was traced, beside what the checks say."""
     outcome, last = traced.outcome, traced.last
     found = findings_of(outcome, last, moved(its.known, outcome.last, its.base, last))
-    standing = tuple(dict.fromkeys((*unsettled(its.base.checks), *not_found(its.checks, found))))
+    standing = tuple(dict.fromkeys((*unsettled(its.base.deciding), *not_found(its.checks, found))))
     taken = assumed(its.checks)
     errors = (fit.errors.full_rate.by_recording() for fit in (its.base, last))
-    doubts = unanswered(its.base.checks, *errors)
+    doubts = unanswered(its.base.deciding, *errors)
     fitted = [entry.label for entry in study.recordings if entry.use == "identify"]
     found = beside_doubts(beside_faults(found, (*standing, *taken)), doubts, fitted)
     findings = told_once(told_by_checks(study, its.mended, its.checks), in_doubt(found, its.checks))
@@ -151,7 +151,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         "effect" if findings else "unexplained" if unexplained or standing or taken or doubts else "none",
         findings,
         unexplained,
-        its.checks,
+        worst_first([*its.checks, *its.known.unseen]),
         floor,
         {name: min(its, floor.get(name, its)) for name, its in white.items()},
         explainable(outcome),

@@ -37,6 +37,7 @@ from ident.examination.check import Check, worst_first
 from ident.examination.examine import examine_fit, examine_tables, sentences
 from ident.examination.fits.hypothesis import signal_of
 from ident.examination.tables.limits import reads_currents
+from ident.examination.unseen_runs import examine_unseen
 from ident.progress import Progress, silent
 from ident.recordings.recording import RecordingStream
 from ident.recordings.study import Study
@@ -85,6 +86,12 @@ class FitResult:
         return tuple(check.sentence for check in self.checks if check.outcome == "warned")
 
     @property
+    def deciding(self) -> tuple[Check, ...]:
+        """Its checks but those of runs that decide nothing."""
+        unseen = {stream.label for stream in self.recordings if stream.role == "test"}
+        return tuple(check for check in self.checks if check.recording not in unseen)
+
+    @property
     def std(self) -> np.ndarray:
         """Honest standard deviations (b,): correlated noise, and no profit from the selection.
 
@@ -113,11 +120,13 @@ class FitResult:
 class Examined:
     """A study opened, and what a quick fit of it showed (examine_fit): what several fits of it share.
 
+    unseen: what is told of runs that decide nothing (examine_unseen), beside which nothing is decided.
     systems: its equations without effects at the study's own cut-off, where they were built ahead."""
 
     prepared: Prepared
     checks: tuple[Check, ...]
     systems: tuple[RecordingSystem, ...] | None = None
+    unseen: tuple[Check, ...] = ()
 
     def again(self, study: Study) -> Examined:
         """For a study with other effects, turn-over or decimation, see `Prepared.again`; what was built ahead
@@ -138,7 +147,8 @@ def examined(study: Study, progress: Progress = silent) -> Examined:
     prepared = prepare_study(study, progress)
     declared(prepared)  # an entry that is none is told before minutes of work
     progress("examining the recordings")
-    return Examined(prepared, examine_fit(prepared))
+    found = examine_fit(prepared)
+    return Examined(prepared, found, unseen=() if found else tuple(examine_unseen(prepared)))
 
 
 def fit_study(study: Study, *, progress: Progress = silent, known: Examined | None = None) -> FitResult:
@@ -203,7 +213,7 @@ def _fit(known: Examined, progress: Progress) -> FitResult:
 
 
 def _fitted(known: Examined, progress: Progress) -> FitResult:
-    prepared, checks = known.prepared, known.checks
+    prepared, checks = known.prepared, (*known.checks, *known.unseen)
     study = prepared.study
     trials: tuple[CutoffTrial, ...] = ()
     if study.filter.decimation_cutoff_hz == "auto":

@@ -1,0 +1,39 @@
+"""Faults of a run that decides nothing, of a simulated arm."""
+
+import numpy as np
+import pytest
+from recordings import recording, write_parquet, write_study
+
+from ident.estimation.fit import fit_study
+from ident.recordings.study import load_study
+
+
+def _fit(folder, change):
+    for use, seed in (("identify", 1), ("validate", 2), ("test", 3)):
+        columns, _ = recording(seed=seed)
+        write_parquet(folder / f"{use}.parquet", change(columns) if use == "test" else columns)
+    entries = [{"file": f"{use}.parquet", "use": use} for use in ("identify", "validate", "test")]
+    return fit_study(load_study(write_study(folder, entries)))
+
+
+@pytest.mark.parametrize(
+    ("change", "check", "signals"),
+    [
+        (lambda c: c | {"tau_m3": -c["tau_m3"]}, "torque_sign", ("tau_m3",)),
+        pytest.param(
+            lambda c: c | {"tau_m2": 3 * c["tau_m2"]}, "torque_scale", ("tau_m2",), marks=pytest.mark.long
+        ),
+        (lambda c: c, None, ()),
+    ],
+)
+def test_a_fault_of_a_test_run_is_told_and_nothing_else_changes(tmp_path, change, check, signals):
+    """Of a UR10e with its third current turned there the summary said that something is different."""
+    fit = _fit(tmp_path, change)
+    told = [c for c in fit.checks if c.recording == "test" and c.outcome == "warned"]
+    assert [(c.check, c.signals) for c in told] == ([(check, signals)] if check else [])
+    assert all("decides nothing and is read as it is" in c.remedy for c in told)
+    assert not fit.deciding or fit.deciding == tuple(c for c in fit.checks if c not in told)
+    if check:
+        clean = tmp_path / "clean"
+        clean.mkdir()
+        np.testing.assert_array_equal(_fit(clean, lambda c: c).estimate.chi, fit.estimate.chi)
