@@ -124,8 +124,9 @@ def _side(c: int, state: State) -> str:
 
 
 def findings_of(outcome: Outcome, last: FitResult, moved: Moved) -> tuple[Finding, ...]:
-    """What the loop found and the last fit has; whole explanations before parts of one, and of each kind what
-    is worth most in practice first."""
+    """What the loop found and the last fit has; what is worth most in practice first, whole explanations and
+    parts of one alike. (A ripple that took 58 % of a UR10e's second torque, which has another structure
+    beside it, stood behind four others of 11 to 29 %.)"""
     state = outcome.last
     told = list(found_effects(last)) if last.terms else []
     out = []
@@ -135,7 +136,7 @@ def findings_of(outcome: Outcome, last: FitResult, moved: Moved) -> tuple[Findin
         if term is not None and fitted is not None:
             told.remove(fitted)  # one that grew by more of its parameters is one finding
             out.append((_practical_size(state, term), _finding(step, term, fitted, outcome, moved)))
-    return tuple(f for _, f in sorted(out, key=lambda its: (its[1].grade == PARTLY, -its[0])))
+    return tuple(f for _, f in sorted(out, key=lambda its: -its[0]))
 
 
 def _practical_size(state: State, term: Term) -> float:
