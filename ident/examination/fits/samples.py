@@ -133,6 +133,15 @@ class Sample:
         thin = replace(its, t=factor * its.t, dq=its.dq / factor, ddq=its.ddq / factor**2)
         return self._along(columns, thin)
 
+    def later(self, seconds: Any) -> np.ndarray:
+        """(N, C) torques that are recorded so much after their instants, a number or (N,), within LAGS."""
+        order = np.argsort((*LAGS, 0.0))
+        lags, Y = np.array((*LAGS, 0.0))[order], np.concatenate([self.late, self.Y[None]])[order]
+        place = np.interp(np.broadcast_to(seconds, len(self.t)), lags, np.arange(len(lags)))
+        low = np.minimum(place.astype(int), len(lags) - 2)
+        share, rows = (place - low)[:, None], np.arange(len(self.t))
+        return np.asarray((1 - share) * Y[low, rows] + share * Y[low + 1, rows])
+
     def read(self, order: Sequence[int], factor: Any) -> Sample:
         """With recorded torque k taken as that of order[k], times its factor (C,)."""
         which = list(order)

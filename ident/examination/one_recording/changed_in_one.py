@@ -31,6 +31,7 @@ from ident.examination.torques.signs import all_signs
 from ident.examination.torques.weightless import every, felt, without_gravity
 
 OFFSETS = (*(sign * x for x in (0.05, 0.1, 0.2, 0.35, 0.5, 0.8, np.pi / 2) for sign in (1, -1)), np.pi)  # rad
+FINER_S = (-0.01, -0.005, 0.005, 0.01)  # about the lag that is best
 SMOOTHED_S = (0.2, 0.8)
 SMOOTHER = (
     "look at its plot; record it with less noise, or fit with a lower filter: {position_cutoff_hz: ...}"
@@ -80,30 +81,40 @@ def _late(asked: Asked, whole: Quick, k: int) -> Iterator[Changed]:
     own = s.read(how.order, how.factor)
     rest = added([its for i, its in enumerate(whole.each) if i != k])
     predicted = s.predicted(solve(rest, None, how).chi)
-    left = np.sqrt((s.weight * (own.late - predicted) ** 2).sum(axis=1))  # (lags, C)
+
+    def left(late: np.ndarray) -> np.ndarray:
+        return np.sqrt((s.weight * (late - predicted) ** 2).sum(axis=-2))
+
+    every_lag = left(own.late)  # (lags, C)
     for which in every(asked.seen):
-        lag = int(np.argmin(np.log(np.maximum(left[:, which], 1e-300)).sum(axis=1)))
-        seconds = LAGS[lag]
+        lag = LAGS[int(np.argmin(_product(every_lag[:, which])))]
+        near = [lag + x for x in FINER_S if abs(lag + x) < max(LAGS)]
+        seconds = min([lag, *near], key=lambda x: _product(left(own.later(x))[which]))
         if abs(seconds) == max(LAGS) or abs(seconds) < hidden_s(asked, which):  # more is better, or hidden
             continue
         places = [how.order[c] for c in which]
         Y = s.Y.copy()
-        Y[:, places] = s.late[lag][:, places]
+        Y[:, places] = s.later(seconds)[:, places]
         names = asked.names(which)
         words = f"{listed(names)} {'is' if len(which) == 1 else 'are'} recorded about {abs(seconds):g} s "
         words += "after the positions or smoothed as much" if seconds > 0 else "before the positions"
         explained = _taken(asked, whole, s, replace(s, Y=Y))
-        least = CLEARLY if len(which) > 1 and _foretold_late(asked, whole, k, which, lag) else SWAPPED
+        least = CLEARLY if len(which) > 1 and _foretold_late(asked, whole, k, which, seconds) else SWAPPED
         yield Changed(s.label, names, "channel_delay", words, "record both with one clock", explained, least)
 
 
-def _foretold_late(asked: Asked, whole: Quick, k: int, which: Sequence[int], lag: int) -> bool:
+def _product(left: np.ndarray) -> Any:
+    """Of what is left of torques (..., C), its logarithm."""
+    return np.log(np.maximum(left, 1e-300)).sum(axis=-1)
+
+
+def _foretold_late(asked: Asked, whole: Quick, k: int, which: Sequence[int], seconds: float) -> bool:
     """Whether the other recordings foretell these torques of recording k so much better at that other time,
     where their joints keep their direction, too, and however their friction turns over."""
-    if foretold_later(whole, asked.how, k, which, lag) < TOGETHER:
+    if foretold_later(whole, asked.how, k, which, seconds) < TOGETHER:
         return False
-    ways = (aside(whole) for aside in asides(LAGS[lag]))
-    return all(foretold_later(way, asked.how, k, which, lag) >= HELD for way in ways)
+    ways = (aside(whole) for aside in asides(seconds))
+    return all(foretold_later(way, asked.how, k, which, seconds) >= HELD for way in ways)
 
 
 def _own_line(asked: Asked, sample: Sample, changes: Mapping[str, Mapping[str, Any]]) -> str:

@@ -49,8 +49,9 @@ def lag_of(t: np.ndarray, q: np.ndarray, dq: np.ndarray) -> Lag | None:
     if len(t) < 200 or np.ptp(q) < MOVED:
         return None
     row = float(np.median(np.diff(t)))
-    parts = zip(*(np.array_split(x, STRETCHES) for x in (t, q, dq)))
-    lags = [lag for part in parts if (lag := _best(*part, row)) is not None]
+    parts = zip(np.array_split(t, STRETCHES), np.array_split(q, STRETCHES), np.array_split(dq, STRETCHES))
+    every = [_best(its, position, velocity, row) for its, position, velocity in parts]
+    lags = [lag for lag in every if lag is not None]
     if len(lags) < FEWEST:
         return None
     middle = float(np.median(lags))

@@ -129,12 +129,7 @@ def _or_running(
 
 def _running(s: Sample, rate: float) -> Sample:
     """With torques taken later by a share of the time since its start."""
-    order = np.argsort((*LAGS, 0.0))
-    lags, Y = np.array((*LAGS, 0.0))[order], np.concatenate([s.late, s.Y[None]])[order]
-    place = np.interp(rate * (s.t - s.t[0]), lags, np.arange(len(lags)))
-    low = np.minimum(place.astype(int), len(lags) - 2)
-    share, rows = (place - low)[:, None], np.arange(len(s.t))
-    return replace(s, Y=(1 - share) * Y[low, rows] + share * Y[low + 1, rows])
+    return replace(s, Y=s.later(rate * (s.t - s.t[0])))
 
 
 def _told(
@@ -165,13 +160,15 @@ def asides(lag: float, rate: float = 0.0) -> tuple[Callable[[Quick], Quick], ...
     return partial(_away_from_turns, lag=abs(lag), rate=abs(rate)), with_any_turn_over
 
 
-def foretold_later(whole: Quick, how: Assignment, k: int, which: Sequence[int], lag: int) -> float:
+def foretold_later(whole: Quick, how: Assignment, k: int, which: Sequence[int], seconds: float) -> float:
     """By how much more, in the mean of these torques, a fit of the other recordings foretells recording k's
     taken that much later."""
     its = whole.samples[k].read(how.order, how.factor)
     rest = added([each for i, each in enumerate(whole.each) if i != k])
     predicted = its.predicted(solve(rest, None, how).chi)
-    here, late = (np.sqrt((its.weight * (Y - predicted) ** 2).sum(axis=0)) for Y in (its.Y, its.late[lag]))
+    here, late = (
+        np.sqrt((its.weight * (Y - predicted) ** 2).sum(axis=0)) for Y in (its.Y, its.later(seconds))
+    )
     return _gain(here, late, which)
 
 
