@@ -22,11 +22,10 @@ from ident.equations.observation import RecordingSystem
 from ident.equations.prepared import Prepared
 from ident.equations.spilled import SpilledRows, Spool, joined
 from ident.recordings.recording import RecordingStream
-from ident.signals.decimation import kept_every, means_about, response_terms
+from ident.signals.decimation import FINE_HZ, at_most, kept_every, means_about, response_terms
 from ident.signals.filtering import FilteredBlock, LowPass
 from modelgen.geometry.place import Motion
 
-FINE_HZ = 200.0
 LONG = 400_000  # fine samples of a stretch that is held in double precision
 TAIL = 1e-5  # of the impulse response's peak
 SIGNALS = 8  # decimated at a time
@@ -246,5 +245,6 @@ def bytes_of(prepared: Prepared, cutoff_hz: float) -> float:
 
 
 def stride_of(every: int, rate_hz: float, least_hz: float = FINE_HZ) -> int:
-    """The largest divisor of `every` that leaves such a rate."""
-    return max((s for s in range(1, every + 1) if every % s == 0 and rate_hz / s >= least_hz), default=1)
+    """The largest divisor of `every` that leaves about such a rate."""
+    most = min(every, at_most(rate_hz, least_hz))
+    return next(s for s in range(most, 0, -1) if every % s == 0)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ident.equations.attaching import Streams, factors_of
 from ident.equations.columns import Columns
-from ident.equations.fine import FINE_HZ, FineKeeper, FineSegment
+from ident.equations.fine import FineKeeper, FineSegment
 from ident.equations.fitted import FittedModel
 from ident.equations.observation import RecordingSystem, stack
 from ident.equations.prepared import Prepared
@@ -22,6 +22,7 @@ from ident.equations.terms import Term, plain, with_terms
 from ident.estimation.least_squares import weighted_factor
 from ident.estimation.solving import estimate_all
 from ident.recordings.study import Study
+from ident.signals.decimation import FINE_HZ
 from ident.signals.filtering import filter_stream
 from ident.signals.neighbours import first_samples
 from modelgen.geometry.place import Motion

@@ -24,11 +24,22 @@ import numpy as np
 from ident.signals.low_pass import TAIL, LowPass
 
 OVERSAMPLING = 2.5  # kept instants per second and Hz of cut-off
+FINE_HZ = 200.0  # at which columns of effects are made, see equations/fine.py
+NEAR = 0.04  # by which D is rounded for them
 
 
 def kept_every(cutoff_hz: float, rate_hz: float) -> int:
-    """D: samples from one kept instant to the next."""
-    return max(1, round(rate_hz / (OVERSAMPLING * cutoff_hz)))
+    """D: samples from one kept instant to the next, where that is near a multiple of the samples from one to
+    the next at FINE_HZ. (Of 1 kHz D was 83, which has no divisor: columns were made of all samples, five
+    times as many as of D = 85.)"""
+    plain = max(1, round(rate_hz / (OVERSAMPLING * cutoff_hz)))
+    near = (s * round(plain / s) for s in range(min(plain, at_most(rate_hz, FINE_HZ)), 0, -1))
+    return next(every for every in near if abs(every - plain) <= NEAR * plain)
+
+
+def at_most(rate_hz: float, least_hz: float) -> int:
+    """The most samples of which one is kept where about such a rate is left."""
+    return max(1, int(1.01 * rate_hz / least_hz))
 
 
 def response_terms(filter: LowPass) -> tuple[np.ndarray, np.ndarray, float]:
