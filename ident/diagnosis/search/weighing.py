@@ -56,6 +56,7 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
         return Weighed(m, (), ())
     m = leading_metric(state, refined)
     refined = [refine(m, state.scene, r.term, turns=2) for r in refined]
+    refined = [_as_one_that_contains_it(m, state, r, refined) for r in refined]
     told = [(r, weigh(m, r.columns)) for r in refined]
     possible = [(r, e) for r, e in told if may_be(state, m, r, e, tau, alpha)]
     possible.sort(key=lambda item: -item[1].log_e)
@@ -64,6 +65,18 @@ def compared(state: State, shortlist: Sequence[Ranked], tau: float, alpha: float
     as_judged = cache(partial(turned_as_judged, state, m))  # of each joint once
     passed = tuple((r, e) for r, e in said if beside_turn_over(as_judged, r, e, tau))
     return Weighed(m, tuple(told), passed, tuple(possible), turning)
+
+
+def _as_one_that_contains_it(m: Metric, state: State, r: Refined, refined: Sequence[Refined]) -> Refined:
+    """A law begun where one that contains it ended, too: their searches end in places of their own, and what
+    is between them is not what the larger one has more. (Of a UR10e with friction under load beside another
+    effect friction by quadrant was told, 43 nats ahead with both its coefficients 0.3.)"""
+    for larger in refined:
+        if larger.term.contains(r.term) and larger.gain > r.gain:
+            shared = {name: x for name, x in larger.term.theta.items() if name in r.term.theta}
+            again = refine(m, state.scene, r.term.at(**shared), turns=2)
+            r = again if again.gain > r.gain else r
+    return r
 
 
 def simplest(weighed: Weighed, tau: float) -> tuple[Refined, Evidence]:

@@ -9,14 +9,17 @@ from planted import ON_RECORDINGS, strangers_log, with_fault
 import ident
 from benchmarks.exam.make_cases import make_case
 from ident.diagnosis import diagnose_study, weighed_again
+from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.settled import with_found
 from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.opening import opened
 from ident.diagnosis.rows.terms import Term
+from ident.diagnosis.search import weighing
 from ident.equations.prepared import prepare_study
 from ident.excitation.seen import seen
 from ident.recordings.study import load_study
 from modelgen.effects import catalogue
+from modelgen.geometry.place import Place
 
 
 def test_what_says_more_and_is_no_law_may_be_there_all_the_same(monkeypatch):
@@ -35,6 +38,28 @@ def test_what_says_more_and_is_no_law_may_be_there_all_the_same(monkeypatch):
     step = weighed_again.Step(term, Made(given=False), (), (other,))
     state, (step,) = weighed_again.reconsidered(state, [step], None, 8.0, 0.01)
     assert step.term is term and step.equivalent == (other,)
+
+
+@pytest.mark.parametrize("found", [6.0, 4.0])
+def test_a_law_is_begun_again_where_one_that_contains_it_ended(monkeypatch, found):
+    """Of a UR10e friction by quadrant was told with both coefficients 0.3: friction under load had ended at
+    another rotor's inertia. What explains less there stays as it was."""
+    place = Place(joint=1)
+    law, larger = (Term(catalogue()[f"{kind}_friction"], place) for kind in ("load_dependent", "quadrant"))
+    assert larger.contains(law)
+    one, other = (
+        Refined(t.at(Iam=x), {}, np.ones(1), g) for t, x, g in ((law, 0.0, 5.0), (larger, 54.0, 7.0))
+    )
+    begun = []
+
+    def refine(m, scene, term, turns):
+        begun.append(term.theta["Iam"])
+        return Refined(term, {}, np.ones(1), found)
+
+    monkeypatch.setattr(weighing, "refine", refine)
+    told = weighing._as_one_that_contains_it(None, Made(scene=None), one, [one, other])
+    assert begun == [54.0] and told.term.theta["Iam"] == (54.0 if found > one.gain else 0.0)
+    assert weighing._as_one_that_contains_it(None, Made(scene=None), other, [one, other]) is other
 
 
 @pytest.mark.long
