@@ -131,7 +131,7 @@ def trace(
             rounds.append(weighed)
         if taken is None and not weighed.passed:
             progress(f"{step}: whether a joint's torque is late", done)
-            where = late_joints(state, ranking, tau)[:LATE]
+            where = late_joints(state, ranking, rounds, tau)[:LATE]
             late = late_alone(state, library.places, where, tau, alpha)
             if late is None:
                 break
