@@ -1,7 +1,9 @@
 """Positions that stand still while their logged velocity goes on: an encoder or a message that stopped.
 
 A joint that rests has a velocity of zero, or of noise and a bias. Only a velocity that is motion contradicts
-a position that does not change at all: smooth, not the same throughout, far more than a resolution goes by.
+a position that does not change at all: smooth, not the same throughout, far more than a resolution goes by;
+or one that a position makes up for at once, where it goes on. (Of an AIRBOT's second one, held for 0.3 s at
+50 Hz, nothing was said: it leapt no farther than it goes in a row elsewhere.)
 """
 
 from __future__ import annotations
@@ -27,6 +29,9 @@ STEPS = 3.0  # of a position's resolution, that its velocity must go by
 SPEED = 0.02  # rad/s or m/s about the mean: no velocity of a joint at rest scatters so much
 ALIKE = 0.1  # of the scatter of the velocity elsewhere
 SMOOTH = 5.0  # times what changes from row to row
+SHORT_ROWS, SHORT_S = 6, 0.1  # of a stand that is made up for
+AS_MUCH = 0.25  # of what a velocity went by: by which a leap may differ
+UNUSUAL = 3.0  # times the rows that a position keeps one value on the mean
 BREAK = 10.0  # usual intervals: nothing is known of the motion between
 Block = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # rows, t (N,), q, dq (N, k)
 
@@ -42,6 +47,7 @@ class Run:
     sums: np.ndarray  # (4,)
     lowest: float
     highest: float
+    made_up: bool = False  # whether the position leaps by as much as the velocity went by, at its end
 
     def and_then(self, other: Run) -> Run:
         return Run(
@@ -74,8 +80,10 @@ class Run:
 
 @dataclass(slots=True)
 class _Joint:
-    """What goes from block to block of one joint."""
+    """What goes from block to block of one joint; step: its position's resolution."""
 
+    step: float
+    number: int = 0  # of runs
     runs: list[Run] = field(default_factory=list)  # the long ones
     open: Run | None = None
     integral: float = 0.0
@@ -92,7 +100,12 @@ class _Joint:
         stop = begin + length - 1
         sums = np.add.reduceat(each, begin, axis=1).T
         lowest, highest = np.minimum.reduceat(gone, begin), np.maximum.reduceat(gone, begin)
-        long = np.flatnonzero(length >= STILL_ROWS)
+        net, leap = np.diff(gone[begin]), np.diff(q[begin])
+        makes_up = (np.abs(net) > STEPS * self.step) & (np.abs(leap - net) < AS_MUCH * np.abs(net))
+        makes_up &= (length[:-1] >= SHORT_ROWS) & (t[stop[:-1]] - t[begin[:-1]] > SHORT_S)
+        makes_up = np.append(makes_up, False)
+        self.number += len(begin)
+        long = np.flatnonzero((length >= STILL_ROWS) | makes_up)
         for k in sorted({0, *long.tolist(), len(begin) - 1}):
             a, b = begin[k], stop[k]
             run = Run(
@@ -102,6 +115,7 @@ class _Joint:
                 sums[k],
                 float(lowest[k]),
                 float(highest[k]),
+                bool(makes_up[k]),
             )
             goes_on = k == 0 and self.open is not None and self.open.value == run.value
             if self.open is not None and not goes_on:
@@ -111,7 +125,7 @@ class _Joint:
         self.integral, self.last = float(gone[-1]), (float(t[-1]), float(dq[-1]))
 
     def close(self) -> None:
-        if self.open is not None and self.open.sums[0] >= STILL_ROWS:
+        if self.open is not None and (self.open.made_up or self.open.sums[0] >= STILL_ROWS):
             self.runs.append(self.open)
         self.open = None
 
@@ -124,16 +138,22 @@ def stopped_positions(
     still = {j: at for j, at in has.items() if _stands(excerpt, columns.labels.index(j))}
     if not still or stream.stiffness is not None:
         return
-    every = _runs(with_velocities(columns, stream, table, still), len(still))
+    steps = [resolution(excerpt.column(columns.labels.index(j))) for j in still]
+    every = _runs(with_velocities(columns, stream, table, still), steps)
     for j, its in zip(still, every):
-        step = resolution(excerpt.column(columns.labels.index(j)))
-        found = [run for run in its.runs if run.contradicted(step, _scatter(its.sums - run.sums))]
+        usual = its.sums[0] / max(its.number, 1)
+        found = [
+            run
+            for run in its.runs
+            if run.contradicted(its.step, _scatter(its.sums - run.sums))
+            or (run.made_up and run.sums[0] >= UNUSUAL * usual)
+        ]
         if found:
             yield _told(columns, j, found, its.sums[0], _ends(stream))
 
 
-def _runs(blocks: Iterable[Block], k: int) -> list[_Joint]:
-    joints = [_Joint() for _ in range(k)]
+def _runs(blocks: Iterable[Block], steps: Iterable[float]) -> list[_Joint]:
+    joints = [_Joint(step) for step in steps]
     for rows, t, q, dq in blocks:
         if len(t):
             for joint, its, rate in zip(joints, q.T, np.nan_to_num(dq).T):
@@ -180,8 +200,8 @@ def _stands(excerpt: Excerpt, k: int) -> bool:
     """Whether a position keeps one value for long in one of the pieces."""
     for _, t, values in excerpt.pieces:
         begin, length = runs_of_equals(values[:, k])
-        begin, length = begin[length >= STILL_ROWS], length[length >= STILL_ROWS]
-        if (t[begin + length - 1] - t[begin] > STILL_S).any():
+        begin, length = begin[length >= SHORT_ROWS], length[length >= SHORT_ROWS]
+        if (t[begin + length - 1] - t[begin] > SHORT_S).any():
             return True
     return False
 

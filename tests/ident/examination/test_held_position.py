@@ -88,3 +88,23 @@ def test_a_position_that_is_one_number_throughout_may_not_be_recorded(tmp_path):
     (told, *_) = examine_fit(prepare_study(study))
     assert told.check == "dead_channel" and told.signals == ("q1",) and undoing(told) is None
     assert told.message.startswith("q1 is not recorded, though the joint moves, or tau_m2 has the other sign")
+
+
+@pytest.mark.parametrize(
+    ("held", "step", "lag", "said"),
+    [(14, 1e-5, 0, True), (0, 1e-5, 0, False), (0, 0.02, 0, False), (0, 1e-5, 3, False)],
+)
+def test_a_short_hold_that_its_velocity_shows(tmp_path, held, step, lag, said):
+    """Its leap is no larger than what the joint goes in a row elsewhere. Coarse steps, and a velocity that is
+    filtered while its joint comes to rest, are none: nothing makes up for what the velocity went by."""
+    t = np.arange(1500) / 50
+    pace = np.where(t < 20, 0.3, np.where(t < 22, 3.0, 0.0))  # far faster than where it is held, then rest
+    q = np.sin(np.cumsum(pace) / 50)
+    dq = np.roll(np.gradient(q, t), lag)
+    q = np.round(q / step) * step
+    q[320 - held : 320] = q[320 - held]
+    columns = {"t": t, "q1": np.sin(0.7 * t), "q3": np.cos(1.3 * t), "q2": q, "dq2": dq}
+    study = _study(tmp_path, columns | {f"tau_m{j}": np.sin(j * t) for j in (1, 2, 3)})
+    told = [c for c in examine_tables(prepare_study(study)) if "stands still at" in c.message]
+    assert [c.signals for c in told] == ([("q2",)] if said else [])
+    assert all("rows 307 to 320" in c.message for c in told)
