@@ -19,7 +19,7 @@ from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search.candidates import SHARE, Library, Ranked, ranked
 from ident.diagnosis.search.exchanged import shown_by_fitted
 from ident.diagnosis.search.parameters_apart import spoken
-from ident.diagnosis.search.settling import place_of, refined_together
+from ident.diagnosis.search.settling import place_of, refined_together, whitened_squares
 from ident.diagnosis.search.weighing import Weighed, compared, main_channel, rivals_of, simplest
 
 FEW = 3  # of each metric
@@ -67,10 +67,20 @@ def reconsidered(
         if best.term.key == f.term.key:
             steps[at] = replace(steps[at], equivalent=rivals)
             continue
-        steps[at] = Step(best.term, evidence, rivals, steps[at].passed)
         instead = state.swapped(number, Found(best.term, best.columns, best.sizes))
-        state = refined_together(solved(instead))
+        trial = refined_together(solved(instead))
+        if _foretells_worse(trial, state, tau):
+            continue
+        state, steps[at] = trial, Step(best.term, evidence, rivals, steps[at].passed)
     return state, steps
+
+
+def _foretells_worse(trial: State, state: State, tau: float) -> bool:
+    """Whether what was exchanged, settled, foretells the judged rows worse by the limit than what was there.
+    (Of an AIRBOT at 50 Hz a gain of five in the place of a hysteresis, which said as much as it was, ended at
+    3e7 beside the rest, and a delay gave way to another hysteresis beside that.)"""
+    before, after = (whitened_squares(state, its, state.rows.judged) for its in (state, trial))
+    return after - before > 2 * tau
 
 
 def _another_load(state: State, number: int, library: Library, tau: float, alpha: float) -> Event | None:

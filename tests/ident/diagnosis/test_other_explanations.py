@@ -40,6 +40,28 @@ def test_what_says_more_and_is_no_law_may_be_there_all_the_same(monkeypatch):
     assert step.term is term and step.equivalent == (other,)
 
 
+@pytest.mark.parametrize(("left", "taken"), [(110.0, True), (120.0, False)])
+def test_what_foretells_worse_once_it_is_settled_stands_in_no_place(monkeypatch, left, taken):
+    """Of an AIRBOT at 50 Hz a gain of five in the place of a hysteresis ended at 3e7; beside it the delay of
+    all torques, 60 ms, gave way to another hysteresis."""
+    term, other = (Made(key=k, effect=Made(windowed=False), place=Made(recording=None)) for k in "ab")
+    own, more = (Made(term=its, columns={}, sizes=()) for its in (term, other))
+    weighed = Made(all=[(own, 20.0), (more, 23.0)], passed=[(more, 23.0)], metric=None)
+    said = {"_as_simple": [], "compared": weighed, "_is_behind": False, "main_channel": 0, "short_of": None}
+    said |= {"simplest": (more, 23.0), "rivals_of": (), "solved": None}
+    for name, its in said.items():
+        monkeypatch.setattr(weighed_again, name, lambda *_, its=its: its)
+    rows = Made(judged=None)
+    trial = Made(left=left, rows=rows)
+    swap = {"but": lambda number: None, "swapped": lambda *_: None}
+    state = Made(found=(Made(term=term),), left=100.0, rows=rows, **swap)
+    monkeypatch.setattr(weighed_again, "refined_together", lambda _: trial)
+    monkeypatch.setattr(weighed_again, "whitened_squares", lambda noise, its, on: its.left)
+    step = weighed_again.Step(term, Made(given=False), (), (other,))
+    after, (step,) = weighed_again.reconsidered(state, [step], None, 8.0, 0.01)
+    assert (after, step.term) == ((trial, other) if taken else (state, term))
+
+
 @pytest.mark.parametrize("found", [6.0, 4.0])
 def test_a_law_is_begun_again_where_one_that_contains_it_ended(monkeypatch, found):
     """Of a UR10e friction by quadrant was told with both coefficients 0.3: friction under load had ended at
