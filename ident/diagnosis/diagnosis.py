@@ -132,7 +132,8 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
     """What is said of what was traced, beside what the checks say."""
     outcome, last = traced.outcome, traced.last
     found = findings_of(outcome, last, moved(its.known, outcome.last, its.base, last))
-    standing = tuple(dict.fromkeys((*unsettled(its.base.deciding), *not_found(its.checks, found))))
+    left = not_found(its.base.deciding_of(its.checks), found)
+    standing = tuple(dict.fromkeys((*unsettled(its.base.deciding), *left)))
     taken = assumed(its.checks)
     errors = (fit.errors.full_rate.by_recording() for fit in (its.base, last))
     doubts = unanswered(its.base.deciding, *errors)

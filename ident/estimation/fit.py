@@ -88,8 +88,12 @@ class FitResult:
     @property
     def deciding(self) -> tuple[Check, ...]:
         """Its checks but those of runs that decide nothing."""
+        return self.deciding_of(self.checks)
+
+    def deciding_of(self, checks: Sequence[Check]) -> tuple[Check, ...]:
+        """Of these checks those that are of no run which decides nothing."""
         unseen = {stream.label for stream in self.recordings if stream.role == "test"}
-        return tuple(check for check in self.checks if check.recording not in unseen)
+        return tuple(check for check in checks if check.recording not in unseen)
 
     @property
     def std(self) -> np.ndarray:

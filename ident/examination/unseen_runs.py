@@ -1,8 +1,8 @@
 """Faults of the runs that decide nothing (`use: test`): told, and neither undone nor fitted.
 
 Each is held against the others as a run that judges, where these foretell it badly, and what names it then is
-told. (Of a robot one of whose torques was turned in the test run only that one's
-errors said that something was different there.)
+told. (Of a robot one of whose torques was turned in the test run only that one's errors said that something
+was different there.)
 """
 
 from __future__ import annotations
@@ -53,7 +53,6 @@ def _foretold_badly(judging: Prepared, label: str) -> bool:
     asked = asked_of(judging)
     if asked is None:
         return False
-    fit = asked.quick.of([s for s in asked.quick.samples if s.role == "identify" or s.label == label]).fit(
-        asked.how
-    )
+    its = [s for s in asked.quick.samples if s.role == "identify" or s.label == label]
+    fit = asked.quick.of(its).fit(asked.how)
     return fit.validate is not None and gain_of(fit.validate, fit.error) > CARRIED

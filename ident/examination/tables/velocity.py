@@ -255,7 +255,7 @@ def slope(t: np.ndarray, q: np.ndarray, dq: np.ndarray, unsigned: bool = False) 
     """
     good = np.isfinite(q) & np.isfinite(dq) & np.isfinite(t)
     t, q, dq = t[good], q[good], dq[good]
-    keep = np.concatenate([[True], np.diff(t) > 0])
+    keep = np.diff(t, prepend=-np.inf) > 0
     t, q, dq = t[keep], q[keep], dq[keep]
     if len(t) < 200 or np.ptp(q) < 0.02 or np.ptp(dq) == 0:
         return None

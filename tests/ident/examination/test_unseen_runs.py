@@ -5,6 +5,7 @@ import pytest
 from recordings import recording, write_parquet, write_study
 
 from ident.estimation.fit import fit_study
+from ident.examination.check import Check
 from ident.recordings.study import load_study
 
 
@@ -37,3 +38,12 @@ def test_a_fault_of_a_test_run_is_told_and_nothing_else_changes(tmp_path, change
         clean = tmp_path / "clean"
         clean.mkdir()
         np.testing.assert_array_equal(_fit(clean, lambda c: c).estimate.chi, fit.estimate.chi)
+
+
+def test_what_a_table_shows_of_a_test_run_stands_before_nothing(tmp_path):
+    """A position that is late there was to be settled first, "as all else is told with it in the data"."""
+    fit = _fit(tmp_path, lambda c: c)
+    late = [
+        Check("channel_delay", ("q4",), "late", recording=run, open=True) for run in ("test", "validate", "")
+    ]
+    assert fit.deciding_of(late) == tuple(late[1:])

@@ -257,3 +257,9 @@ def test_a_position_that_comes_later_than_its_velocity_is_told(tmp_path, late, c
     told = [c for c in _opened(tmp_path, moved) if c.check == "channel_delay"]
     assert [c.signals for c in told] == ([check] if check else [])
     assert all(words in c.message for c in told)
+
+
+def test_a_velocity_that_is_no_number_anywhere_says_nothing(tmp_path):
+    """It ended in a traceback: of no rows that hold one, a first one was kept."""
+    checks = _opened(tmp_path, lambda c: c | {"dq3": np.full(len(c["t"]), np.nan)})
+    assert not [c for c in checks if {"q3", "dq3"} & set(c.signals)]
