@@ -7,6 +7,7 @@ was different there.)
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -30,7 +31,7 @@ def examine_unseen(prepared: Prepared) -> Iterator[Check]:
             except RecordingError as error:
                 found = error.checks
             for check in found:
-                if stream.label in (check.recording, *check.message.replace(",", " ").split()):
+                if is_of(check, stream.label):
                     remedy = f"{KEPT}{check.remedy}" if check.remedy else ""
                     yield replace(
                         check,
@@ -40,6 +41,11 @@ def examine_unseen(prepared: Prepared) -> Iterator[Check]:
                         explains=False,
                         open=False,
                     )
+
+
+def is_of(check: Check, label: str) -> bool:
+    """Also of a check of several recordings, which its message names."""
+    return check.recording == label or bool(re.search(rf"(?<!\w){re.escape(label)}(?!\w)", check.message))
 
 
 def _judging(prepared: Prepared, k: int) -> Prepared:

@@ -22,9 +22,8 @@ FARTHEST_S, STEPS = 0.15, 15  # of the lags that are tried, and how many on each
 ALIKE = 0.9  # correlation from which two signals are the same
 MOVED = 0.02  # rad or m
 SURE = 5.0  # standard errors
-OF_MEDIAN = (
-    1.4826 * 1.2533
-)  # a median's standard error times sqrt(n) over the median deviation, of normal noise
+# a median's standard error times sqrt(n) over the median deviation, of normal noise
+OF_MEDIAN = 1.4826 * 1.2533
 ROWS = 2.0  # at which a derivative and a logger's order may differ
 CELL_ROWS = 25  # at most over which both are taken
 

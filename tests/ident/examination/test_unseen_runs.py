@@ -6,6 +6,7 @@ from recordings import recording, write_parquet, write_study
 
 from ident.estimation.fit import fit_study
 from ident.examination.check import Check
+from ident.examination.unseen_runs import is_of
 from ident.recordings.study import load_study
 
 
@@ -47,3 +48,16 @@ def test_what_a_table_shows_of_a_test_run_stands_before_nothing(tmp_path):
         Check("channel_delay", ("q4",), "late", recording=run, open=True) for run in ("test", "validate", "")
     ]
     assert fit.deciding_of(late) == tuple(late[1:])
+
+
+@pytest.mark.parametrize(
+    ("recording", "message", "its"),
+    [
+        ("run 1", "", True),
+        ("", "in run 1, run 2 the first torque is turned", True),
+        ("", "in run 10 the first torque is turned", False),
+        ("run 2", "", False),
+    ],
+)
+def test_a_check_of_several_recordings_is_of_those_that_it_names(recording, message, its):
+    assert is_of(Check("torque_sign", ("tau_m1",), message, recording=recording), "run 1") is its
