@@ -268,9 +268,8 @@ def fit_systems(
         np.concatenate([rho[count] for rho, count in zip(normalised, used)]), share
     )
     reduction = _reduction(study, extended, full, share)
-    estimate, at_bound = (
-        bounded(reduction.estimate) if study.bounds == "physical" else (reduction.estimate, ())
-    )
+    estimate = extended.inside(reduction.estimate)
+    estimate, at_bound = bounded(estimate) if study.bounds == "physical" else (estimate, ())
     covariance = its.covariance(estimate)
     normalised = _normalised(fitted, estimate)
     terms = extended.at(estimate.chi)

@@ -1,6 +1,7 @@
 """`effects:` in a study: the extended model is fitted whole, on twins whose truth is known."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,13 @@ import scipy.stats
 import yaml
 from recordings import recording, write_parquet, write_study
 
+from ident.equations.build import build
+from ident.equations.prepared import prepare_study
 from ident.errors import StudyError
 from ident.estimation.fit import examined, fit_study
 from ident.estimation.found_effects import extended_study, found_effects
+from ident.estimation.shapes import extend
+from ident.estimation.solving import estimate_all
 from ident.recordings.study import load_study, study_from
 from ident.report.files import fit_document
 from ident.twin import PlannedRun, Sensors, simulate, write_simulation
@@ -151,6 +156,26 @@ def test_a_bound_is_told_as_a_bound(folder):
         assert np.isfinite(its.value) and (its.std is None or its.std >= 0)
     if result.at_bound:
         assert found.parameters["wavenumber"].at_bound and found.parameters["wavenumber"].std is None
+
+
+def test_a_shape_that_fewer_parameters_take_beyond_its_bounds_stands_where_it_was(folder):
+    """Of an arm's counterbalance the reduced fit had rho = 1.04, of which the length is no number: its errors
+    were none, and the balancer "was not told from zero"."""
+    prepared = prepare_study(study(folder, ["stribeck_friction:2"]))
+    systems = build(prepared, 10.0)
+    extended = extend(prepared, systems, 10.0)
+    fitted = [its for its in extended.systems if its.role == "identify"]
+    estimate, _ = estimate_all(fitted, prepared.study, extended.columns, extended.allowed, extended.held)
+    assert extended.inside(estimate) is estimate
+    (term,) = extended.terms
+    k = extended.columns.parameters.index(term.names[-1])
+    for bound, beyond in zip(term.bounds["vs"], (-1.0, 1.0)):
+        moved = estimate.chi.copy()
+        moved[k] = bound + beyond
+        inside = extended.inside(replace(estimate, chi=moved))
+        assert inside.chi[k] == term.theta["vs"] and not inside.active[k]
+        assert inside.rss >= estimate.rss
+        np.testing.assert_allclose(extended.at(inside.chi)[0].size, term.size, rtol=0.05)
 
 
 def test_a_negative_size_is_marked_impossible(folder):
