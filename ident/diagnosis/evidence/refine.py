@@ -48,8 +48,10 @@ def solution(left: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, float]:
 
 
 def refine(m: Metric, scene: Scene, term: Term, turns: int = TURNS) -> Refined:
-    """The term with its shape and size as the fitted rows want them."""
+    """The term with its shape and size as the fitted rows want them. A shape that begins beyond its bounds,
+    where another law ended, begins at them."""
     bounds = term.effect.bounds(term.place)
+    term = term.at(**{n: float(np.clip(x, *bounds[n])) for n, x in term.theta.items() if n in bounds})
     if term.effect.changes_model:
         term = _whole(m, scene, term)
     columns = scene.columns(term)
