@@ -31,6 +31,7 @@ ALIKE = 0.1  # of the scatter of the velocity elsewhere
 SMOOTH = 5.0  # times what changes from row to row
 SHORT_ROWS, SHORT_S = 6, 0.1  # of a stand that is made up for
 AS_MUCH = 0.25  # of what a velocity went by: by which a leap may differ
+INSIDE = 0.5  # of that: what goes by in the stand, not behind its last row
 UNUSUAL = 3.0  # times the rows that a position keeps one value on the mean
 BREAK = 10.0  # usual intervals: nothing is known of the motion between
 Block = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]  # rows, t (N,), q, dq (N, k)
@@ -100,8 +101,9 @@ class _Joint:
         stop = begin + length - 1
         sums = np.add.reduceat(each, begin, axis=1).T
         lowest, highest = np.minimum.reduceat(gone, begin), np.maximum.reduceat(gone, begin)
-        net, leap = np.diff(gone[begin]), np.diff(q[begin])
-        makes_up = (np.abs(net) > STEPS * self.step) & (np.abs(leap - net) < AS_MUCH * np.abs(net))
+        net, leap, inside = np.diff(gone[begin]), np.diff(q[begin]), (gone[stop] - gone[begin])[:-1]
+        makes_up = np.abs(inside) > np.fmax(STEPS * self.step, INSIDE * np.abs(net))
+        makes_up &= np.abs(leap - net) < AS_MUCH * np.abs(net)
         makes_up &= (length[:-1] >= SHORT_ROWS) & (t[stop[:-1]] - t[begin[:-1]] > SHORT_S)
         makes_up = np.append(makes_up, False)
         self.number += len(begin)

@@ -108,3 +108,15 @@ def test_a_short_hold_that_its_velocity_shows(tmp_path, held, step, lag, said):
     told = [c for c in examine_tables(prepare_study(study)) if "stands still at" in c.message]
     assert [c.signals for c in told] == ([("q2",)] if said else [])
     assert all("rows 307 to 320" in c.message for c in told)
+
+
+@pytest.mark.parametrize("early", [0, 1])
+def test_a_joint_that_stops_and_goes_on_at_once_was_not_held(tmp_path, early):
+    """Of an AIRBOT whose brakes were shut for two seconds q4 stood still "while dq4 goes on", which read 0,
+    of a UR10e's but for the last row."""
+    t = np.arange(1500) / 50
+    pace = np.where((t > 10) & (t < 12), 0.0, 0.8)
+    q, dq = np.sin(np.cumsum(pace) / 50), np.roll(pace, -early) * np.cos(np.cumsum(pace) / 50)
+    columns = {"t": t, "q1": np.sin(0.7 * t), "q3": np.cos(1.3 * t), "q2": q, "dq2": dq}
+    study = _study(tmp_path, columns | {f"tau_m{j}": np.sin(j * t) for j in (1, 2, 3)})
+    assert not [c for c in examine_tables(prepare_study(study)) if "stands still at" in c.message]
