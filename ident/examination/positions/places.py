@@ -61,13 +61,15 @@ def _fewest_turned(asked: Asked, placed: Assignment, turned: Assignment) -> Assi
 
 
 def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
-    """Two positions in each other's place, or all of them counted from the tip or from the next joint. (Of an
-    LWR4+ with its positions moved by one, as where they are counted from 0, two pairs were told.)"""
+    """Two positions in each other's place, or all of them counted from the tip, or from one on from the next
+    joint. (Of an LWR4+ with its positions moved by one, as where they are counted from 0, two pairs were
+    told; of an AIRBOT with those from the third on two positions, and two torques.)"""
     same, labels = list(range(len(asked.joints))), asked.joints
-    for order in regular_orders(same) if len(same) > 2 else ():
-        theirs, names = ([f"q{labels[k]}" for k in its] for its in (order, same))
+    for order in regular_orders(same):
+        moves = [(labels[j], labels[k]) for j, k in zip(same, order) if j != k]
+        names, theirs = ([f"q{label}" for label in its] for its in zip(*moves))
         said = f"the positions look recorded in another order, {', '.join(theirs)} where {', '.join(names)}"
-        line = asked.line({name: {"of": its} for name, its in zip(names, theirs) if name != its})
+        line = asked.line({name: {"of": its} for name, its in zip(names, theirs)})
 
         def moved(other: Fit, said: str = said, names: Sequence[str] = names, line: str = line) -> Check:
             message = f"{said} are meant; so taken, {falls(asked.fit, other)}"
@@ -86,8 +88,14 @@ def swapped_positions(asked: Asked) -> Iterator[Hypothesis]:
 
 
 def regular_orders(which: list[int]) -> list[list[int]]:
-    """All moved by one either way, or reversed."""
-    return [which[1:] + which[:1], which[-1:] + which[:-1], which[::-1]]
+    """Moved by one either way from one on, as under a header that lacks a name, and all reversed; of three at
+    least."""
+    moved = [
+        [*which[:k], *turned]
+        for k in range(len(which) - 2)
+        for turned in (which[k + 1 :] + which[k : k + 1], which[-1:] + which[k:-1])
+    ]
+    return [*moved, which[::-1]] if moved else []
 
 
 def exchanged(n: int, a: int, b: int) -> list[int]:
@@ -202,8 +210,7 @@ def other_orders(asked: Asked) -> Iterator[Hypothesis]:
     """Joints in another order, positions and torques alike: two exchanged, all reversed, all moved by one."""
     columns, n, labels = asked.quick.columns, len(asked.joints), asked.joints
     same = list(range(n))
-    orders = regular_orders(same) if n > 2 else []
-    orders += [exchanged(n, a, b) for a, b in combinations(same, 2)]
+    orders = regular_orders(same) + [exchanged(n, a, b) for a, b in combinations(same, 2)]
     for order in orders:
         source = along(columns, order)
         if source is None:

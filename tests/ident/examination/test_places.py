@@ -8,7 +8,7 @@ from small_arm import ARM
 import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
-from ident.examination.positions.places import other_torques, swapped
+from ident.examination.positions.places import other_torques, regular_orders, swapped
 from ident.twin import simulate
 
 
@@ -109,3 +109,22 @@ def test_a_small_torque_is_told_in_no_other_place_than_one_exchanged_would_be(tm
 
     study = strangers_log(tmp_path, "kuka_lwr4plus", (0, False, False, True), change)
     assert not list(other_torques(asked_of(study)))
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+@pytest.mark.parametrize("order", [(1, 2, 4, 5, 6, 3), (1, 6, 2, 3, 4, 5)])
+def test_positions_moved_by_one_from_a_place_on(tmp_path, order):
+    """Of an AIRBOT and a UR10e two positions were told to be exchanged, and torques in another order."""
+    moved = [(j, k) for j, k in enumerate(order, 1) if j != k]
+    change = lambda c: c | {f"{x}{j}": c[f"{x}{k}"] for x in ("q", "dq") for j, k in moved}  # noqa: E731
+    (told,) = examine_fit(prepare_study(planted(tmp_path, change)))
+    lines = [f"{x}{k}: {x}{j}" for x in ("q", "dq") for j, k in sorted(moved, key=lambda its: its[1])]
+    assert told.remedy == f"columns: {{{', '.join(lines)}}}"
+
+
+def test_orders_of_a_header():
+    assert regular_orders([5, 6]) == []
+    assert regular_orders([4, 5, 6]) == [[5, 6, 4], [6, 4, 5], [6, 5, 4]]
+    assert [0, 1, 3, 4, 2] in regular_orders([0, 1, 2, 3, 4])
