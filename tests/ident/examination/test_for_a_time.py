@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from planted import ON_RECORDINGS, asked_of, measured, planted, strangers_log, ur10e
 
+from benchmarks.strangers_faults import weighing
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.rivals.for_a_time import Stretches, for_a_time
@@ -32,6 +33,25 @@ def test_a_robot_that_is_pushed_for_a_while(tmp_path):
     assert told.check == "unrelated_torque" and told.recording == fitted.label
     assert "i3" in told.signals and "for that time" in told.message
     assert 15.0 < float(told.message.split()[1]) < 26.0
+
+
+@pytest.mark.long
+def test_a_torque_that_other_runs_explain_is_no_noise(tmp_path):
+    """Of an AIRBOT that was touched in one run nothing of the first torque was explained: noise, or another
+    signal."""
+
+    def change(log):
+        log.hit = ["run1"]
+
+        def force(table, g):
+            at = (np.arange(len(table["t"])) / len(table["t"]) - 0.4) * 10
+            return np.outer(np.sin(np.pi * at) * ((at > 0) & (at < 1)), [18.0, 18.0, 15.0])
+
+        weighing(log, force, 1.0, tool=True)
+
+    study = strangers_log(tmp_path, "airbot_play", (0, False, True, False), change)
+    (told,) = examine_fit(prepare_study(study))
+    assert told.recording == "run1" and told.message.startswith("from 8.51 to 12.6 s tau_m1, tau_m2, tau_m3 ")
 
 
 def test_a_robot_as_it_is_and_a_joint_that_moves_for_a_while_only():
