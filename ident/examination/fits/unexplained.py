@@ -40,7 +40,7 @@ def unexplained(asked: Asked) -> Iterator[Check]:
     error = fit.error[seen]
     alone = asked.alone  # what is explained by itself, others contradict
     of_each = np.array([solve(normal, None, asked.how).error for normal in quick.each])
-    nowhere = ~(of_each < NOTHING).any(axis=0)  # one that a recording explains is another one in the others
+    nowhere = ~np.any(of_each < NOTHING, axis=0)  # what one recording explains is another signal elsewhere
     empty = [int(c) for c in seen if fit.error[c] > NOTHING and alone[c] > PARTLY and nowhere[c]]
     everything = asked.names(range(len(quick.columns.channels)))
     if (error > EXPLAINED).sum() > len(seen) / 2 and len(seen) > 1:
