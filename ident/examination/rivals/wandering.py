@@ -16,9 +16,10 @@ import numpy as np
 from ident.examination.check import Check, instead, listed
 from ident.examination.fits.halves import by_halves
 from ident.examination.fits.hypothesis import SAME, Asked
+from ident.examination.fits.own_factors import WORDS, own_factors
 from ident.examination.fits.quick import CLUSTERS, Assignment, Fit, Quick, alone
 from ident.examination.fits.samples import Sample, at_rest
-from ident.examination.fits.stretches import all_rows
+from ident.examination.fits.stretches import Explained, all_rows
 from ident.examination.fits.unexplained import by_each_recording
 from ident.examination.rivals.rivals import Rival, rivals, unit_of
 from ident.examination.tables.signals import MOVED
@@ -142,7 +143,7 @@ def wandering(asked: Asked) -> Iterator[Check]:
             continue
         its = apart or found[kind]
         fit, name = its.quick.fit(how), asked.name(c)
-        near = [r for r in rivals(asked, whole, how) if _as_well(r, [(c, fit)])]
+        near = _as_well(asked, whole, [(c, fit)])
         if apart and any(r.zero for r in near):
             continue  # of one recording alone, as it is told elsewhere
         fallen = (
@@ -177,7 +178,7 @@ def _changes(
     """Torques of which so much less is left by a friction or weights that change."""
     channels = [c for c, _ in its]
     names, words = asked.names(channels), CHANGED[kind]
-    near = [r for r in rivals(asked, whole, asked.how) if _as_well(r, its)]
+    near = _as_well(asked, whole, its)
     then, now = (
         listed(f"{100 * x:.0f} %" for x in e) for e in (before[channels], [f.error[c] for c, f in its])
     )
@@ -193,9 +194,12 @@ def _changes(
     )
 
 
-def _as_well(r: Rival, its: Sequence[tuple[int, Fit]]) -> bool:
-    """Whether it explains each of these torques about as well as this fit does."""
-    return all(r.explained.fit.error[c] < SAME * fit.error[c] for c, fit in its)
+def _as_well(asked: Asked, whole: Quick, its: Sequence[tuple[int, Fit]]) -> list[Rival]:
+    """Those that explain each of these torques about as well as its fit does, each torque times a number of
+    its own among them. (Of an AIRBOT whose log held currents the fifth was said to change on the way.)"""
+    own = Rival(WORDS, Explained.by(whole, own_factors(whole, asked.how, asked.seen)), beside=True)
+    every = (own, *rivals(asked, whole, asked.how))
+    return [r for r in every if all(r.explained.fit.error[c] < SAME * fit.error[c] for c, fit in its)]
 
 
 def _where(near: Sequence[Rival], channels: Sequence[int]) -> str:

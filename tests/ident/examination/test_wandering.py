@@ -117,6 +117,22 @@ def test_a_position_that_drifts_asks_for_other_weights(tmp_path):
 
 
 @pytest.mark.long
+def test_torques_times_numbers_of_their_own_ask_for_other_weights(tmp_path):
+    """Of an AIRBOT whose log held currents the fifth was said to change on the way, or other torques to be
+    their own roots and squares."""
+    gains = dict(zip(range(1, 7), (0.39, 0.4, 1.4, 1.9, 4.3, 0.8)))
+
+    def currents(log):
+        for table in log.tables.values():
+            table |= {f"tau_m{j}": gain * table[f"tau_m{j}"] for j, gain in gains.items()}
+
+    study = strangers_log(tmp_path, "airbot_play", (0, False, True, False), currents)
+    (check,) = wandering(asked_of(study))
+    assert ", as where each torque is times a number of its own" in check.message
+    assert unsettled([check]) == (check,)
+
+
+@pytest.mark.long
 def test_torques_of_another_gain_from_half_way_on_leave_open_what_it_is(tmp_path):
     """Of a UR10e with torques a quarter larger in the second half of a run "the model lacks" 1.9 kg was told,
     from there on."""
