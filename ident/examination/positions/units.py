@@ -221,9 +221,11 @@ def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
         return
     after = taken(asked, which, scale).fit(asked.how)
     halved = after.gain_over(fit) > -np.log(HALF) * np.isfinite(fit.error).sum()
-    if not (halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error)):
+    halved = bool(halved and np.nanmedian(after.error) < HALF * np.nanmedian(fit.error))
+    if len(names) > 1 and not halved:  # one is told as any other fault of a position
         return
-    known, each = so_many_times(*factor.ends()), ""
+    (low, high), each = factor.ends(), ""
+    known = so_many_times(low, high)
     if unit:
         gear = "" if len(names) > 1 else ", or the motor's side of a gear of about that ratio"
         said = f"in {unit}{gear} ({1 / scale:.3g} to a rad, {known} by these torques)"
@@ -234,14 +236,15 @@ def _of_one_unit(factor: Factor, subject: str = "") -> Iterator[Hypothesis]:
         )
         each = "  # or each by its own gear's ratio, where motors are what is recorded"
 
-    def told(other: Fit) -> Check:
-        return Check(
-            "angle_unit",
-            tuple(names),
-            f"{subject or listed(names)} {'are' if len(names) > 1 else 'is'} {said}: "
-            f"taken so, {falls(fit, other)}",
-            f"write {asked.line({name: {'scale': float(f'{scale:.6g}')} for name in names})}{each}",
-            outcome="refused",
-        )
+    said = f"{subject or listed(names)} {'are' if len(names) > 1 else 'is'} {said}"
+    line = asked.line({name: {"scale": float(f"{scale:.6g}")} for name in names})
 
-    yield from asked.along(taken(asked, which, scale), told, least=CLEARLY)
+    def told(other: Fit) -> Check:
+        message = f"{said}: taken so, {falls(fit, other)}"
+        if halved:
+            return Check("angle_unit", tuple(names), message, f"write {line}{each}", outcome="refused")
+        spread = (high - low) / (2 * NORMAL * scale)
+        return Check("angle_unit", tuple(names), message, line, spread=spread)
+
+    least = (SWAPPED, CLEARLY)[halved]
+    yield from asked.along(taken(asked, which, scale), told, "" if halved else said, least=least)

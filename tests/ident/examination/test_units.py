@@ -11,7 +11,7 @@ import ident
 from ident.equations.prepared import prepare_study
 from ident.examination.examine import examine_fit
 from ident.examination.positions.units import degrees, geared
-from ident.examination.undone import unsettled
+from ident.examination.undone import undoing, unsettled
 from ident.twin import simulate
 
 
@@ -148,7 +148,12 @@ def test_measured_positions_in_turns(tmp_path, joints):
             range(1, 3),
             "in a unit that is not told, or each times the ratio of its own gear",
         ),
-        ("dualarm_v2_7dof", 200 / np.pi, [2], ""),  # the others hardly move beside it, or are in that unit
+        (  # the others hardly move beside it, or are in that unit
+            "dualarm_v2_7dof",
+            200 / np.pi,
+            [2],
+            "q2 is in degrees, or the motor's side of a gear of about that ratio (57.3 to a rad, ",
+        ),
     ],
 )
 def test_measured_positions_in_a_unit(tmp_path, robot, to_a_rad, joints, words):
@@ -165,11 +170,11 @@ def test_measured_positions_in_a_unit(tmp_path, robot, to_a_rad, joints, words):
     if robot == "ur10e":
         study = parted(study.with_(recordings=(first,)), 30.0, 45.0)
     told = [h.check for h in degrees(asked_of(study))]
-    assert len(told) == bool(words) and all(words in check.message for check in told)
-    for check in told:
-        scale = float(check.remedy.split("scale: ")[1].split("}")[0])
-        assert scale * to_a_rad == pytest.approx(1.0, rel=1e-4 if "rad" in words else 0.15)
-        assert ("own gear's ratio" in check.remedy) == ("own" in check.message) == ("rad" not in words)
+    (check,) = told
+    scale = float(check.remedy.split("scale: ")[1].split("}")[0])
+    assert words in check.message
+    assert scale * to_a_rad == pytest.approx(1.0, rel=1e-4 if words.startswith("the positions") else 0.15)
+    assert ("own gear's ratio" in check.remedy) == ("own" in check.message) == ("its own gear" in words)
 
 
 @pytest.mark.long
@@ -244,3 +249,22 @@ def test_of_motors_in_the_place_of_joints_nothing_is_told_of_the_base(tmp_path):
     prepared = prepare_study(study)
     assert all(c.check == "angle_unit" for stream in prepared.streams for c in stream.checks)
     assert not examine_fit(prepared)
+
+
+@pytest.mark.long
+@ON_RECORDINGS[0]
+@ON_RECORDINGS[1]
+def test_a_position_in_degrees_beside_a_turned_torque(tmp_path):
+    """Of an LWR4+ its fourth position was told to be exchanged with the seventh, whose motion is the same:
+    degrees explained more, but did not halve what the turned torque left of the others."""
+
+    def change(log):
+        for table in log.tables.values():
+            table["tau_l2"] = -table["tau_l2"]
+            table |= {name: np.degrees(table[name]) for name in ("q4", "dq4")}
+
+    checks = examine_fit(prepare_study(strangers_log(tmp_path, "kuka_lwr4plus", (0, 0, True, False), change)))
+    assert [undoing(c) for c in checks] == [
+        {"columns": {name: {"scale": 0.0174533} for name in ("q4", "dq4")}},
+        {"columns": {"tau_l2": {"sign": -1}}},
+    ]
