@@ -115,7 +115,7 @@ def trace(
             taken = _load(state, event, weighed, tau, alpha)
         told = {u.nearest.term.key for u in unnamed if u.nearest is not None}
         while taken is None and not weighed.passed:
-            taken = _unclear(state, weighed, tau, alpha)
+            taken = _unclear(state, weighed, ranking, tau, alpha)
             end = None if taken else _at_an_end(state, weighed, told, tau, alpha)
             if end is not None:
                 progress(f"{step}: asking what else its joint may lack", done)
@@ -266,7 +266,7 @@ def _outdone(event: Event, state: State, weighed: Weighed, tau: float, alpha: fl
     )
 
 
-def _unclear(state: State, weighed: Weighed, tau: float, alpha: float) -> Taken | None:
+def _unclear(state: State, weighed: Weighed, ranking: Ranking, tau: float, alpha: float) -> Taken | None:
     """Where nothing passed as it is: what holds in other rows, or once it was settled in; None: nothing."""
     ways = (by_halves, by_common, by_exchange)
     hidden = next((its for way in ways if (its := way(state, weighed, tau, alpha))), None)
@@ -274,16 +274,16 @@ def _unclear(state: State, weighed: Weighed, tau: float, alpha: float) -> Taken 
         r, e, others = hidden
         step = Step(r.term, e, tuple(Equivalent(o.term, n.log_e) for o, n in others))
         return Taken(refined_together(with_found(state, Found(r.term, r.columns, r.sizes))), step)
-    held = _doubtful(state, weighed, tau, alpha)
+    held = _doubtful(state, weighed, ranking, tau, alpha)
     return None if held is None else _settled(held, could_stand(weighed, held.refined, tau))
 
 
-def _doubtful(state: State, weighed: Weighed, tau: float, alpha: float) -> Settled | None:
+def _doubtful(state: State, weighed: Weighed, ranking: Ranking, tau: float, alpha: float) -> Settled | None:
     """Where nothing holds but something says much, or upsets the judged rows: whether it holds once it was
     settled in, and what would explain as much."""
     likely = [(r, e) for r, e in weighed.all if e.log_e > tau and e.gain > tau and not r.at_bound]
     if not likely:
-        return settled_anew(state, weighed, tau, alpha)
+        return settled_anew(state, weighed, ranking, tau, alpha)
     best, evidence = max(likely, key=lambda its: its[1].log_e)
     return settled_in(state, weighed, best, main_channel(evidence, best.term, state), tau, alpha)
 

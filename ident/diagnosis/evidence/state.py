@@ -76,12 +76,17 @@ class State:
     def plain_metric(self) -> Metric:
         """The same rows as if their noise were white."""
         design, B = self.design
+        return metric(self.rows, design, B, self.plain_whiteners, slow=False)
+
+    @cached_property
+    def plain_whiteners(self) -> list[Whitener]:
+        """Of each channel as if its noise were white, as loud as what is left there."""
         plain = []
         for c, use in enumerate(self.rows.use):
             counted = use & self.rows.fitted
             left = float(np.sqrt(np.mean(self.residual[c, counted] ** 2))) if counted.any() else 1.0
             plain.append(Whitener.white(use, max(left, 1e-12)))
-        return metric(self.rows, design, B, plain, slow=False)
+        return plain
 
     @cached_property
     def residual(self) -> np.ndarray:

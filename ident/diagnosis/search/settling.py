@@ -3,7 +3,7 @@ beside it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice, zip_longest
 
@@ -42,13 +42,14 @@ class Settled:
     rivals: tuple[Equivalent, ...] = ()
 
 
-def refined_together(state: State) -> State:
+def refined_together(state: State, white: bool = False) -> State:
     """Shapes of all effects found, each beside the others, then the whole settled; again until sizes stay
-    where an effect acts on the model's own torque, or shapes answer each other. (Of two Stribeck frictions of
-    22 and 24 N m on a joint, after once 35 and 11 were left, and functions of the rate said more.)"""
+    where an effect acts on the model's own torque, or shapes answer each other. white: as if noise were, not
+    in the one at hand. (Of two Stribeck frictions of 22 and 24 N m on a joint, after once 35 and 11 were
+    left, and functions of the rate said more.)"""
     for _ in range(ROUNDS):
         before = _sizes(state)
-        state = _refined_once(state)
+        state = _refined_once(state, white)
         after = _sizes(state)
         if set(before) != set(after) or all(abs(after[k] - before[k]) < STAYS * abs(after[k]) for k in after):
             break
@@ -64,12 +65,15 @@ def _sizes(state: State) -> dict[tuple, float]:
     return sizes | {f.term.key: f.term.size[0] for f in state.found if f.term is not None and f.term.size}
 
 
-def _refined_once(state: State) -> State:
+def _refined_once(state: State, white: bool) -> State:
     for number, f in enumerate(state.found):
         if f.term is None or not (f.term.effect.nonlinear or f.term.size is not None):
             continue
         others = state.but(number)
-        m = others.metric if shown(state.rows, f.columns) else whole(others.metric, state.rows.usable)
+        m = others.metric
+        if white:
+            m = metric(state.rows, *others.design, state.plain_whiteners, slow=False)
+        m = m if shown(state.rows, f.columns) else whole(m, state.rows.usable)
         best = refine(m, others.scene, f.term, turns=3)
         if not best.columns:
             continue
@@ -104,9 +108,15 @@ def without_terms(state: State, terms: Iterable[Term]) -> State:
 
 
 def _afresh(state: State, r: Refined, joint: int | None) -> State:
-    """A hypothesis settled in, dry friction's turn-over of the joint (None: of all) from all its range."""
+    """A hypothesis settled in, dry friction's turn-over of the joint (None: of all) from all its range. What
+    acts on the model's own torque is settled as if noise were white first: that model answered for it, and
+    the noise at hand is what it left. (Of a gear of 124 N m/rad a tenth of its compliance was left that began
+    at the right one.)"""
     turns = {j: turn for j, turn in state.turns.items() if joint is not None and j != joint}
-    return refined_together(with_found(replace(state, turns=turns), Found(r.term, r.columns, r.sizes)))
+    begun = with_found(replace(state, turns=turns), Found(r.term, r.columns, r.sizes))
+    if r.term.size is not None:
+        begun = refined_together(begun, white=True)
+    return refined_together(begun)
 
 
 def in_time(
@@ -260,7 +270,16 @@ def settled_in(
     return None if out is None else out[1]
 
 
-def settled_anew(state: State, weighed: Weighed, tau: float, alpha: float) -> Settled | None:
+def _begun(state: State, r: Refined, ranking: Ranking) -> Iterator[Refined]:
+    """What is settled: as it is, and what acts on the model's own torque as white rows have it, too."""
+    yield r
+    if r.term.size is not None and r.term.key in ranking[1]:
+        yield refine(state.plain_metric, state.scene, ranking[1][r.term.key].term)
+
+
+def settled_anew(
+    state: State, weighed: Weighed, ranking: Ranking, tau: float, alpha: float
+) -> Settled | None:
     """Of what the fitted rows ask for most and the judged ones speak against, one that holds once it was
     settled in: a model that settled without it has something else in its place, and beside that it must fail
     elsewhere. (Of 1.9 mrad of backlash a turn-over of dry friction was left: 1,500 nats on the fitted rows,
@@ -277,8 +296,11 @@ def settled_anew(state: State, weighed: Weighed, tau: float, alpha: float) -> Se
     held = []
     for r, e in sorted(upset, key=lambda its: -its[1].gain)[:SETTLED]:
         joint = state.model.channels[main_channel(e, r.term, state)].joint
-        trial = _holding(state, _afresh(state, r, joint), r.term, tau, alpha)
-        held += [] if trial is None else [trial]
+        trials = (
+            _holding(state, _afresh(state, its, joint), r.term, tau, alpha)
+            for its in _begun(state, r, ranking)
+        )
+        held += [trial for trial in trials if trial is not None][:1]
     if not held:
         return None
     best, *others = held
