@@ -67,6 +67,19 @@ def parts_of(
     return _summed(columns, samples, how, thin, made)
 
 
+def parts_with_gravity_of(
+    its: Sample, table: Any, columns: Columns, samples: Sequence[Sample], how: Assignment, most: int = SAMPLES
+) -> Parts:
+    """Blocks with gravity taken apart in one of the samples alone; the others have the table's own."""
+    thin = _thin(samples, most)
+    assert thin is not None
+    made = []
+    for s in samples:
+        W = standard(table, s.q[thin], s.dq[thin], s.ddq[thin], free=s is its)
+        made.append(W if s is its else np.concatenate([W, np.zeros((3, *W.shape[1:]))]))
+    return _summed(columns, samples, how, thin, made)
+
+
 def parts_of_each(
     tables: Sequence[Any], columns: Columns, samples: Sequence[Sample], how: Assignment, most: int = SAMPLES
 ) -> Iterator[Parts]:

@@ -1,5 +1,5 @@
 """A signal that is another one in one of the recordings, or in all: a position turned, in degrees, from
-another zero, a torque turned, exchanged with another, times a number.
+another zero, a torque turned, exchanged with another, times a number; or gravity, where its base is.
 
 All other questions change a signal alike in all recordings. Where one recording alone is odd, such an answer
 explains a part of it by chance: of an LWR4+ whose second joint was turned in the run that is fitted, "the
@@ -39,6 +39,7 @@ from ident.examination.one_recording.changed_in_one import (
     torques_in_one,
     weightless_in_one,
 )
+from ident.examination.one_recording.mounted_otherwise import mounted_otherwise
 from ident.examination.rivals.recordings_apart import thinned
 from ident.examination.rivals.rivals import alike, standing
 from ident.examination.rivals.scales import NORMAL, span_of
@@ -46,6 +47,7 @@ from ident.examination.torques.signs import evidence
 from modelgen.geometry.kinematics import Geometry
 from modelgen.geometry.names import ParameterName
 
+NEAR_A_LOAD = ("position_zero", "torque_scale", "gravity_compensated", "base_orientation")
 LOAD = "a load is carried that the study does not declare", "declare it with payload:"
 
 
@@ -80,7 +82,7 @@ def another_signal(
     torques = chain(
         torques_in_one(asked, whole, before), weightless_in_one(asked, whole), torques_in_all(asked, whole)
     )
-    found = better(chain(torques, clocks(asked, whole)))
+    found = better(chain(torques, clocks(asked, whole), mounted_otherwise(asked, whole)))
     apart = _mean(before.fit.error) > AS_OTHERS * _mean(by_each_recording(whole, asked.how))
     if positions or apart or bad(before.fit) or any(_explains(its, before) for its in found):
         moved = better(chain(positions_in_one(asked, whole), positions_in_all(asked, whole)))
@@ -142,7 +144,7 @@ def another_signal(
         " or ".join(dict.fromkeys(its.remedy for its in every if its.remedy)),
         recording=best.recording,
         explains=best.check != "position_zero"  # which is told to some degrees only
-        and all(its.recording and its.signals for its in every),
+        and all(its.recording and its.check for its in every),
         open=len(said) > 1,
         spread=spread,
     )
@@ -231,7 +233,9 @@ def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bo
     usual = np.exp(np.mean(np.log(np.maximum([x.fit.error for x in each], FLOOR)), axis=0))
     plain, left = before.fit.error, its.explained.fit.error
     asks = np.full(len(left), True)
-    if all(name.startswith(("tau", "i")) for name in its.signals):  # others may fit together as well anyway
+    if its.signals and all(
+        name.startswith(("tau", "i")) for name in its.signals
+    ):  # others may fit together as well anyway
         asks = beyond_own(plain, usual) | (np.abs(gains_of(plain, left)) > np.log(SAME))
     aim = np.fmin(plain, AS_OTHERS * usual)  # of few rows fits of each take what is no other signal's
     most = gain_of(plain[asks], left[asks]) > HALF * gain_of(plain[asks], aim[asks])
@@ -271,7 +275,7 @@ def _instead(whole: Quick, its: Changed, asked: Asked) -> list[Changed]:
     """What a recording's own may be where one of its signals looks another: zeros of its torques, a body on
     the link on which it explains most (nearly what another zero does), other friction of joints whose torques
     look scaled."""
-    if its.check not in ("position_zero", "torque_scale", "gravity_compensated") or not its.recording:
+    if its.check not in NEAR_A_LOAD or not its.recording:
         return []
     columns, table = whole.columns, Geometry.of(whole.columns.model.geometry)
     (s,) = (s for s in whole.samples if s.label == its.recording)
