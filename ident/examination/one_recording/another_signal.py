@@ -233,9 +233,8 @@ def _of_itself(before: Explained, owns: Sequence[Explained], its: Changed) -> bo
     usual = np.exp(np.mean(np.log(np.maximum([x.fit.error for x in each], FLOOR)), axis=0))
     plain, left = before.fit.error, its.explained.fit.error
     asks = np.full(len(left), True)
-    if its.signals and all(
-        name.startswith(("tau", "i")) for name in its.signals
-    ):  # others may fit together as well anyway
+    of_torques = [name.startswith(("tau", "i")) for name in its.signals]
+    if of_torques and all(of_torques):  # others may fit together as well anyway
         asks = beyond_own(plain, usual) | (np.abs(gains_of(plain, left)) > np.log(SAME))
     aim = np.fmin(plain, AS_OTHERS * usual)  # of few rows fits of each take what is no other signal's
     most = gain_of(plain[asks], left[asks]) > HALF * gain_of(plain[asks], aim[asks])
