@@ -300,7 +300,8 @@ def settled_anew(
             _holding(state, _afresh(state, its, joint), r.term, tau, alpha)
             for its in _begun(state, r, ranking)
         )
-        held += [trial for trial in trials if trial is not None][:1]
+        first = next((trial for trial in trials if trial is not None), None)
+        held += [] if first is None else [first]
     if not held:
         return None
     best, *others = held

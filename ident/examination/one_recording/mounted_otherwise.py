@@ -27,18 +27,16 @@ def mounted_otherwise(asked: Asked, whole: Quick) -> Iterator[Changed]:
     """Each recording with gravity where all of them are explained best, the others with the study's."""
     columns, how = whole.columns, asked.how
     table = Geometry.of(columns.model.geometry)
-    gravity = np.array(table.gravity if asked.gravity is None else asked.gravity, float)
+    gravity = np.array(table.gravity, float)  # the study's, where it has one
     joints = sum(row.sigma != 2 for row in table.rows)
     if columns.need.model == "D" or not gravity.any() or joints != len(asked.joints):
         return
-    table = replace(table, gravity=tuple(gravity.tolist()))
-    usual = {s.label: with_bodies(table, whole.of([s])).samples[0] for s in whole.samples}
-    for s in whole.samples:
+    usual = with_bodies(table, whole).samples
+    for k, s in enumerate(whole.samples):
         parts = parts_with_gravity_of(s, table, columns, whole.samples, how)
         best = sought(parts, errors(parts, None, gravity)[0], float(np.linalg.norm(gravity)))[0]
         there = with_bodies(replace(table, gravity=tuple(best.tolist())), whole.of([s])).samples[0]
-        samples = [there if x is s else usual[x.label] for x in whole.samples]
-        explained = Explained.by(quick_of(columns, samples), how)
+        explained = Explained.by(quick_of(columns, [*usual[:k], there, *usual[k + 1 :]]), how)
         degrees = degrees_between(gravity, best)
         words = f"its base is mounted otherwise, gravity turned by about {degrees:.0f} degrees"
         yield Changed(s.label, (), "base_orientation", words, REMEDY, explained)
