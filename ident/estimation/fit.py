@@ -317,7 +317,7 @@ def fit_systems(
         worst_first(found),
         terms,
         extended.at_bound,
-        impossible(estimate, std, terms),
+        impossible(estimate, full_covariance, terms, extended.model),
         extended.model,
         widened(fitted, full, full_covariance) if extended.terms and its.plain else None,
         its.feedback,

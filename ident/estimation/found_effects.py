@@ -31,7 +31,8 @@ class FoundEffect:
     does not make the effect doubtful. p_itself: the same of those sizes without which it would be another
     effect (all, where none may be left out). p_told: of all sizes, by the standard deviations that are told:
     those of the stretches of the recordings (blocks.py). A factor's size is its logarithm here: as far from
-    one are five times and a fifth."""
+    one are five times and a fifth. beyond: standard deviations from the nearest values that physics allows,
+    where several have to agree."""
 
     term: Term
     joint: int | None  # as the robot file numbers it
@@ -42,6 +43,7 @@ class FoundEffect:
     p_value: float = 0.0
     p_itself: float = 0.0
     p_told: float = 0.0
+    beyond: float = 0.0
 
     def document(self) -> dict[str, Any]:
         """As fit.json has it."""
@@ -96,7 +98,16 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
     chi = result.full.chi.copy()
     if factor > 0 and factor != 1.0:  # its logarithm, whose deviation is the relative one, is told from zero
         chi[sizes] = factor * np.log(factor)
+    every = list(own.values())
     reasons = [result.impossible[name] for name in term.names if name in result.impossible]
+    of_sizes, of_needed, as_told = (
+        _wald(chi[some], _given(spread, some, [k for k in own.values() if k not in sizes]))
+        for some, spread in (
+            (sizes, result.full_covariance),
+            (needed, result.full_covariance),
+            (sizes, stretches),
+        )
+    )
     return FoundEffect(
         term,
         joint,
@@ -113,14 +124,10 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
             for name, its in told.items()
         },
         reasons[0] if reasons else None,
-        *(
-            _wald(chi[some], _given(spread, some, [k for k in own.values() if k not in sizes]))
-            for some, spread in (
-                (sizes, result.full_covariance),
-                (needed, result.full_covariance),
-                (sizes, stretches),
-            )
-        ),
+        of_sizes,
+        of_needed,
+        as_told,
+        0.0 if result.model is None else term.beyond(stretches[np.ix_(every, every)], result.model),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,10 +15,19 @@ from ident.examination.check import Check, column_line, listed
 from ident.recordings.study import Study
 from modelgen.geometry.names import ParameterName
 
+if TYPE_CHECKING:
+    from modelgen.effects.place import Model
 
-def impossible(estimate: Estimate, std: np.ndarray, terms: Sequence[Term] = ()) -> dict[str, str]:
-    """{parameter: why}: values that physics forbids by more than their standard deviation (b,)."""
-    out = {}
+
+FAR = 3.0  # standard deviations of parameters that have to agree: of one cable half are beyond by noise
+
+
+def impossible(
+    estimate: Estimate, covariance: np.ndarray, terms: Sequence[Term] = (), model: Model | None = None
+) -> dict[str, str]:
+    """{parameter: why}: values that physics forbids by more than their standard deviation, of a covariance
+    (b, b); several that have to agree by FAR."""
+    out, std = {}, np.sqrt(np.diag(covariance))
     for k in np.flatnonzero(estimate.active):
         name, value = estimate.parameters[k], float(estimate.chi[k])
         if not_negative(name) and value < -std[k]:
@@ -35,6 +45,10 @@ def impossible(estimate: Estimate, std: np.ndarray, terms: Sequence[Term] = ()) 
         values = term.values
         reason = term.effect.physical(values)
         if reason and sure and term.effect.physical({**values, **best}):
+            out.update(dict.fromkeys(term.names, f"{term.label}: {reason}"))
+        far = 0.0 if model is None else term.beyond(covariance[np.ix_(at, at)], model)
+        if far > FAR:
+            reason = f"its values are {far:.1f} standard deviations from any that go together"
             out.update(dict.fromkeys(term.names, f"{term.label}: {reason}"))
     return out
 

@@ -33,7 +33,8 @@ class Telling(Definition):
 
     def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, model: Model) -> float:
         """How many standard deviations these values are from the nearest that can be, where several of them
-        have to agree; 0: not at all. covariance: of the linear parameters in use at the place."""
+        have to agree; 0: not at all. covariance: of the linear parameters in use at the place; of those
+        that are held at zero there is no value."""
         return 0.0
 
     def context_of(self, place: Place, model: Model) -> dict[str, float]:

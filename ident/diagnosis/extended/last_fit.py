@@ -22,7 +22,6 @@ from ident.diagnosis.opening import Opened
 from ident.diagnosis.outcome import BUDGET, Outcome
 from ident.diagnosis.rows.rows import Rows
 from ident.equations.placing import entry_of
-from ident.equations.terms import Term as StudyTerm
 from ident.equations.terms import late_by
 from ident.errors import FitFailedError, NotEnoughDataError, StudyError
 from ident.estimation.fit import Examined, FitResult, fit_study
@@ -116,7 +115,7 @@ def extended(
         # with a sign that is too sharp its shape is fitted in an effect's place, or hides one in its error
         last = turned_as_found(last, outcome.last, known, progress)
         told = found_effects(last)
-        if impossible := _impossible(told, declared):
+        if impossible := _impossible(told, declared, outcome.tau):
             at = max(impossible, key=lambda k: told[k].p_value)
             key, _ = keys.pop(at), entries.pop(at)
             if _needed(told[at], limit):  # something is there, and it is not this
@@ -149,14 +148,14 @@ def without_findings(base: FitResult, state: State, known: Examined, progress: P
     return turned if spoilt(base, turned) else base
 
 
-def _impossible(told: Sequence[FoundEffect], declared: int) -> list[int]:
+def _impossible(told: Sequence[FoundEffect], declared: int, tau: float) -> list[int]:
     """The numbers of findings whose values physics does not allow, or whose shape ends with its search."""
-    return [k for k, f in enumerate(told) if k >= declared and (_ended(f) or not _possible(f.term))]
+    return [k for k, f in enumerate(told) if k >= declared and (_ended(f) or not _possible(f, tau))]
 
 
-def _possible(term: StudyTerm) -> bool:
-    """Whether physics allows the values of the fit."""
-    return term.effect.physical(term.values) is None
+def _possible(found: FoundEffect, tau: float) -> bool:
+    """Whether physics allows the values of the fit, or others that it holds against by less than tau nats."""
+    return found.term.effect.physical(found.term.values) is None and 0.5 * found.beyond**2 < tau
 
 
 def _ended(found: FoundEffect) -> bool:

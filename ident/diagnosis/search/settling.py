@@ -240,7 +240,7 @@ def _holding(
     if own is None or not holds(others, m, whole, own, tau, alpha):
         return None
     told = over(metric(state.rows, *state.design, m.whiteners), m, own)  # the model as it was did its best
-    if not (told.log_e > tau and is_physical(state, whole, told, tau)):
+    if not (told.log_e > tau and is_physical(state, m, whole, told, tau)):
         return None
     c = main_channel(own, whole.term, others)
     if short_of(others, m, whole, own, c, tau) is not None:

@@ -12,7 +12,7 @@ import numpy as np
 from ident.diagnosis.evidence.evidence import Evidence, unseen, weigh
 from ident.diagnosis.evidence.given import given_fitted
 from ident.diagnosis.evidence.leading import leading_metric
-from ident.diagnosis.evidence.metric import Columns, Metric, side_by_side
+from ident.diagnosis.evidence.metric import Columns, Metric, side_by_side, spread
 from ident.diagnosis.evidence.refine import Refined, refine
 from ident.diagnosis.evidence.state import State
 from ident.diagnosis.evidence.turning_rows import (
@@ -187,7 +187,7 @@ def _asked_in(m: Metric, r: Refined, e: Evidence, tau: float, sizes: np.ndarray 
 def may_be(state: State, m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
     """Whether a hypothesis could be what is there, however little the judged rows say against nothing."""
     return (
-        is_physical(state, r, e, tau)
+        is_physical(state, m, r, e, tau)
         and is_itself(m, r, e, tau, alpha)
         and is_one_quantity(m, r, e, tau)
         and shifts_all(state, m, r, e, tau)
@@ -201,15 +201,19 @@ def says_enough(r: Refined, e: Evidence, tau: float, alpha: float) -> bool:
     return bool(e.log_e > tau and agreed)
 
 
-def is_physical(state: State, r: Refined, e: Evidence, tau: float) -> bool:
-    """The fitted rows ask for it, with values that physics allows."""
+def is_physical(state: State, m: Metric, r: Refined, e: Evidence, tau: float) -> bool:
+    """The fitted rows ask for it, with values that physics allows, or that they hold against it by less than
+    tau nats."""
     names = r.term.effect.parameters_of(r.term.place)
     values = {**r.term.theta, **dict(zip(names, e.sizes))}
     if r.at_bound or r.term.effect.physical(values, state.model) is not None:
         return False
     if r.term.effect.changes_model and abs(e.sizes[-1] - 1.0) > WHOLE:
         return False  # its last column is the change as it is: all of it or none
-    return bool(e.gain > tau and e.left > 1e-5)
+    if not (e.gain > tau and e.left > 1e-5) or len(names) == 1:
+        return bool(e.gain > tau and e.left > 1e-5)
+    covariance = spread(m, r.columns)
+    return 0.5 * r.term.effect.beyond(values, covariance, r.term.place, state.model) ** 2 < tau
 
 
 def is_itself(m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:

@@ -2,7 +2,7 @@
 
     a torque takes up a share of another one, drifts, is larger in one recording or from an instant on, or has
     another zero there or from then on, or is recorded as a power of itself
-    a joint's friction changes with its load, or a spring pulls on it
+    a joint's friction changes with its load, a spring pulls on it, or a cable on two of them
     a torque lacks gravity; those of the first joints are in another unit than the others
     a position is a number times too large, starts from another zero, drifts, or holds another joint's
     two joints are in each other's place
@@ -56,6 +56,7 @@ class Rival:
     joint: int | None = None  # by its place, whose position it is
     check: str = ""  # that tells a position the same
     settled: bool = True  # whether no other number explains more, as far as was sought
+    lacks: bool = False  # an effect that the model lacks, not a fault of a log
     zeros: tuple[float, Motion] | None = None  # its number, and the recordings with any other one
 
 
@@ -104,6 +105,7 @@ def rivals(asked: Asked, whole: Quick, how: Assignment) -> Iterator[Rival]:
     yield from _yielding(whole, fit, how)
     yield from _held(whole, how)
     yield from _exchanged(asked, whole, how)
+    yield from _cabled(whole, how)
     for c in felt(whole):
         words = f"{asked.name(c)} does not feel gravity"
         yield Rival(words, Explained.by(without_gravity(whole, [c]), how))
@@ -136,6 +138,23 @@ def _exchanged(asked: Asked, whole: Quick, how: Assignment) -> Iterator[Rival]:
             yield Rival(f"joints {names} are exchanged, positions and torques", its, beside=True)
 
 
+def _cabled(whole: Quick, how: Assignment) -> Iterator[Rival]:
+    """Two joints that a spring is stretched by together: one stiffness of each, and one between them. (Of
+    an arm with a hose over its wrist q6 was 1.28 times too large, or a spring on joint 6 missing.)"""
+    labels = whole.columns.need.joints
+    joint_of = np.array(whole.columns.joint_of, int)[:, None]
+    for a, b in combinations(range(len(labels)), 2):
+
+        def pulled(s: Sample, a: int = a, b: int = b) -> Sample:
+            on_a, on_b = joint_of == a, joint_of == b
+            crossed = on_a * s.q[:, b] + on_b * s.q[:, a]
+            return s.beside(np.stack([on_a * s.q[:, a], crossed, on_b * s.q[:, b]], axis=2))
+
+        words = f"the model lacks a cable over joints {labels[a]} and {labels[b]}"
+        made = whole.of([pulled(s) for s in whole.samples])
+        yield Rival(words, Explained.by(made, how), beside=True, lacks=True)
+
+
 def _of_torque(asked: Asked, whole: Quick, fit: Fit, how: Assignment, c: int) -> Iterator[Rival]:
     """A torque with another signal in it."""
     channels, own = whole.columns.need.channels, how.order[c]
@@ -156,10 +175,10 @@ def _of_torque(asked: Asked, whole: Quick, fit: Fit, how: Assignment, c: int) ->
     unit = unit_of(whole, c)
     _, rival = found(lambda r, s: np.abs(s.Y[:, own]) * np.sign(s.dq[:, joint]), True)
     if rival:
-        yield replace(rival, words=f"the friction of joint {label} changes with its load")
+        yield replace(rival, words=f"the friction of joint {label} changes with its load", lacks=True)
     _, rival = found(lambda r, s: s.q[:, joint])
     if rival:
-        yield replace(rival, words=f"the model lacks a spring on joint {label}")
+        yield replace(rival, words=f"the model lacks a spring on joint {label}", lacks=True)
     slope, rival = found(lambda r, s: s.t)
     if rival:
         yield replace(rival, words=f"{name} drifts by {60 * slope:.2g} {unit} a minute")

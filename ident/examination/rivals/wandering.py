@@ -146,6 +146,8 @@ def wandering(asked: Asked) -> Iterator[Check]:
         near = _as_well(asked, whole, [(c, fit)])
         if apart and any(r.zero for r in near):
             continue  # of one recording alone, as it is told elsewhere
+        if _lacking(near, [(c, fit)]):
+            continue
         fallen = (
             f"its error falls from {100 * before[c]:.0f} to {100 * fit.error[c]:.0f} %{_where(near, [c])}"
         )
@@ -169,21 +171,23 @@ def wandering(asked: Asked) -> Iterator[Check]:
         )
     for kind, its_own in changed.items():
         if its_own:
-            yield _changes(asked, whole, kind, before, [(c, its.quick.fit(how)) for c, its in its_own])
+            yield from _changes(asked, whole, kind, before, [(c, its.quick.fit(how)) for c, its in its_own])
 
 
 def _changes(
     asked: Asked, whole: Quick, kind: str, before: np.ndarray, its: Sequence[tuple[int, Fit]]
-) -> Check:
+) -> Iterator[Check]:
     """Torques of which so much less is left by a friction or weights that change."""
     channels = [c for c, _ in its]
     names, words = asked.names(channels), CHANGED[kind]
     near = _as_well(asked, whole, its)
+    if _lacking(near, its):
+        return
     then, now = (
         listed(f"{100 * x:.0f} %" for x in e) for e in (before[channels], [f.error[c] for c, f in its])
     )
     error = "their errors fall" if its[1:] else "its error falls"
-    return Check(
+    yield Check(
         "changes_meanwhile",
         names,
         f"{listed(names)} {'ask' if its[1:] else 'asks'} for {words[0]} at the end of a recording than at "
@@ -200,6 +204,15 @@ def _as_well(asked: Asked, whole: Quick, its: Sequence[tuple[int, Fit]]) -> list
     own = Rival(WORDS, Explained.by(whole, own_factors(whole, asked.how, asked.seen)), beside=True)
     every = (own, *rivals(asked, whole, asked.how))
     return [r for r in every if all(r.explained.fit.error[c] < SAME * fit.error[c] for c, fit in its)]
+
+
+def _lacking(near: Sequence[Rival], its: Sequence[tuple[int, Fit]]) -> bool:
+    """Whether an effect that the model lacks leaves clearly less of these torques: none of them changes. (Of
+    an arm with a hose over two joints other weights were told at the end, for 13 % of what were 31; with the
+    hose 0.6 are left.)"""
+    return any(
+        r.lacks and all(r.explained.fit.error[c] < FALLEN * fit.error[c] for c, fit in its) for r in near
+    )
 
 
 def _where(near: Sequence[Rival], channels: Sequence[int]) -> str:

@@ -108,8 +108,8 @@ class PayloadChange(LoadEffect):
         what gives way less of them shows.)"""
         names = self.parameters_of(place)
         row = place.link or model.robot.payload_link("L")
-        told = [k for k in WEIGHT[1:] if k in names and k in visible(model.robot, row)[0]]
-        if "M" not in names or not told:
+        told = [k for k in WEIGHT[1:] if k in values and k in visible(model.robot, row)[0]]
+        if "M" not in values or not told:
             return 0.0
         f = np.array([values[k] for k in told])
         at, mass = [names.index(k) for k in told], names.index("M")

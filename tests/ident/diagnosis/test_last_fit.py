@@ -120,7 +120,9 @@ def test_what_is_needed_is_asked_with_friction_turning_over_as_found(monkeypatch
     study = SimpleNamespace(effects=(), filter=None, with_=lambda **_: None)
     columns = SimpleNamespace(need=SimpleNamespace(joints=()))
     known = SimpleNamespace(prepared=SimpleNamespace(study=study), again=lambda _: None)
-    outcome = SimpleNamespace(last=SimpleNamespace(terms=[SimpleNamespace(key=1, place=None)], rows=None))
+    outcome = SimpleNamespace(
+        tau=8.3, last=SimpleNamespace(terms=[SimpleNamespace(key=1, place=None)], rows=None)
+    )
     its, refused = last_fit.extended(known, outcome, SimpleNamespace(columns=columns), 0.01, None)
     assert (its, refused) == ("turned" if p_turned < 1e-3 else None, {})
 
@@ -459,8 +461,15 @@ def test_a_cable_beside_springs_of_its_joints_gives_no_energy():
     cable = catalogue()["cable_coupling"]
     place = Place(joint=4, side="link", source=3, parts=cable.linear_names)
     beside = Term("cable_coupling:5", cable, place, size=(0.67, 0.0, 0.0))
+    model, sure = SimpleNamespace(), 1e-4 * np.eye(3)
+
+    def possible(term, covariance=sure):
+        found = SimpleNamespace(term=term, beyond=term.beyond(covariance, model))
+        return last_fit._possible(found, np.log(4000))
+
     held = replace(beside, known={"k_own": 0.0, "k_source": 0.0})
-    assert last_fit._possible(held) and held.values == {"k_cross": 0.67}
-    assert not last_fit._possible(beside)  # its ends were asked for, and are none
-    assert not last_fit._possible(replace(beside, size=(0.67, 0.5, 0.5)))
-    assert last_fit._possible(replace(beside, size=(0.67, 0.7, 0.7)))
+    assert possible(held, sure[:1, :1]) and held.values == {"k_cross": 0.67}
+    assert not possible(beside)  # its ends were asked for, and are none
+    assert not possible(replace(beside, size=(0.67, 0.5, 0.5)))
+    assert possible(replace(beside, size=(0.67, 0.7, 0.7)))
+    assert possible(replace(beside, size=(0.67, 0.66, 0.66)))  # one cable, beyond by noise
