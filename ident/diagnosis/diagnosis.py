@@ -194,7 +194,7 @@ def _unexplained(
 def _of_signals(u: Unexplained) -> bool:
     """Whether it says more than a check that its torque is not as it should be. (Of an AIRBOT's, in one run
     without gravity, three were told to oscillate.)"""
-    return bool(u.depends_on) and not u.oscillates
+    return bool(u.depends_on) and u.oscillates_hz is None
 
 
 def _doubted(u: Unexplained, doubts: Sequence[Check]) -> bool:

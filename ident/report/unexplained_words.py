@@ -43,10 +43,11 @@ def unexplained_sentence(item: Mapping[str, Any], sides: str = "runs") -> str:
             "alone shows what the model lacks; look at that stretch."
         )
     if item.get("oscillates"):
+        at = f" at about {hz:.2g} Hz" if (hz := item.get("oscillates_hz")) else ""
         return (
             f"{text}{percent(item['share_of_residual_percent'])} of what the model leaves there "
-            "oscillates: its past foretells it, and no function of the robot's signals was found that does "
-            "(a vibration, a slosh, or a law that is none of these)."
+            f"oscillates{at}: its past foretells it, and no function of the robot's signals was found that "
+            "does (a vibration, a hum, a slosh, or a law that is none of these)."
         )
     alike = list(item.get("or_on") or ())
     shape = (

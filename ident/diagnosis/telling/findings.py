@@ -96,7 +96,7 @@ class Unexplained:
     on_fitted: tuple[float, float] | None = None  # nats of `nearest`, and of functions, if these keep it away
     unseen: bool = False  # the judged rows do not go where it acts: they could not show it
     stretch: tuple[str, float, float, float] | None = None  # there alone: recording, from, to, first stamp
-    oscillates: bool = False  # of its own: its past foretells it, not a function of time
+    oscillates_hz: float | None = None  # of its own: its past foretells it, not a function of time
 
 
 @dataclass(frozen=True, slots=True)

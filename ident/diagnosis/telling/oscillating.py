@@ -31,6 +31,14 @@ TURNS = 30  # of the search for the sizes: each raises the likelihood
 
 
 @dataclass(frozen=True, slots=True)
+class Oscillation:
+    """Where the spectrum of the fitted rows has it, and what the judged ones say of it."""
+
+    frequency_hz: float
+    log_e: float
+
+
+@dataclass(frozen=True, slots=True)
 class Block:
     """Rows that are read together: their times (k,) [s], orthonormal contrasts (k, n) of them, the residual's
     (n,), and their covariance (n, n) whatever the noise."""
@@ -45,13 +53,13 @@ class Block:
         return np.asarray(self.contrasts.T @ covariance @ self.contrasts)
 
 
-def oscillation_says(
+def oscillation(
     hop: float, fitted: Sequence[Block], judged: Sequence[Block], filters: Sequence[LowPass] = ()
-) -> float:
-    """log E of an oscillation, learned on the fitted blocks, on the judged ones; hop [s]: of the rows;
-    filters: of positions that go in steps."""
+) -> Oscillation | None:
+    """Of an oscillation, learned on the fitted blocks, the log E on the judged ones; None: the fitted ones
+    have none. hop [s]: of the rows; filters: of positions that go in steps."""
     if not fitted or not judged:
-        return 0.0
+        return None
     shapes = [0.0, *np.geomspace(2 * hop, SIZE * hop, RELAXATIONS)]
     noise = [_relaxations(b, shapes) + _of_motion(b, filters) for b in fitted]
     f = _frequency(hop, fitted, shapes, filters)
@@ -63,10 +71,10 @@ def oscillation_says(
         learned.append((likelihood, T, sizes[-1], power[-1] / power.sum()))
     _, T, size, share = max(learned, key=lambda its: its[0])
     if share < 0.5:
-        return 0.0
+        return None
     noise = [_relaxations(b, shapes) + _of_motion(b, filters) for b in judged]
     beside = [replace(b, known=b.known + size * _oscillation(b, f, T)) for b in judged]
-    return most_likely(beside, noise)[1] - most_likely(judged, noise)[1]
+    return Oscillation(f, most_likely(beside, noise)[1] - most_likely(judged, noise)[1])
 
 
 def blocks(rows: Rows, residual: np.ndarray, on: np.ndarray, columns: np.ndarray) -> list[Block]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ident.diagnosis.telling.oscillating import block, most_likely, oscillation_says
+from ident.diagnosis.telling.oscillating import block, most_likely, oscillation
 from ident.signals.low_pass import LowPass, zero_phase
 
 HOP, ROWS = 0.04, 200
@@ -23,6 +23,11 @@ def rows_of(x, lost, rng):
     t = HOP * np.arange(ROWS)
     kept = np.flatnonzero(rng.random(ROWS) > lost)
     return block(t[kept], x(t)[kept] if callable(x) else x[kept], np.zeros((len(kept), 0)))
+
+
+def oscillation_says(*its):
+    found = oscillation(*its)
+    return 0.0 if found is None else found.log_e
 
 
 @pytest.mark.first_case
@@ -47,6 +52,7 @@ def test_a_slosh_is_said_of_runs_that_it_was_not_learned_on(lost):
 
     with_it = [rows_of(slosh, lost, rng) for _ in range(6)]
     assert oscillation_says(HOP, with_it[:3], with_it[3:]) > 20.0
+    assert oscillation(HOP, with_it[:3], with_it[3:]).frequency_hz == pytest.approx(0.6, abs=0.2)
     without = [rows_of(noise(rng, 0.3), lost, rng) for _ in range(3)]
     assert oscillation_says(HOP, with_it[:3], without) < 0.0
 

@@ -295,7 +295,7 @@ def test_what_a_standing_fault_makes_of_its_signals_is_not_told_once_more():
     assert not _doubted(replace(judged, carries_over=True), [late])
     assert not _doubted(replace(judged, joints=(3,)), [late])
     swings = replace(judged, depends_on=("t",))
-    assert _of_signals(swings) and not _of_signals(replace(swings, oscillates=True))
+    assert _of_signals(swings) and not _of_signals(replace(swings, oscillates_hz=3.3))
     assert not _of_signals(judged)
 
 

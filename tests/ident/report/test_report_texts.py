@@ -290,6 +290,8 @@ def test_what_goes_with_time_alone_does_not_oscillate():
     text = unexplained_sentence(item)
     assert "depends on t" in text and "does not carry over to the judged runs" in text
     assert "oscillates" in unexplained_sentence(item | {"oscillates": True})
+    at = unexplained_sentence(item | {"oscillates": True, "oscillates_hz": 3.31})
+    assert "oscillates at about 3.3 Hz: its past" in at
 
 
 def test_stretches_of_a_recording_that_stands_alone_are_no_runs():
