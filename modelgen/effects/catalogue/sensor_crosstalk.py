@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 
-from modelgen.effects.effect import SIGNALS, Array, Columns, LinearParameter
+from modelgen.effects.effect import SIGNALS, Array, ChannelKind, Columns, LinearParameter
 from modelgen.effects.kinds import RecordingEffect
 from modelgen.effects.memory import Memory
 from modelgen.effects.place import Layout, Model, Motion, Place
@@ -20,14 +20,14 @@ class SensorCrosstalk(RecordingEffect):
     remedy = "calibrate the sensors together, and take the share of the other joint off this channel"
     terms = {"gain": SIGNALS.tau_source}
     linear = (LinearParameter("gain", "-", -0.5, 0.5, share=True),)
-    channel = "sensor"
+    channel: ChannelKind = "sensor"
     joints = "pair"
     stage: Stage = "crosstalk"
     typical = {"gain": 0.05}
 
     def places(self, layout: Layout) -> Iterable[Place]:
-        """Sensors whose source is measured by a sensor, too."""
-        seen = {c.joint for c in layout.channels if c.side == "sensor"}
+        """Channels whose source is measured on the same side, too."""
+        seen = {c.joint for c in layout.channels if c.side == self.channel}
         return [place for place in super().places(layout) if place.source in seen]
 
     def columns(
@@ -39,8 +39,8 @@ class SensorCrosstalk(RecordingEffect):
         model: Model,
         memory: Memory | None = None,
     ) -> Columns:
-        """The torque behind the other joint's gear."""
-        sources = {c.joint: k for k, c in enumerate(model.channels) if c.side == "sensor"}
+        """The other joint's torque on that side of its gear."""
+        sources = {c.joint: k for k, c in enumerate(model.channels) if c.side == self.channel}
         assert place.source is not None
         other = model.total(motion)[:, [sources[place.source]]]
         return dict.fromkeys(place.rows(model.channels), other)
