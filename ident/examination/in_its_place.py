@@ -53,7 +53,8 @@ def _alike(asked: Asked, best: Hypothesis, told: list[Hypothesis]) -> list[Hypot
 
     pool = (r for r in rivals(asked, whole, asked.how) if not once_more(r))
     also = alike(pool, Explained.by(whole, asked.how), its)
-    return near + _silent(asked, best, [r.words for r in also])
+    ahead = {r.words for r in also if r.explained.fit.gain_over(its.fit) > 0}
+    return near + [replace(h, ahead=h.words in ahead) for h in _silent(asked, best, [r.words for r in also])]
 
 
 def _tables(prepared: Prepared, asked: Asked, best: Hypothesis) -> list[Hypothesis]:
