@@ -64,7 +64,7 @@ def of_table(
         smoothed_wraps(columns, excerpt),
         units(columns, mender, excerpt, lowest, highest),
         position_steps(columns, mender, excerpt, periods),
-        dead_and_resting(columns, lowest, highest),
+        dead_and_resting(columns, lowest, highest, np.flatnonzero(lost >= rows)),
         posed(columns, lowest, highest, resting),
         flags(columns, excerpt),
         limits_hit(columns, excerpt, slow | few | gone, repeats.stepped),

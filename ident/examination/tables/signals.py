@@ -260,8 +260,10 @@ def _held_until(excerpt: Excerpt, row: int, k: int, size: float) -> tuple[int, b
     return None
 
 
-def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) -> Iterator[Check]:
-    """Torques that never change, joints that never move. lowest, highest (m,)."""
+def dead_and_resting(
+    columns: Columns, lowest: np.ndarray, highest: np.ndarray, empty: Collection[int] = ()
+) -> Iterator[Check]:
+    """Torques that never change, joints that never move. lowest, highest (m,); empty: without any number."""
     n, reach = columns.n, highest - lowest
     still = [k for k in range(n) if reach[k] < MOVED]
     if still:
@@ -275,7 +277,8 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
             "its offset holds the friction that it rests with",
             "record it moving",
         )
-    dead = [k for k in range(n, len(reach)) if reach[k] == 0 and columns.joint[k] not in still]
+    every = [k for k in range(n, len(reach)) if reach[k] == 0 and columns.joint[k] not in still]
+    dead = [k for k in every if k in empty] or every
     if not dead:
         return
     names = tuple(columns.signals[k] for k in dead)
@@ -283,10 +286,13 @@ def dead_and_resting(columns: Columns, lowest: np.ndarray, highest: np.ndarray) 
     value = f"{lowest[dead[0]] + 0.0:g}"  # no -0
     clipped = lowest[dead].all()  # a short run may be, whole
     cause = "dead, absent or held at the end of its range" if clipped else "dead or absent"
+    reads = f"{'reads' if len(names) == 1 else 'read'} {value} throughout"
+    if dead[0] in empty:
+        reads = f"{'holds' if len(names) == 1 else 'hold'} no number in any row"
     yield Check(
         "dead_channel",
         names,
-        f"{listed(names)} {'reads' if len(names) == 1 else 'read'} {value} throughout: {cause}"
+        f"{listed(names)} {reads}: {cause}"
         if not everything
         else f"no torque is recorded: {listed(names)} never changes while joints move",
         "map the right columns with columns: {...}"

@@ -62,6 +62,11 @@ def test_many_missing_values_are_refused(tmp_path, good):
     assert "tau_m3" in text and "5 %" in text and "run.parquet" in text
 
 
+def test_a_torque_without_any_number_reads_nothing(tmp_path, good):
+    text = refusal(tmp_path, changed(good, "tau_m3", np.full(len(good["t"]), np.nan)))
+    assert "tau_m3 holds no number in any row: dead or absent; leave it out with channels:" in text
+
+
 def test_missing_column(tmp_path, good):
     text = refusal(tmp_path, {name: values for name, values in good.items() if name != "q4"})
     assert "q4" in text and "columns:" in text
