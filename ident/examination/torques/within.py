@@ -1,4 +1,4 @@
-"""A torque that changes its sign in the middle of a recording.
+"""A torque that changes its sign in the middle of a recording, or all of them at once.
 
 Every recording is fitted alone, on every other one of its stretches, with what follows an instant turned:
 right-hand sides alone change, so each hypothesis costs one small solution. The best one is told where
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ident.examination.check import Check
+from ident.examination.check import Check, listed
 from ident.examination.fits.bodies import beyond_own
 from ident.examination.fits.hypothesis import CLEARLY, EXPLAINED, Asked
 from ident.examination.fits.quick import CLUSTERS, Assignment, Fit, Normal, Quick, gain_of, solve
@@ -30,15 +30,15 @@ RATE = 0.01  # of a false alarm in a study
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """From sample `at` on the torque of channel c has the other sign."""
+    """From sample `at` on the torques of these channels have the other sign."""
 
-    c: int
+    channels: tuple[int, ...]
     at: int
 
     def undone(self, sample: Sample) -> Sample:
-        Y, late = sample.Y.copy(), sample.late.copy()
-        Y[self.at :, self.c] *= -1.0
-        late[:, self.at :, self.c] *= -1.0
+        Y, late, its = sample.Y.copy(), sample.late.copy(), list(self.channels)
+        Y[self.at :, its] *= -1.0
+        late[:, self.at :, its] *= -1.0
         return replace(sample, Y=Y, late=late)
 
 
@@ -48,7 +48,7 @@ def changed_within(asked: Asked) -> Iterator[tuple[Check, Quick]]:
     Franka with two torques exchanged and a position turned one was told to change its sign.)"""
     quick, how = asked.quick, asked.how
     tried = max(len(how.order) * len(quick.samples), 1)
-    found: list[tuple[int, Check, Quick]] = []
+    found: list[tuple[tuple[int, ...], Check, Quick]] = []
     for which in range(len(quick.samples)):
         told, undone = [], quick
         for _ in how.order:
@@ -58,7 +58,7 @@ def changed_within(asked: Asked) -> Iterator[tuple[Check, Quick]]:
                 break
             its = [change.undone(s) if k == which else s for k, s in enumerate(undone.samples)]
             undone = undone.of(its)
-            told.append((change.c, _told(asked, sample, change), undone))
+            told.append((change.channels, _told(asked, sample, change), undone))
         if told and beyond_own(*_left(undone, undone.samples[which : which + 1], how)).any():
             continue
         found, quick = [*found, *told], undone
@@ -66,17 +66,20 @@ def changed_within(asked: Asked) -> Iterator[tuple[Check, Quick]]:
         before, _ = _left(asked.quick, asked.quick.samples, how)
         error, own = _left(quick, quick.samples, how)
         apart = beyond_own(error, own) | (error > before)
-        yield from ((check, without) for c, check, without in found if not apart[c])
+        yield from ((check, without) for its, check, without in found if not apart[list(its)].all())
 
 
 def _told(asked: Asked, sample: Sample, change: Change) -> Check:
-    name, t = asked.name(change.c), sample.t[change.at]
+    names, t = asked.names(change.channels), sample.t[change.at]
+    subject = (
+        f"all torques ({listed(names)}) change their signs" if names[1:] else f"{names[0]} changes its sign"
+    )
     return Check(
         "torque_sign",
-        (name,),
-        f"{name} changes its sign at about {t:.3g} s",
+        names,
+        f"{subject} at about {t:.3g} s",
         f"give the recording twice, `to: {t:.3g}` and `from: {t:.3g}`, one of them with `columns:` "
-        f"of its own, {name}: {{sign: -1}}; or leave one of the two out",
+        f"of its own, {', '.join(f'{name}: {{sign: -1}}' for name in names)}; or leave one of the two out",
         recording=sample.label,
     )
 
@@ -90,32 +93,41 @@ def _left(quick: Quick, samples: Sequence[Sample], how: Assignment) -> tuple[np.
 
 
 def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:
-    """The change of one torque of a recording that its stretches agree with."""
+    """The change of one torque of a recording, or of all at one instant, that its stretches agree with. (Of
+    an LWR4+ all of whose torques were turned from 15.4 s on the fifth one changed its sign at 11.3 s.)"""
     stretch = np.arange(len(sample.t)) * CLUSTERS // max(len(sample.t), 1)
     halves = [replace(sample, weight=sample.weight * (stretch % 2 == k)[:, None]) for k in (0, 1)]
     before = _fit(halves, how)
     assert before.validate is not None
     best: tuple[float, Change] | None = None
-    for c in np.flatnonzero(before.error > DOUBTED).tolist():
-        if how.order[c] != c:
-            continue
+    its_own = [c for c in range(len(before.error)) if how.order[c] == c and np.isfinite(before.error[c])]
+    doubted = [c for c in its_own if before.error[c] > DOUBTED]
+    together = [tuple(its_own)] if doubted and its_own[1:] else []
+    for channels in [*((c,) for c in doubted), *together]:
         rows = np.linspace(0, len(sample.t), PARTS + 1)[1:-1].astype(int)
-        told = _best(halves[0], before, how, [Change(c, k) for k in _inside(rows, sample)])
+        told = _best(halves[0], before, how, [Change(channels, k) for k in _inside(rows, sample)])
         if told is None:
             continue
-        near = told[1].at + (len(sample.t) / PARTS / FINE * np.arange(-FINE, FINE + 1)).astype(int)
-        changes = [replace(told[1], at=k) for k in _inside(near, sample)]
-        told = _best(halves[0], before, how, changes) or told
+        for step in (len(sample.t) / PARTS / FINE, len(sample.t) / PARTS / FINE**2):
+            near = told[1].at + (step * np.arange(-FINE, FINE + 1)).astype(int)
+            changes = [replace(told[1], at=k) for k in _inside(near, sample)]
+            told = _best(halves[0], before, how, changes) or told
         best = told if best is None or told[0] > best[0] else best
     if best is None or best[0] < CLEARLY:
         return None
     after = _fit([best[1].undone(half) for half in halves], how)
     assert after.validate is not None
     held = gain_of(before.validate, after.validate) * (CLUSTERS // 2)
-    c = best[1].c  # itself: what it shares with others may take up what these lack
-    explained = max(after.error[c], after.validate[c]) <= EXPLAINED
-    clearly = np.log(min(before.error[c] / after.error[c], before.validate[c] / after.validate[c])) > CLEARLY
-    return best[1] if held > limit and explained and clearly else None
+    # themselves: what these share with others may take up what those lack; of all, those that ask for it
+    c = [c for c in best[1].channels if before.error[c] > DOUBTED]
+    explained = max(np.median(after.error[c]), np.median(after.validate[c])) <= EXPLAINED
+    clearly = min(_falls(before.error[c], after.error[c]), _falls(before.validate[c], after.validate[c]))
+    return best[1] if held > limit and explained and clearly > CLEARLY else None
+
+
+def _falls(before: np.ndarray, after: np.ndarray) -> float:
+    """The mean logarithm by which errors fall."""
+    return float(np.mean(np.log(before / after)))
 
 
 def _all_along(quick: Quick, sample: Sample, change: Change, how: Assignment) -> bool:
@@ -126,7 +138,7 @@ def _all_along(quick: Quick, sample: Sample, change: Change, how: Assignment) ->
         return Explained.by(quick.of([replace(its.undone(sample), role="identify")]), how)
 
     told = explained(change)
-    turned = [explained(Change(c, 0)) for c in np.flatnonzero(quick.identify.rows > 10).tolist()]
+    turned = [explained(Change((c,), 0)) for c in np.flatnonzero(quick.identify.rows > 10).tolist()]
     return not all(steadily(other, told, RARE) for other in turned)
 
 
@@ -146,12 +158,12 @@ def _best(
     sums = Normal.of(half)
     if not changes:
         return None
-    c = changes[0].c
-    weighted = half.W[c] * (half.weight[:, c] * half.Y[:, c])[:, None]
-    v = np.concatenate([np.zeros((1, weighted.shape[1])), np.cumsum(weighted, axis=0)])
+    c = list(changes[0].channels)
+    weighted = half.W[c] * (half.weight[:, c] * half.Y[:, c]).T[:, :, None]
+    v = np.concatenate([np.zeros_like(weighted[:, :1]), np.cumsum(weighted, axis=1)], axis=1)
     out = []
     for change in changes:
         turned = sums.v.copy()
-        turned[c, c] -= 2 * (v[-1] - v[change.at])
+        turned[c, c] -= 2 * (v[:, -1] - v[:, change.at])
         out.append((solve(replace(sums, v=turned), None, how).gain_over(before), change))
     return max(out, key=lambda its: its[0])

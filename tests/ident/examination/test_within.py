@@ -1,6 +1,9 @@
 """A torque that changes its sign on the way is told where one arm is then left."""
 
+import re
+
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from planted import ON_RECORDINGS, measured, parted, planted
 
@@ -15,12 +18,16 @@ pytestmark = ON_RECORDINGS
 
 
 def _told(study):
+    return [(check.check, check.signals) for check in _changes(study)]
+
+
+def _changes(study):
     made = prepare_study(study.with_(filter=type(study.filter)()))
     samples = take(made.streams, made.banks, made.columns, "identify")
     quick = quick_of(made.columns, samples)
     how = quick.plain()
     asked = Asked(quick, how, quick.fit(how), dict(study.columns), False, np.ones(len(how.order)))
-    return [(check.check, check.signals) for check, _ in changed_within(asked)]
+    return [check for check, _ in changed_within(asked)]
 
 
 def test_torques_of_an_arm_on_a_wall_do_not_change_their_sign(tmp_path):
@@ -38,6 +45,21 @@ def test_one_that_does_is_told_beside_one_that_grows_on_the_way(tmp_path):
         }
 
     assert _told(planted(tmp_path, changed, measured("rokae_xmate3pro"))) == [("torque_sign", ("tau_l3",))]
+
+
+def test_all_that_do_at_once_are_told_together(tmp_path):
+    """Of an LWR4+ so turned at 15.4 s the fifth was told to change its sign at 11.3 s, by itself."""
+
+    def changed(c):
+        sign = np.where(np.arange(len(c["t"])) > 0.35 * len(c["t"]), -1.0, 1.0)
+        return c | {name: sign * c[name] for name in c if name.startswith("tau_l")}
+
+    study = planted(tmp_path, changed, measured("rokae_xmate3pro"))
+    told = _changes(study)
+    assert [check.signals for check in told] == [tuple(f"tau_l{j}" for j in range(1, 8))]
+    t = pq.read_table(tmp_path / study.recordings[0].file)["t"].to_numpy()
+    at = float(re.search(r"at about ([\d.]+) s", told[0].message).group(1))
+    assert at == pytest.approx(t[int(0.35 * len(t))] - t[0], abs=0.15)
 
 
 @pytest.mark.long
