@@ -52,6 +52,7 @@ from ident.diagnosis.search.settling import (
     settled_anew,
     settled_in,
 )
+from ident.diagnosis.search.two_together import two_together
 from ident.diagnosis.search.weighing import (
     Equivalent,
     Weighed,
@@ -133,6 +134,7 @@ def trace(
             progress(f"{step}: whether a joint's torque is late", done)
             where = late_joints(state, ranking, rounds, tau)[:LATE]
             late = late_alone(state, library.places, where, tau, alpha)
+            late = late or next((t for w in rounds if (t := two_together(state, w, tau, alpha))), None)
             if late is None:
                 break
             taken = _settled(late, late.tried)
