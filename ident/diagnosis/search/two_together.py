@@ -13,9 +13,10 @@ from ident.diagnosis.evidence.metric import side_by_side
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.settled import with_found
 from ident.diagnosis.evidence.state import Found, State
+from ident.diagnosis.evidence.sufficiency import short_of
 from ident.diagnosis.search.candidates import Ranked
 from ident.diagnosis.search.settling import Settled, refined_together
-from ident.diagnosis.search.weighing import Weighed, compared
+from ident.diagnosis.search.weighing import Weighed, compared, main_channel
 
 PAIRS = 3  # that are judged
 
@@ -52,6 +53,12 @@ def _pairs(likely: list[Refined]) -> Iterator[tuple[Refined, Refined]]:
 def _held_beside(
     state: State, its: Refined, other: Refined, tau: float, alpha: float
 ) -> tuple[Refined, Evidence] | None:
-    """One of them, where it holds with the other one in the model."""
+    """One of them, where it holds with the other one in the model, and no function of what it reads says
+    more: two laws may make up for a third one."""
     beside = with_found(state, Found(other.term, other.columns, other.sizes))
-    return next(iter(compared(beside, [Ranked(its.term, 0.0)], tau, alpha).passed), None)
+    weighed = compared(beside, [Ranked(its.term, 0.0)], tau, alpha)
+    for r, evidence in weighed.passed:
+        c = main_channel(evidence, r.term, beside)
+        if short_of(beside, weighed.metric, r, evidence, c, tau) is None:
+            return r, evidence
+    return None
