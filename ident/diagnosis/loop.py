@@ -133,11 +133,11 @@ def trace(
         if taken is None and not weighed.passed:
             progress(f"{step}: whether a joint's torque is late", done)
             where = late_joints(state, ranking, rounds, tau)[:LATE]
-            late = late_alone(state, library.places, where, tau, alpha)
-            late = late or next((t for w in rounds if (t := two_together(state, w, tau, alpha))), None)
-            if late is None:
+            its = late_alone(state, library.places, where, tau, alpha)
+            its = its or next((two for w in rounds if (two := two_together(state, w, tau, alpha))), None)
+            if its is None:
                 break
-            taken = _settled(late, late.tried)
+            taken = _settled(its, its.tried)
         taken = taken or _best(state, weighed, library, tau, alpha)
         state = taken.state
         if isinstance(taken.told, Step):

@@ -32,9 +32,8 @@ def two_together(state: State, weighed: Weighed, tau: float, alpha: float) -> Se
     for evidence, a, b in sorted(both, key=lambda its: -its[0].gain)[:PAIRS]:
         if evidence.log_e <= limit or not evidence.supported(alpha):
             continue
-        held = [_held_beside(state, its, other, tau, alpha) for its, other in ((a, b), (b, a))]
-        first = held[0] if held[1] is not None else None
-        if first is not None:
+        first = _held_beside(state, a, b, tau, alpha)
+        if first is not None and _held_beside(state, b, a, tau, alpha) is not None:
             r, told = first
             found = refined_together(with_found(state, Found(r.term, r.columns, r.sizes)))
             return Settled(r, told, found)

@@ -210,8 +210,9 @@ def is_physical(state: State, m: Metric, r: Refined, e: Evidence, tau: float) ->
         return False
     if r.term.effect.changes_model and abs(e.sizes[-1] - 1.0) > WHOLE:
         return False  # its last column is the change as it is: all of it or none
-    if not (e.gain > tau and e.left > 1e-5) or len(names) == 1:
-        return bool(e.gain > tau and e.left > 1e-5)
+    asked = bool(e.gain > tau and e.left > 1e-5)
+    if not asked or len(names) == 1:
+        return asked
     covariance = spread(m, r.columns)
     return 0.5 * r.term.effect.beyond(values, covariance, r.term.place, state.model) ** 2 < tau
 

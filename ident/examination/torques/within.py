@@ -18,7 +18,7 @@ import numpy as np
 from ident.examination.check import Check, listed
 from ident.examination.fits.bodies import beyond_own
 from ident.examination.fits.hypothesis import CLEARLY, EXPLAINED, Asked
-from ident.examination.fits.quick import CLUSTERS, Assignment, Fit, Normal, Quick, gain_of, solve
+from ident.examination.fits.quick import CLUSTERS, Assignment, Fit, Normal, Quick, gain_of, gains_of, solve
 from ident.examination.fits.samples import Sample
 from ident.examination.fits.stretches import RARE, Explained, steadily
 
@@ -121,13 +121,9 @@ def _change(sample: Sample, how: Assignment, limit: float) -> Change | None:
     # themselves: what these share with others may take up what those lack; of all, those that ask for it
     c = [c for c in best[1].channels if before.error[c] > DOUBTED]
     explained = max(np.median(after.error[c]), np.median(after.validate[c])) <= EXPLAINED
-    clearly = min(_falls(before.error[c], after.error[c]), _falls(before.validate[c], after.validate[c]))
-    return best[1] if held > limit and explained and clearly > CLEARLY else None
-
-
-def _falls(before: np.ndarray, after: np.ndarray) -> float:
-    """The mean logarithm by which errors fall."""
-    return float(np.mean(np.log(before / after)))
+    each = (before.error, after.error), (before.validate, after.validate)
+    fallen = (gains_of(x[c], y[c]).mean() for x, y in each)
+    return best[1] if held > limit and explained and min(fallen) > CLEARLY else None
 
 
 def _all_along(quick: Quick, sample: Sample, change: Change, how: Assignment) -> bool:
