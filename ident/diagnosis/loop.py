@@ -64,7 +64,7 @@ from ident.diagnosis.search.weighing import (
     rivals_of,
     simplest,
 )
-from ident.diagnosis.weighed_again import pruned, reconsidered
+from ident.diagnosis.weighed_again import foretells_worse, pruned, reconsidered
 from ident.progress import Progress, silent
 from modelgen.effects.place import Place
 
@@ -138,7 +138,9 @@ def trace(
             if its is None:
                 break
             taken = _settled(its, its.tried)
-        taken = taken or _best(state, weighed, library, tau, alpha)
+        taken = taken or _foretelling(state, weighed, library, tau, alpha)
+        if taken is None:
+            break
         state = taken.state
         if isinstance(taken.told, Step):
             steps.append(taken.told)
@@ -194,6 +196,19 @@ def _load(state: State, event: Event | None, weighed: Weighed, tau: float, alpha
     r = event.refined
     told = Step(r.term, event.evidence, others_of(event))
     return Taken(with_found(state, Found(r.term, r.columns, r.sizes)), told)
+
+
+def _foretelling(state: State, weighed: Weighed, library: Library, tau: float, alpha: float) -> Taken | None:
+    """The best that passed (`_best`) of those that still foretell the judged rows once they are settled; None
+    where none does. (Beside 20 ms of all torques of a Franka a gear's play passed by 72 nats; settled, the two
+    ended at a delay of one millisecond, and the judged rows spoke by 900 nats against both.)"""
+    while weighed.passed:
+        taken = _best(state, weighed, library, tau, alpha)
+        if not foretells_worse(taken.state, state, tau):
+            return taken
+        best, _ = simplest(weighed, tau)
+        weighed = replace(weighed, passed=tuple(its for its in weighed.passed if its[0] is not best))
+    return None
 
 
 def _best(state: State, weighed: Weighed, library: Library, tau: float, alpha: float) -> Taken:

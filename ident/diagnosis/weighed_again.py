@@ -69,14 +69,14 @@ def reconsidered(
             continue
         instead = state.swapped(number, Found(best.term, best.columns, best.sizes))
         trial = refined_together(solved(instead))
-        if _foretells_worse(trial, state, tau):
+        if foretells_worse(trial, state, tau):
             continue
         state, steps[at] = trial, Step(best.term, evidence, rivals, steps[at].passed)
     return state, steps
 
 
-def _foretells_worse(trial: State, state: State, tau: float) -> bool:
-    """Whether what was exchanged, settled, foretells the judged rows worse by the limit than what was there.
+def foretells_worse(trial: State, state: State, tau: float) -> bool:
+    """Whether what was taken, or exchanged, settled, foretells the judged rows worse by the limit than what was there.
     (Of an AIRBOT at 50 Hz a gain of five in the place of a hysteresis, which said as much as it was, ended at
     3e7 beside the rest, and a delay gave way to another hysteresis beside that.)"""
     before, after = (whitened_squares(state, its, state.rows.judged) for its in (state, trial))

@@ -223,3 +223,16 @@ def test_a_late_torque_behind_a_turn_over_that_fits_what_is_fitted(tmp_path):
     delay = next(f for f in found if f.effect == "time_delay").parameters["delay"]
     assert {(f.effect, f.joints) for f in found} == {("time_delay", (5,)), ("spring", (7,))}
     assert abs(delay["value"] - 0.018024) < 3 * delay["std"]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not DATA.is_dir(), reason="the robots' recordings are not here")
+def test_nothing_beside_a_delay_drives_it_out(tmp_path):
+    """Of all torques of a Franka, 20 ms late: a gear's play on joint 7 passed beside the delay, and with both
+    settled the judged rows were against either; 6.7 % were left where the delay leaves 1.7."""
+    document = ident.diagnose(
+        ident.load(with_fault("franka_panda", "torques late by 20 ms", tmp_path))
+    ).document()
+    first = document["findings"][0]
+    assert (first["effect"], first["joints"]) == ("time_delay", [])
+    assert document["error_percent"]["after"]["test"]["total"] < 3.0

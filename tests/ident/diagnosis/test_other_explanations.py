@@ -8,13 +8,14 @@ from planted import ON_RECORDINGS, strangers_log, with_fault
 
 import ident
 from benchmarks.exam.make_cases import make_case
-from ident.diagnosis import diagnose_study, weighed_again
+from ident.diagnosis import diagnose_study, loop, weighed_again
 from ident.diagnosis.evidence.refine import Refined
 from ident.diagnosis.evidence.settled import with_found
 from ident.diagnosis.evidence.state import Found
 from ident.diagnosis.opening import opened
 from ident.diagnosis.rows.terms import Term
 from ident.diagnosis.search import weighing
+from ident.diagnosis.search.weighing import Weighed
 from ident.equations.prepared import prepare_study
 from ident.excitation.seen import seen
 from ident.recordings.study import load_study
@@ -60,6 +61,19 @@ def test_what_foretells_worse_once_it_is_settled_stands_in_no_place(monkeypatch,
     step = weighed_again.Step(term, Made(given=False), (), (other,))
     after, (step,) = weighed_again.reconsidered(state, [step], None, 8.0, 0.01)
     assert (after, step.term) == ((trial, other) if taken else (state, term))
+
+
+@pytest.mark.parametrize(("ends", "taken"), [("oo", "a"), ("xo", "b"), ("xx", None)])
+def test_what_passed_and_foretells_worse_once_it_is_settled_is_not_taken(monkeypatch, ends, taken):
+    """The next best is; nothing where none is left."""
+    passed = tuple((Made(name=name, end=end), 9.0) for name, end in zip("ab", ends))
+    monkeypatch.setattr(loop, "simplest", lambda weighed, tau: weighed.passed[0])
+    monkeypatch.setattr(loop, "_best", lambda state, weighed, *_: Made(state=weighed.passed[0][0]))
+    monkeypatch.setattr(loop, "foretells_worse", lambda trial, state, tau: trial.end == "x")
+    its = loop._foretelling(
+        None, Weighed(passed=passed, all=passed, possible=(), metric=None), None, 8.0, 0.01
+    )
+    assert (its and its.state.name) == taken
 
 
 @pytest.mark.parametrize("found", [6.0, 4.0])
