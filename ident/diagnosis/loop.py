@@ -199,9 +199,9 @@ def _load(state: State, event: Event | None, weighed: Weighed, tau: float, alpha
 
 
 def _foretelling(state: State, weighed: Weighed, library: Library, tau: float, alpha: float) -> Taken | None:
-    """The best that passed (`_best`) of those that still foretell the judged rows once they are settled; None
-    where none does. (Beside 20 ms of all torques of a Franka a gear's play passed by 72 nats; settled, the two
-    ended at a delay of one millisecond, and the judged rows spoke by 900 nats against both.)"""
+    """The best that passed (`_best`) of those that foretell the judged rows no worse once they are settled;
+    None where none does. (Beside 20 ms of all torques of a Franka a gear's play passed by 72 nats; settled,
+    the two ended at two milliseconds, and the judged rows spoke by 900 nats against both.)"""
     while weighed.passed:
         taken = _best(state, weighed, library, tau, alpha)
         if not foretells_worse(taken.state, state, tau):

@@ -76,9 +76,9 @@ def reconsidered(
 
 
 def foretells_worse(trial: State, state: State, tau: float) -> bool:
-    """Whether what was taken, or exchanged, settled, foretells the judged rows worse by the limit than what was there.
-    (Of an AIRBOT at 50 Hz a gain of five in the place of a hysteresis, which said as much as it was, ended at
-    3e7 beside the rest, and a delay gave way to another hysteresis beside that.)"""
+    """Whether what was taken, or exchanged, foretells the judged rows worse, settled, by the limit than what
+    was there. (Of an AIRBOT at 50 Hz a gain of five in the place of a hysteresis, which said as much as it
+    was, ended at 3e7 beside the rest, and a delay gave way to another hysteresis beside that.)"""
     before, after = (whitened_squares(state, its, state.rows.judged) for its in (state, trial))
     return after - before > 2 * tau
 
