@@ -25,7 +25,7 @@ from modelgen.geometry.place import Motion, Place
 
 if TYPE_CHECKING:  # importing effects imports SymPy, which a study without them does not need
     from modelgen.effects.effect import Effect, LinearParameter, NonlinearParameter
-    from modelgen.effects.place import Model
+    from modelgen.geometry.robot import Robot
 
 STEP = 1e-5  # of differences over parameters, relative
 PROBE = 64  # samples on which linearity in the size is seen
@@ -64,12 +64,12 @@ class Term:
         sizes = zip(self.linear, self.size)
         return {name: x for name, x in sizes if self.known.get(name) != 0.0} | dict(self.theta)
 
-    def beyond(self, covariance: np.ndarray, model: Model) -> float:
+    def beyond(self, covariance: np.ndarray, robot: Robot) -> float:
         """Standard deviations from the nearest values that physics allows; covariance (k, k) of `names`."""
         at = [self.linear.index(name) for name in self.unknown]
         own = np.zeros((len(self.linear), len(self.linear)))
         own[np.ix_(at, at)] = covariance[: len(at), : len(at)]
-        return self.effect.beyond(self.values, own, self.place, model)
+        return self.effect.beyond(self.values, own, self.place, robot)
 
     @property
     def names(self) -> tuple[str, ...]:

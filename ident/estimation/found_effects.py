@@ -127,7 +127,7 @@ def _found(result: FitResult, term: Term) -> FoundEffect:
         of_sizes,
         of_needed,
         as_told,
-        0.0 if result.model is None else term.beyond(stretches[np.ix_(every, every)], result.model),
+        0.0 if result.model is None else term.beyond(stretches[np.ix_(every, every)], result.model.robot),
     )
 
 

@@ -46,9 +46,9 @@ def impossible(
         reason = term.effect.physical(values)
         if reason and sure and term.effect.physical({**values, **best}):
             out.update(dict.fromkeys(term.names, f"{term.label}: {reason}"))
-        far = 0.0 if model is None else term.beyond(covariance[np.ix_(at, at)], model)
+        far = 0.0 if model is None else term.beyond(covariance[np.ix_(at, at)], model.robot)
         if far > FAR:
-            reason = f"its values are {far:.1f} standard deviations from any that go together"
+            reason = f"{term.effect.agreement}, and these values are {far:.1f} standard deviations from it"
             out.update(dict.fromkeys(term.names, f"{term.label}: {reason}"))
     return out
 

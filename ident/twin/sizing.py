@@ -15,6 +15,9 @@ from ident.twin.twin import ActiveEffect, SimulationError, Twin, placed
 from ident.twin.yardstick import Yardstick
 from modelgen.effects.place import Layout, Place
 from modelgen.effects.scaling import metres_per_radian, radian_power
+from modelgen.geometry.robot import Robot
+
+EXACT = 1e-9  # of a value that a user gives: how it is rounded
 
 
 def activate(request: EffectRequest, twin: Twin, model: str, motions: Mapping[str, Motion]) -> ActiveEffect:
@@ -27,7 +30,7 @@ def activate(request: EffectRequest, twin: Twin, model: str, motions: Mapping[st
     values, context = _usual(request, place, twin, model)
     active = _active(request, place, values, context)
     yardstick = Yardstick(twin, model, motions)
-    _refuse_impossible(active)
+    _refuse_impossible(active, twin.robot)
     active = replace(active, visible=yardstick(active))
     if set(request.values) & {*effect.size_names, *effect.size_aliases} or not effect.size_names:
         return active
@@ -112,10 +115,13 @@ def _active(
     return _with_linear(ActiveEffect(request, place, linear, nonlinear, {}), linear, context)
 
 
-def _refuse_impossible(active: ActiveEffect) -> None:
-    """Raise SimulationError for what physics does not allow: negative friction, a wavelength of zero."""
-    effect = active.request.effect
-    reason = effect.physical({**active.linear, **active.nonlinear})
+def _refuse_impossible(active: ActiveEffect, robot: Robot) -> None:
+    """Raise SimulationError for what physics does not allow: negative friction, a wavelength of zero, values
+    that do not go together."""
+    effect, values = active.request.effect, {**active.linear, **active.nonlinear}
+    known = np.diag([(EXACT * values[name]) ** 2 for name in effect.parameters_of(active.place)])
+    apart = effect.beyond(values, known, active.place, robot) > 1
+    reason = effect.physical(values) or (effect.agreement if apart else "")
     if reason:
         given = ", ".join(f"{key}={value:g}" for key, value in active.request.values.items())
         raise SimulationError(f"{effect.name} with {given} cannot be: {reason}; change it.")

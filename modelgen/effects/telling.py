@@ -10,6 +10,7 @@ import sympy as sp
 from modelgen.effects import evaluation
 from modelgen.effects.definition import Definition, EffectError
 from modelgen.effects.place import Model, Place
+from modelgen.geometry.robot import Robot
 
 Array = np.ndarray
 Report = dict[str, dict[str, float | str]]
@@ -31,11 +32,17 @@ class Telling(Definition):
                 return f"{q.name} would be negative or zero"
         return None
 
-    def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, model: Model) -> float:
+    def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, robot: Robot) -> float:
         """How many standard deviations these values are from the nearest that can be, where several of them
         have to agree; 0: not at all. covariance: of the linear parameters in use at the place; of those
         that are held at zero there is no value."""
         return 0.0
+
+    def against(self, values: Mapping[str, float], covariance: Array, place: Place, model: Model) -> float:
+        """Nats that the nearest values that physics allows are behind these; infinite where none are near."""
+        if self.physical(values, model) is not None:
+            return np.inf
+        return 0.5 * self.beyond(values, covariance, place, model.robot) ** 2
 
     def context_of(self, place: Place, model: Model) -> dict[str, float]:
         """Numbers of the model that `report` is relative to: of "Fv" the joint's Fvm, or else Fvl."""

@@ -90,10 +90,8 @@ def can_be(state: State, own: Metric, term: Term, columns: Columns, sizes: np.nd
     """Whether physics allows a load, or one that all usable rows hold against it by less than tau nats."""
     names = term.effect.parameters_of(term.place)
     values = {**term.theta, **dict(zip(names, sizes))}
-    if term.effect.physical(values, state.model) is not None:
-        return False
     known = spread(whole(own, state.rows.usable), columns)
-    return 0.5 * term.effect.beyond(values, known, term.place, state.model) ** 2 < tau
+    return term.effect.against(values, known, term.place, state.model) < tau
 
 
 def by_what_it_needs(

@@ -213,8 +213,7 @@ def is_physical(state: State, m: Metric, r: Refined, e: Evidence, tau: float) ->
     asked = bool(e.gain > tau and e.left > 1e-5)
     if not asked or len(names) == 1:
         return asked
-    covariance = spread(m, r.columns)
-    return 0.5 * r.term.effect.beyond(values, covariance, r.term.place, state.model) ** 2 < tau
+    return r.term.effect.against(values, spread(m, r.columns), r.term.place, state.model) < tau
 
 
 def is_itself(m: Metric, r: Refined, e: Evidence, tau: float, alpha: float) -> bool:

@@ -8,6 +8,7 @@ from modelgen.effects.effect import Array, Columns, Effect, LinearParameter
 from modelgen.effects.memory import Memory
 from modelgen.effects.place import Layout, Model, Motion, Place
 from modelgen.effects.truth import Stage, Truth
+from modelgen.geometry.robot import Robot
 
 
 class CableCoupling(Effect):
@@ -25,6 +26,7 @@ class CableCoupling(Effect):
     summary = "a cable or hose over two joints pulls on each by the position of the other"
     signature = "a straight line against the other joint's position, the same slope on both joints"
     source = "elastic potential of two coordinates: Goldstein, Classical Mechanics, 2nd ed. 1980, ch. 6"
+    agreement = "k_own k_source has to be k_cross^2 at least"
     equation = "tau_joint += k_own q + k_cross q_source, tau_source += k_cross q + k_source q_source"
     remedy = "lay the hose with more slack, or add its three stiffnesses to the model"
     linear = (
@@ -84,7 +86,7 @@ class CableCoupling(Effect):
         added[:, j], added[:, s] = (part @ k for part in self.pulls(q[:, j], q[:, s]))
         return truth.with_torque(place, added)
 
-    def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, model: Model) -> float:
+    def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, robot: Robot) -> float:
         """An elastic body stores energy whichever way it is stretched: k_own k_source >= k_cross^2. Of one
         cable, which is stretched by one combination of its joints, both are equal: noise alone puts half of
         these beyond. (Of an arm with one that MuJoCo moved no cable was told, and a position in doubt.)"""

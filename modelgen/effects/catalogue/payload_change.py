@@ -37,6 +37,7 @@ class PayloadChange(LoadEffect):
         "Khalil, Gautier, Lemoine, Identification of the payload inertial parameters of industrial "
         "manipulators, ICRA 2007"
     )
+    agreement = "the centre of mass has to be within the arm's length of the link's frame"
     equation = "tau += columns of a body (M, MX .. ZZ) on a link, from a moment on or in a recording"
     remedy = "declare the load: `payload: LABEL` in the recordings that carry it"
     terms = dict.fromkeys((*WEIGHT, *INERTIA), SIGNALS.gate)
@@ -100,22 +101,22 @@ class PayloadChange(LoadEffect):
             return "a body has a mass"
         return super().physical(values, model)
 
-    def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, model: Model) -> float:
+    def beyond(self, values: Mapping[str, float], covariance: Array, place: Place, robot: Robot) -> float:
         """A first moment is a mass times where its centre is, which is no further from the link's frame than
         the arm is long, nor than a metre: f . u <= R m, f the first moments that the motion shows, u where it
         shows them best. Where it does not show the mass nothing is asked. (A UR10e whose third joint counted
         from another zero in one run was told to carry 0.000 kg with 0.395 kg m. Inertias are not asked: of
         what gives way less of them shows.)"""
         names = self.parameters_of(place)
-        row = place.link or model.robot.payload_link("L")
-        told = [k for k in WEIGHT[1:] if k in values and k in visible(model.robot, row)[0]]
+        row = place.link or robot.payload_link("L")
+        told = [k for k in WEIGHT[1:] if k in values and k in visible(robot, row)[0]]
         if "M" not in values or not told:
             return 0.0
         f = np.array([values[k] for k in told])
         at, mass = [names.index(k) for k in told], names.index("M")
         along = np.linalg.lstsq(covariance[np.ix_(at, at)], f, rcond=1e-12)[0]
         along /= max(float(np.linalg.norm(along)), 1e-300)
-        reach = max(REACH, arm_length(model.robot))
+        reach = max(REACH, arm_length(robot))
         over = np.zeros(len(names))
         over[at], over[mass] = along, -reach
         deviation = float(np.sqrt(max(over @ covariance @ over, 1e-300)))

@@ -461,10 +461,10 @@ def test_a_cable_beside_springs_of_its_joints_gives_no_energy():
     cable = catalogue()["cable_coupling"]
     place = Place(joint=4, side="link", source=3, parts=cable.linear_names)
     beside = Term("cable_coupling:5", cable, place, size=(0.67, 0.0, 0.0))
-    model, sure = SimpleNamespace(), 1e-4 * np.eye(3)
+    robot, sure = SimpleNamespace(), 1e-4 * np.eye(3)
 
     def possible(term, covariance=sure):
-        found = SimpleNamespace(term=term, beyond=term.beyond(covariance, model))
+        found = SimpleNamespace(term=term, beyond=term.beyond(covariance, robot))
         return last_fit._possible(found, np.log(4000))
 
     held = replace(beside, known={"k_own": 0.0, "k_source": 0.0})

@@ -212,6 +212,10 @@ def test_hysteresis_replaces_the_joints_own_dry_friction():
         ({"effects": ("payload_change::recording=run9",)}, "there is no run9"),
         ({"effects": ("payload_change::from=50",)}, "is no window of run2, which lasts 12 s"),
         ({"effects": ("stribeck_friction:2:Fs=-1",)}, "Fs would be negative"),
+        (
+            {"effects": ("cable_coupling:3:source_joint=2,k_cross=5,k_own=2,k_source=3",)},
+            "k_own k_source has to be k_cross",
+        ),
         ({"effects": ("joint_elasticity:2:k=0",)}, "values other than zero"),
         ({"effects": ("joint_elasticity:2",), "model": "D"}, "does not show in the torques of model D"),
         ({"effects": ("rotor_inertia:2",), "model": "B"}, "model B does not see rotor_inertia"),

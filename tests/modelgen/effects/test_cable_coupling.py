@@ -40,11 +40,11 @@ def test_each_pair_of_joints_is_a_place_once():
 
 def test_it_stores_energy_whichever_way_it_is_stretched():
     place, model = Place(2, 1, "link", parts=("k_cross", "k_own", "k_source")), arm_model()
-    assert E.beyond(values_of(E), np.eye(3), place, model) == 0.0
+    assert E.beyond(values_of(E), np.eye(3), place, model.robot) == 0.0
     values = {"k_cross": 9.0, "k_own": 5.0, "k_source": 5.0}
-    assert E.beyond(values, 1e-2 * np.eye(3), place, model) == pytest.approx(56 / 0.1 / np.sqrt(374))
+    assert E.beyond(values, 1e-2 * np.eye(3), place, model.robot) == pytest.approx(56 / 0.1 / np.sqrt(374))
     alone = Place(2, 1, "link", parts=("k_cross",))
-    assert E.beyond({"k_cross": -9.0}, np.eye(1), alone, model) == 0.0
+    assert E.beyond({"k_cross": -9.0}, np.eye(1), alone, model.robot) == 0.0
     check_report("cable_coupling")
 
 
@@ -58,6 +58,6 @@ def test_noise_puts_one_cable_beyond_by_a_normal_number():
     a = g.normal(size=(3, 3))
     covariance = 1e-4 * (a @ a.T + 0.1 * np.eye(3))
     drawn = g.multivariate_normal([-2.1, 3.0, 1.47], covariance, 4000)
-    told = np.array([E.beyond(dict(zip(place.parts, x)), covariance, place, model) for x in drawn])
+    told = np.array([E.beyond(dict(zip(place.parts, x)), covariance, place, model.robot) for x in drawn])
     assert np.mean(told > 0) == pytest.approx(0.5, abs=0.04)
     assert np.mean(told > 1.96) == pytest.approx(0.025, abs=0.01)

@@ -72,14 +72,14 @@ def test_a_first_moment_is_a_mass_times_a_place_within_the_arms_reach():
     sure = np.diag([0.03, 0.01, 0.01, 0.5]) ** 2
     reach = max(REACH, arm_length(model.robot))
     weight = dict(zip(WEIGHT, [0.0, 0.0, 0.4, -0.7]))
-    told = E.beyond(weight, sure, place, model)
+    told = E.beyond(weight, sure, place, model.robot)
     assert told == pytest.approx(0.4 / np.hypot(0.01, 0.03 * reach), rel=0.02)
-    assert E.beyond(values_of(E), sure, place, model) == 0.0
-    assert E.beyond({**weight, "M": 0.5}, sure, place, model) == 0.0
-    assert E.beyond(weight, 1e3 * sure, place, model) < 1.0
+    assert E.beyond(values_of(E), sure, place, model.robot) == 0.0
+    assert E.beyond({**weight, "M": 0.5}, sure, place, model.robot) == 0.0
+    assert E.beyond(weight, 1e3 * sure, place, model.robot) < 1.0
     light = next(p for p in E.places(layout(model, ("run1",))) if p.link == 2 and "M" not in p.parts)
     values = dict.fromkeys(light.parts, 0.4)
-    assert E.beyond(values, 1e-6 * np.eye(len(values)), light, model) == 0.0
+    assert E.beyond(values, 1e-6 * np.eye(len(values)), light, model.robot) == 0.0
 
 
 def test_reported_spread_is_that_of_draws():
