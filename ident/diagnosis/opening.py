@@ -27,7 +27,7 @@ from ident.equations.build import build
 from ident.equations.fine import Cut, FineKeeper, FineSegment, bytes_of
 from ident.equations.observation import RecordingSystem, stack
 from ident.equations.placing import layout_of, terms_of
-from ident.equations.prepared import Prepared
+from ident.equations.prepared import Prepared, travel_seen
 from ident.equations.terms import Term as StudyTerm
 from ident.equations.terms import late_by
 from ident.estimation.least_squares import channel_sigma, weighted_least_squares
@@ -137,9 +137,7 @@ def opened(
     rows, segments = source.looked_at(systems, keeper.segments(systems, chosen))
     del keeper, systems
     n = len(columns.need.joints)
-    low = np.min([s.q.min(axis=0) for s in segments], axis=0)
-    high = np.max([s.q.max(axis=0) for s in segments], axis=0)
-    layout = layout_of(study, columns, tuple(float(x) for x in high - low))
+    layout = layout_of(study, columns, travel_seen(prepared.streams))
     layout = replace(layout, recordings=rows.names)
     asked = sum(1 for effect in catalogue().values() for _ in effect.places(layout))
     problem = Problem(layout.robot, columns, _dry(columns.parameters, layout, rows, n), asked, source)

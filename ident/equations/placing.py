@@ -81,7 +81,7 @@ def _term(study: Study, entry: EffectEntry, columns: Columns, layout: Layout) ->
                 f"{effect.name} has no parameter {name} to hold here; it has "
                 f"{', '.join((*used, *effect.nonlinear_names))}"
             )
-    bounds = effect.bounds(place, layout)
+    bounds = effect.bounds(place)
     for name, value in shape.items():
         low, high = bounds.get(name, (-math.inf, math.inf))
         if not low <= value <= high and name not in entry.fixed:

@@ -128,6 +128,11 @@ def travel_of(streams: Sequence[RecordingStream]) -> np.ndarray:
     return np.asarray(np.max([stream.survey.highest[:n] for stream in streams], axis=0) - lowest)
 
 
+def travel_seen(streams: Sequence[RecordingStream]) -> tuple[float, ...]:
+    """The same of all but test runs, which touch nothing: the ranges on which effects are placed."""
+    return tuple(travel_of([s for s in streams if s.role != "test"] or streams).tolist())
+
+
 def resting_joints(streams: Sequence[RecordingStream]) -> tuple[int, ...]:
     """Joints that stand at one place in every stretch of all recordings (of a robot that stands in poses all
     do), unless the whole robot stands at one. There its load moves no other torque that another link's would

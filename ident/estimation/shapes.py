@@ -20,7 +20,7 @@ from ident.equations.fine import FineSegment
 from ident.equations.fitted import FittedModel
 from ident.equations.observation import RecordingSystem
 from ident.equations.placing import layout_of, terms_of
-from ident.equations.prepared import Prepared, travel_of
+from ident.equations.prepared import Prepared, travel_seen
 from ident.equations.terms import Term, plain, with_terms
 from ident.errors import StudyError
 from ident.estimation.least_squares import Estimate, restrict, solve, weighted_factor
@@ -163,7 +163,7 @@ def declared(prepared: Prepared) -> tuple[Term, ...]:
 
 
 def _layout(prepared: Prepared) -> Layout:
-    return layout_of(prepared.study, prepared.columns, travel_of(prepared.streams).tolist())
+    return layout_of(prepared.study, prepared.columns, travel_seen(prepared.streams))
 
 
 def _held(columns: Columns, terms: Sequence[Term]) -> np.ndarray:

@@ -219,9 +219,10 @@ def usual_term(
     """A term at a place with given reported values, usual ones for the rest."""
     given = given or {}
     layout = Layout(known.robot, known.channels, travel=tuple((2 * bounds.half).tolist()))
+    place = layout.with_travel(place)
     own = known.friction(place)
     context = known.context(effect, place)
-    values, scale = effect.usual(given, own), metres_per_radian(place, layout)
+    values, scale = effect.usual(given, own), metres_per_radian(place)
     for quantity in effect.quantities:
         if quantity.name in values and quantity.name not in given and not quantity.angle:
             values[quantity.name] *= scale ** radian_power(quantity.unit)
@@ -232,7 +233,7 @@ def usual_term(
     label = ":".join(
         [effect.name, *(known.robot.joint_labels[j] for j in (place.joint, place.source) if j is not None)]
     )
-    term = Term(label, effect, place, theta, size, effect.nonlinear_names, {}, effect.bounds(place, layout))
+    term = Term(label, effect, place, theta, size, effect.nonlinear_names, {}, effect.bounds(place))
     if set(given) & {*effect.size_names, *effect.size_aliases} or not effect.proportional:
         return term
     added = torque_of(term, motion, known, {})  # type: ignore[arg-type]

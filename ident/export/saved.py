@@ -22,7 +22,7 @@ import numpy as np
 
 from ident.equations.columns import Columns
 from ident.equations.observation import ChannelFactor, stack
-from ident.equations.prepared import columns_of
+from ident.equations.prepared import columns_of, travel_seen
 from ident.errors import IdentError
 from ident.estimation.fit import FitResult
 from ident.estimation.noise import ChannelNoise
@@ -141,7 +141,7 @@ def keep(result: FitResult, folder: Path) -> None:
         "study": _portable(result),
         "parameters": list(result.columns.parameters),
         "channels": list(result.columns.channels),
-        "travel": _travel(result),
+        "travel": list(travel_seen(result.recordings)),
         "roles": roles,
         "segments": labels,
         "cutoff_hz": result.cutoff_hz,
@@ -175,13 +175,6 @@ def _robot_text(source: str) -> tuple[str, bytes]:
     folder = files("modelgen").joinpath("robots")
     name = f"{source}.urdf" if folder.joinpath(f"{source}.urdf").is_file() else f"{source}.yaml"
     return name, folder.joinpath(name).read_bytes()
-
-
-def _travel(result: FitResult) -> list[float]:
-    """Range of each joint in the recordings, which places some effects."""
-    n = len(result.columns.need.joints)
-    reach = [stream.survey.highest - stream.survey.lowest for stream in result.recordings]
-    return [float(value) for value in np.max([its[:n] for its in reach], axis=0)]
 
 
 def _portable(result: FitResult) -> dict[str, Any]:

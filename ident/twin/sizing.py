@@ -78,7 +78,7 @@ def _usual(
     effect = request.effect
     space = reach(twin.robot)
     layout = Layout(twin.robot, (), travel=tuple((2 * space.half).tolist()))
-    scale, own = metres_per_radian(place, layout), {}
+    scale, own = metres_per_radian(layout.with_travel(place)), {}
     if request.joint is not None:
         label = twin.robot.joint_labels[request.joint]
         here, there = ("l", "m") if model == "B" else ("m", "l")  # side of the gear that is recorded

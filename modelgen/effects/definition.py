@@ -1,13 +1,14 @@
 """What an effect states of itself: its attributes, its parameters with their units and bounds."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import cached_property
 from typing import Any, Literal
 
 import sympy as sp
 
 from modelgen.effects.parameters import LinearParameter, NonlinearParameter, Quantity, State
-from modelgen.effects.place import Layout, Place
+from modelgen.effects.place import Place
 from modelgen.effects.scaling import metres_per_radian, radian_power
 from modelgen.errors import ModelgenError
 from modelgen.geometry.names import joint_unit
@@ -127,14 +128,21 @@ class Definition:
             return quantity.unit
         return joint_unit(quantity.unit, place.prismatic, place.source_prismatic)
 
-    def bounds(self, place: Place, layout: Layout | None = None) -> dict[str, tuple[float, float]]:
+    def bounds(self, place: Place) -> dict[str, tuple[float, float]]:
         """{shape parameter: (low, high)} of those that are searched there. On a slide a rad counts as a share
-        of the joint's travel."""
-        scale = metres_per_radian(place, layout)
+        of the travel, of the joint's own and of a usual one: its friction does not follow from how far it
+        went. (Of a slide that went 0.3 m a Stribeck rate of 0.045 m/s was no longer in what is searched.)"""
+        scales = (
+            metres_per_radian(place),
+            metres_per_radian(replace(place, travel=None, source_travel=None)),
+        )
         out = {}
         for p in self.nonlinear:
             if p.beside in place.drive:
                 continue
             power = 0 if p.angle else radian_power(p.unit)
-            out[p.name] = (p.low * scale**power, p.high * scale**power)
+            out[p.name] = (
+                p.low * min(scale**power for scale in scales),
+                p.high * max(scale**power for scale in scales),
+            )
         return out

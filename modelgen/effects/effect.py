@@ -107,7 +107,7 @@ class Effect(Expressions, Telling):
     ) -> Sequence[dict[str, float]]:
         """Starting shape parameters, the product of the grids; residuals: one (N,) a motion, of the place's
         first channel, NaN where it does not count."""
-        scale = metres_per_radian(place, None, motions)
+        scale = metres_per_radian(place, motions)
         points: list[dict[str, float]] = [{}]
         for p in self.nonlinear:
             factor = 1.0 if p.angle else scale ** radian_power(p.unit)

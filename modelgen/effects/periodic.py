@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from modelgen.effects.place import Motion
+from modelgen.effects.place import REVOLUTE_TRAVEL, USUAL_SLIDE, Motion, Place
 
 Array = np.ndarray
 FASTEST = 400.0  # 1/rad of a joint that turns: the teeth of a gear
@@ -20,10 +20,11 @@ def wavenumber_range(travel: float, prismatic: bool) -> tuple[float, float]:
     return min(low, 0.5 * high), high
 
 
-def wavenumber_bounds(travel: float, prismatic: bool) -> tuple[float, float]:
+def wavenumber_bounds(place: Place) -> tuple[float, float]:
     """Where a wave that was found may end: half as many over the travel as a search begins with. Other runs
     can show that it is one."""
-    low, high = wavenumber_range(travel, prismatic)
+    usual = USUAL_SLIDE if place.prismatic else REVOLUTE_TRAVEL
+    low, high = wavenumber_range(usual if place.travel is None else place.travel, place.prismatic)
     return 0.5 * low, high
 
 

@@ -4,6 +4,7 @@ a fit finds them without SymPy."""
 from modelgen.geometry.place import (
     REVOLUTE_TRAVEL,
     SEEN,
+    USUAL_SLIDE,
     Layout,
     Model,
     Motion,
@@ -12,4 +13,14 @@ from modelgen.geometry.place import (
     torque_slopes,
 )
 
-__all__ = ["REVOLUTE_TRAVEL", "SEEN", "Layout", "Model", "Motion", "Place", "PlaceSide", "torque_slopes"]
+__all__ = [
+    "REVOLUTE_TRAVEL",
+    "SEEN",
+    "USUAL_SLIDE",
+    "Layout",
+    "Model",
+    "Motion",
+    "Place",
+    "PlaceSide",
+    "torque_slopes",
+]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from modelgen.effects.place import REVOLUTE_TRAVEL, Layout, Motion, Place
+from modelgen.effects.place import REVOLUTE_TRAVEL, USUAL_SLIDE, Motion, Place
 
 
 def radian_power(unit: str) -> int:
@@ -14,16 +14,17 @@ def radian_power(unit: str) -> int:
     return {"rad": 1, "rad/s": 1, "1/rad": -1}.get(unit, 0)
 
 
-def metres_per_radian(place: Place, layout: Layout | None, motions: Sequence[Motion] = ()) -> float:
+def metres_per_radian(place: Place, motions: Sequence[Motion] = ()) -> float:
     """1 of a joint that turns; of one that slides, its travel [m] over that of a usual revolute joint."""
     j = place.source if place.source is not None else place.joint
     slides = place.prismatic if place.source is None else bool(place.source_prismatic)
     if j is None or not slides:
         return 1.0
-    if layout is not None and layout.travel:
-        return layout.travel[j] / REVOLUTE_TRAVEL
+    known = place.travel if place.source is None else place.source_travel
+    if known is not None:
+        return known / REVOLUTE_TRAVEL
     span = [(m.q[:, j].min(), m.q[:, j].max()) for m in motions if len(m.t)]
-    travel = max(h for _, h in span) - min(low for low, _ in span) if span else 0.6
+    travel = max(h for _, h in span) - min(low for low, _ in span) if span else USUAL_SLIDE
     return max(travel, 1e-3) / REVOLUTE_TRAVEL
 
 

@@ -24,6 +24,7 @@ SEEN: Mapping[str, Mapping[str, int]] = {
     "sensor": {"sensor": 1, "drive": -1},
 }
 STEPS = (1e-5, 1.0, 1.0)  # of q, dq and ddq, in which derivatives are taken
+USUAL_SLIDE = 0.6  # m of travel, where it is not known
 REVOLUTE_TRAVEL = 4.8  # rad; a slide's travel counts as this much of a revolute joint's
 
 
@@ -39,6 +40,7 @@ class Place:
     link            row of the robot file, from 1, that a body is fixed to or a force acts on
     parts           linear parameters in use; empty: those that are not optional
     drive           kinds of drive parameters ("Iam") that the model has at the joint
+    travel          range of the joint, and of the source, in the recordings [rad | m]; None: not known
     """
 
     joint: int | None = None
@@ -52,6 +54,8 @@ class Place:
     prismatic: bool = field(default=False, compare=False)  # the joint slides: N and m for N m and rad
     source_prismatic: bool | None = field(default=None, compare=False)
     drive: frozenset[str] = field(default=frozenset(), compare=False)
+    travel: float | None = field(default=None, compare=False)
+    source_travel: float | None = field(default=None, compare=False)
 
     def rows(self, channels: Sequence[Channel]) -> dict[int, int]:
         """{channel number: +1 or -1} of the torques of its joint (of all joints) that show it."""
@@ -111,16 +115,25 @@ class Layout:
         return self.left_out[joint].isdisjoint(kinds)
 
     def place(self, joint: int | None = None, source: int | None = None, **more: object) -> Place:
-        """A place that knows whether its joints slide, and what the model has there."""
+        """A place that knows whether its joints slide and how far, and what the model has there."""
         slides = self.prismatic
-        return Place(
-            joint,
-            source,
-            prismatic=joint is not None and slides[joint],
-            source_prismatic=None if source is None else slides[source],
-            drive=self.drives[joint] if self.drives and joint is not None else frozenset(),
-            **more,  # type: ignore[arg-type]
+        return self.with_travel(
+            Place(
+                joint,
+                source,
+                prismatic=joint is not None and slides[joint],
+                source_prismatic=None if source is None else slides[source],
+                drive=self.drives[joint] if self.drives and joint is not None else frozenset(),
+                **more,  # type: ignore[arg-type]
+            )
         )
+
+    def with_travel(self, place: Place) -> Place:
+        """The place with the ranges of its joints."""
+        own, source = (
+            self.travel[j] if self.travel and j is not None else None for j in (place.joint, place.source)
+        )
+        return replace(place, travel=own, source_travel=source)
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ def shortest_travels(effects: Iterable[Effect], layout: Layout) -> dict[int, flo
             continue
         for place in effect.places(layout):
             if place.joint is not None:
-                low = min(low for low, _ in effect.bounds(place, layout).values())
+                low = min(low for low, _ in effect.bounds(place).values())
                 out[place.joint] = min(out.get(place.joint, np.inf), low)
     return out
 

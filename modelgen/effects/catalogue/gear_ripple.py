@@ -6,7 +6,7 @@ import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Array, Effect, LinearParameter, NonlinearParameter, Quantity
 from modelgen.effects.periodic import peaks, travel_of, wavenumber_bounds, wavenumber_range
-from modelgen.effects.place import Layout, Model, Motion, Place
+from modelgen.effects.place import Model, Motion, Place
 
 k, As1, Ac1, As2, Ac2 = sp.symbols("wavenumber As1 Ac1 As2 Ac2", real=True)
 A1, A2, phi1, phi2 = sp.symbols("A1 A2 phi1 phi2", real=True)
@@ -47,11 +47,9 @@ class GearRipple(Effect):
     sizes = ("A1", "A2")
     common = False
 
-    def bounds(self, place: Place, layout: Layout | None = None) -> dict[str, tuple[float, float]]:
+    def bounds(self, place: Place) -> dict[str, tuple[float, float]]:
         """From the joint's own travel: a wave and a half over it, to the finest lead or tooth."""
-        default = 0.6 if place.prismatic else 4.8
-        travel = layout.travel[place.joint or 0] if layout is not None and layout.travel else default
-        low, high = wavenumber_bounds(travel, place.prismatic)
+        low, high = wavenumber_bounds(place)
         return {"wavenumber": (low, high / 2)}
 
     def starts(

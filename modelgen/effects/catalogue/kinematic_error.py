@@ -12,7 +12,7 @@ from modelgen.effects.kinds import MotionEffect
 from modelgen.effects.memory import Memory
 from modelgen.effects.motions import little_displaced
 from modelgen.effects.periodic import beyond_an_error, peaks, travel_of, wavenumber_bounds, wavenumber_range
-from modelgen.effects.place import Layout, Model, Motion, Place
+from modelgen.effects.place import Model, Motion, Place
 from modelgen.effects.truth import Stage, Truth
 
 k, es, ec, e, phi = sp.symbols("wavenumber es ec e phi", real=True)
@@ -55,12 +55,11 @@ class KinematicError(MotionEffect):
     typical = {"e": 1e-3, "wavenumber": 2.0, "phi": 0.6, "Iam": 0.0}
     common = False
 
-    def bounds(self, place: Place, layout: Layout | None = None) -> dict[str, tuple[float, float]]:
-        bounds = super().bounds(place, layout)
+    def bounds(self, place: Place) -> dict[str, tuple[float, float]]:
+        bounds = super().bounds(place)
         if not place.prismatic:
             return bounds
-        travel = layout.travel[place.joint or 0] if layout is not None and layout.travel else 0.6
-        return {**bounds, "wavenumber": wavenumber_bounds(travel, True)}
+        return {**bounds, "wavenumber": wavenumber_bounds(place)}
 
     def starts(
         self,

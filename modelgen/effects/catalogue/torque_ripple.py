@@ -6,7 +6,7 @@ import sympy as sp
 
 from modelgen.effects.effect import SIGNALS, Array, Effect, LinearParameter, NonlinearParameter, Quantity
 from modelgen.effects.periodic import peaks, travel_of, wavenumber_bounds, wavenumber_range
-from modelgen.effects.place import Layout, Model, Motion, Place
+from modelgen.effects.place import Model, Motion, Place
 
 k, As, Ac, A, phi = sp.symbols("wavenumber As Ac A phi", real=True)
 
@@ -32,11 +32,9 @@ class TorqueRipple(Effect):
     inverse = {"As": A * sp.cos(phi), "Ac": A * sp.sin(phi)}
     typical = {"A": 2.0, "wavenumber": 12.0, "phi": 0.7}
 
-    def bounds(self, place: Place, layout: Layout | None = None) -> dict[str, tuple[float, float]]:
+    def bounds(self, place: Place) -> dict[str, tuple[float, float]]:
         """From the joint's own travel: a wave and a half over it, to the finest lead or tooth."""
-        default = 0.6 if place.prismatic else 4.8
-        travel = layout.travel[place.joint or 0] if layout is not None and layout.travel else default
-        low, high = wavenumber_bounds(travel, place.prismatic)
+        low, high = wavenumber_bounds(place)
         return {"wavenumber": (low, high)}
 
     def starts(

@@ -17,7 +17,6 @@ from effect_model import (
 )
 
 from modelgen.effects import effect
-from modelgen.effects.effect import Layout
 
 E = effect("kinematic_error")
 
@@ -52,8 +51,9 @@ def test_waves_of_the_residual_are_starts():
 
 def test_a_ball_screw_is_searched_to_its_lead():
     slide = arm_model(text=SLIDE)
-    place = next(p for p in E.places(layout(slide)) if p.joint == 1)
-    low, high = E.bounds(place, Layout(slide.robot, slide.channels, (), (5.0, 0.5)))["wavenumber"]
+    known = replace(layout(slide), travel=(5.0, 0.5))
+    place = next(p for p in E.places(known) if p.joint == 1)
+    low, high = E.bounds(place)["wavenumber"]
     assert low == pytest.approx(2 * np.pi * 0.75 / 0.5) and high == pytest.approx(2 * np.pi / 0.002)
     told = E.report(values_of(E), None, None, place)
     assert [told[k]["unit"] for k in ("e", "wavenumber", "phi")] == ["m", "1/m", "rad"]
@@ -62,7 +62,7 @@ def test_a_ball_screw_is_searched_to_its_lead():
 def test_the_rotor_is_searched_only_where_the_model_hides_it():
     model = arm_model()
     hidden = replace(layout(model), drives=(frozenset({"Fvm"}), *(frozenset({"Iam"}),) * 3))
-    assert ["Iam" in E.bounds(p, hidden) for p in E.places(hidden)] == [True, False, False, False]
+    assert ["Iam" in E.bounds(p) for p in E.places(hidden)] == [True, False, False, False]
 
 
 def test_places_signs_and_spread():

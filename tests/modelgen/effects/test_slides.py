@@ -1,5 +1,7 @@
 """On a joint that slides an effect has N and m: in its units, its bounds and where its search begins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from effect_model import SLIDE, arm_model, layout, motion
@@ -44,14 +46,13 @@ def test_units_of_a_slide(name, parameter, unit):
 
 def test_shapes_are_searched_on_the_scale_of_the_travel():
     stribeck = effect("stribeck_friction")
-    place = slide_of(stribeck)
-    turning = next(p for p in stribeck.places(layout(MODEL)) if p.joint == 0)
-    assert stribeck.bounds(turning, TRAVEL)["vs"] == (0.005, 0.6)
-    assert stribeck.bounds(place, TRAVEL)["vs"] == pytest.approx((0.0005, 0.06))
+    turning, place = (next(p for p in stribeck.places(TRAVEL) if p.joint == j) for j in (0, 1))
+    assert stribeck.bounds(turning)["vs"] == (0.005, 0.6)
+    assert stribeck.bounds(place)["vs"] == pytest.approx((0.0005, 0.075))  # a usual slide's goes further
     m = motion(MODEL, 4.0)
-    scale = np.ptp(m.q[:, 1]) / 4.8
-    starts = [s["vs"] for s in stribeck.starts(place, [m], [np.zeros(len(m.t))])]
-    assert starts == pytest.approx([x * scale for x in stribeck.nonlinear[0].grid])
+    for its, scale in ((place, 0.1), (replace(place, travel=None), np.ptp(m.q[:, 1]) / 4.8)):
+        starts = [s["vs"] for s in stribeck.starts(its, [m], [np.zeros(len(m.t))])]
+        assert starts == pytest.approx([x * scale for x in stribeck.nonlinear[0].grid])
 
 
 def test_a_ball_screws_ripple_is_found():
@@ -61,4 +62,4 @@ def test_a_ball_screws_ripple_is_found():
     residual = np.sin(wave * m.q[:, 1]) + 0.5 * np.random.default_rng(0).normal(size=len(m.t))
     found = [s["wavenumber"] for s in ripple.starts(slide_of(ripple), [m], [residual])]
     assert min(abs(w - wave) for w in found) < 2 * np.pi / np.ptp(m.q[:, 1])
-    assert ripple.bounds(slide_of(ripple), TRAVEL)["wavenumber"][1] == pytest.approx(np.pi * 1000)
+    assert ripple.bounds(slide_of(ripple))["wavenumber"][1] == pytest.approx(np.pi * 1000)
