@@ -74,9 +74,9 @@ def torque_drops(columns: Columns, excerpt: Excerpt) -> Iterator[Check]:
         f"{listed(names)} {'falls' if len(names) == 1 else 'fall'} to about zero {len(moments)} times"
         f"{looked}, for up to {longest:.2g} s, {count} of them within {after:g} s after joint {turning}, "
         f"which is {100 * share:.2g} % of the time: nothing is passed on meanwhile, as while a gear with "
-        f"play goes from one flank to the other{or_turned}",
-        f"{with_sign}look for play in the gear of joint {gears}, and record it faster than this log to "
-        "measure it",
+        f"play goes from one flank to the other, or a joint that holds no weight sticks{or_turned}",
+        f"{with_sign}look for play in the gear of joint {gears}, and whether it rests there; record it "
+        "faster than this log to measure it",
     )
 
 
@@ -84,7 +84,8 @@ def _moments(x: np.ndarray, around: int) -> Iterator[tuple[int, int, int, bool]]
     """Of torques (C, N) of which some row may be a fall to zero: which one goes elsewhere for a moment, its
     first row, the one behind its last, and whether it is a fall, which is sudden. (Of an arm in MuJoCo that
     goes from point to point torques went to zero and back as it braked and went on the other way, by a fifth
-    of them from row to row: a gear had play.)"""
+    of them from row to row: a gear had play. Of another arm a sensor fell to zero while its joint,
+    which holds no weight, stuck at its turns: that looks the same, and is named beside the gear.)"""
     low, high = np.quantile(x, [0.05, 0.95], axis=1)
     sides = np.minimum(np.abs(x[:, : -2 * around]), np.abs(x[:, 2 * around :]))
     may = (np.abs(x[:, around:-around]) < LEFT * sides) & (sides > SHARE * (high - low)[:, None])

@@ -28,7 +28,10 @@ class BendingCrosstalk(RecordingEffect):
     signature = "the residual of one sensor follows the weight of the arm beyond it, across its axis"
     source = "Aghili, Buehler, Hollerbach, Design of a hollow hexaform torque sensor, IJRR 20(12), 2001"
     equation = "recorded += gain_x n_x + gain_y n_y, n the moment at the joint in its frame"
-    remedy = "calibrate the sensor under bending, or support its bearing so that bending passes beside it"
+    remedy = (
+        "calibrate the sensor under bending, or support its bearing so that bending passes beside it; or "
+        "measure the joint's axis, which shows the same where the robot file has it wrong by as many rad"
+    )
     linear = (
         LinearParameter("gain_x", "-", -0.3, 0.3, share=True),
         LinearParameter("gain_y", "-", -0.3, 0.3, share=True),
