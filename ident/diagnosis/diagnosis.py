@@ -152,7 +152,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         "effect" if findings else "unexplained" if unexplained or standing or taken or doubts else "none",
         findings,
         unexplained,
-        worst_first([*its.checks, *its.known.unseen]),
+        worst_first([*its.checks, *its.known.unseen, *(c for c in last.checks if c.check == "payload_mass")]),
         floor,
         {name: min(its, floor.get(name, its)) for name, its in white.items()},
         explainable(outcome),

@@ -30,7 +30,14 @@ from ident.estimation.estimators.refined import Feedback, refined
 from ident.estimation.least_squares import Estimate, bounded
 from ident.estimation.noise import ChannelNoise, channel_noises, durbin_watson
 from ident.estimation.reduction import NormalityTest, Reduction, kolmogorov_smirnov, reduce
-from ident.estimation.remarks import excitation, implausible, impossible, payload_notes, resting
+from ident.estimation.remarks import (
+    excitation,
+    implausible,
+    impossible,
+    payload_notes,
+    payloads_in_doubt,
+    resting,
+)
 from ident.estimation.shapes import Extended, declared, extend
 from ident.estimation.solving import estimate_all
 from ident.examination.check import Check, worst_first
@@ -295,6 +302,7 @@ def fit_systems(
     )
     signals = [signal_of(columns, c, reads_currents(prepared)) for c in range(len(columns.channels))]
     found += implausible(estimate, std, signals, resting(prepared), found, sorted(columns.model.prismatic))
+    found += payloads_in_doubt(study, full, std)
     progress("done", 1.0)
     return FitResult(
         study,

@@ -63,7 +63,8 @@ ALIKE = 2  # causes beside the one that all recordings tell: of more none is tol
 def examine_tables(prepared: Prepared) -> tuple[Check, ...]:
     """What was found in the recordings when they were opened, and of them against the robot's limits."""
     found = [check for stream in prepared.streams for check in stream.checks]
-    twice = sentences("same_rows", prepared.study.remarks)
+    judged = prepared.study.judged_again
+    twice = [Check("same_rows", (), said, recording=label) for label, said in judged]
     copied = same_samples(prepared.streams)
     smoothed = smoother_here(prepared.streams, reads_currents(prepared))
     return worst_first([*twice, *copied, *found, *smoothed, *beyond_limits(prepared)])

@@ -340,7 +340,12 @@ class Study(_Strict):
     @property
     def remarks(self) -> tuple[str, ...]:
         """What is legal but seldom meant, one sentence each."""
-        return study_checks.overlapping(self.recordings)
+        return tuple(said for _, said in self.judged_again)
+
+    @property
+    def judged_again(self) -> tuple[tuple[str, str], ...]:
+        """Recordings, by label, of which other roles have rows, too, and a sentence for each."""
+        return study_checks.overlapping(self.recordings, ROLES)
 
     @property
     def turn_overs(self) -> tuple[TurnOver, ...]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from ident.errors import StudyError
@@ -142,8 +142,9 @@ def estimator(study: Any) -> None:
         )
 
 
-def overlapping(entries: Iterable[Any]) -> tuple[str, ...]:
-    """Sentences on recordings that are fitted and judged on the same rows: the judgement is worth nothing."""
+def overlapping(entries: Iterable[Any], roles: Sequence[str]) -> tuple[tuple[str, str], ...]:
+    """Recordings of several roles on the same rows: the label of that one whose role is the later of `roles`,
+    and a sentence: its judgement is worth nothing."""
     found = []
     entries = list(entries)
     for k, one in enumerate(entries):
@@ -153,10 +154,12 @@ def overlapping(entries: Iterable[Any]) -> tuple[str, ...]:
             start = max(-math.inf if e.from_s is None else e.from_s for e in (one, other))
             end = min(math.inf if e.to_s is None else e.to_s for e in (one, other))
             if start < end:
-                found.append(
+                judge = max(one, other, key=lambda entry: roles.index(entry.use))
+                said = (
                     f"{shortened(one.file)} is used to {one.use} and to {other.use} on the same rows; part "
                     "them with from and to, or name another recording"
                 )
+                found.append((judge.label, said))
     return tuple(found)
 
 

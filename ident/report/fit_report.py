@@ -27,6 +27,7 @@ ROLES = {
     "validate": "runs that were not fitted",
     "test": "runs that were used for nothing else",
 }
+SHARED = {"validate": "runs whose rows were fitted, too", "test": "runs whose rows were used before"}
 OPEN_RECORDINGS = 1  # further recordings start folded
 SHOWN = 40  # recordings whose torques a page shows at most
 
@@ -92,7 +93,8 @@ def verdict(document: Mapping[str, Any]) -> str:
         if role in errors:
             unseen = percent(errors[role]["total"])
             return (
-                f"{count} explain the torque to {unseen} on {ROLES[role]} ({fitted} where they were fitted)."
+                f"{count} explain the torque to {unseen} on {role_words(document, role)} "
+                f"({fitted} where they were fitted)."
             )
     return f"{count} explain the torque they were fitted to, to {fitted}; no run was kept to check them on."
 
@@ -111,6 +113,14 @@ def remarks(document: Mapping[str, Any]) -> tuple[Remark, ...]:
     )
 
 
+def role_words(document: Mapping[str, Any], role: str) -> str:
+    """What its runs are, as far as the checks found that their rows are theirs alone."""
+    uses = {run["name"]: run["use"] for run in document.get("recordings") or ()}
+    checks = document.get("checks") or ()
+    shared = any(c["check"] == "same_rows" and uses.get(c["recording"]) == role for c in checks)
+    return SHARED[role] if shared and role in SHARED else ROLES[role]
+
+
 def _told(document: Mapping[str, Any], warning: str) -> bool:
     """Whether a warning is one of the checks."""
     return any(check_sentence(check).partition(": ")[2] == warning for check in document.get("checks") or ())
@@ -123,10 +133,11 @@ def left_over(document: Mapping[str, Any]) -> str:
     channels = {name: value for name, value in errors[role].items() if name != "total"}
     worst = max(channels, key=lambda name: channels[name] or 0.0)
     most = f", most in {worst} ({percent(channels[worst])})" if len(channels) > 1 else ""
+    whose = role_words(document, role)
     worse = "".join(f"{sentence} " for sentence in worse_elsewhere(errors))
     return (
-        f"What is left: {percent(errors[role]['total'])} of the torque on {ROLES[role]}{most}. {worse}"
-        "ident diagnose looks for what the model lacks in it."
+        f"What is left: {percent(errors[role]['total'])} of the torque on {whose}{most}. "
+        f"{worse}ident diagnose looks for what the model lacks in it."
     )
 
 
@@ -134,7 +145,7 @@ def _facts(document: Mapping[str, Any], held_out: str | None) -> list[Fact]:
     errors, tests = document["relative_error_percent"], document["tests"]
     facts = []
     for role in errors:
-        facts.append(Fact(percent(errors[role]["total"]), f"relative error, {ROLES[role]}"))
+        facts.append(Fact(percent(errors[role]["total"]), f"relative error, {role_words(document, role)}"))
     facts.append(Fact(essential(document), "essential of all base parameters"))
     for row in document["parameters"]:
         if meaning(row["name"]).startswith("mass, payload"):
@@ -153,7 +164,7 @@ def _error_section(document: Mapping[str, Any]) -> Section:
     full = document.get("full_rate_error_percent", {})
     columns = [Column("channel")]
     for role in errors:
-        columns.append(Column(role, number=True, help=f"{ROLES[role]}, at the decimated rate"))
+        columns.append(Column(role, number=True, help=f"{role_words(document, role)}, at the decimated rate"))
     for role in full:
         columns.append(Column(f"{role}, full rate", number=True, help="after the position filter only"))
     rows = []

@@ -14,6 +14,7 @@ import numpy as np
 
 from ident.examination.check import Check
 from ident.recordings.recording import RecordingStream
+from ident.recordings.study import ROLES
 
 
 def _pairs(streams: Sequence[RecordingStream]) -> Iterator[tuple[RecordingStream, RecordingStream]]:
@@ -40,9 +41,12 @@ def fitted_twice(streams: Sequence[RecordingStream]) -> list[tuple[RecordingStre
 
 
 def same_samples(streams: Sequence[RecordingStream]) -> Iterator[Check]:
-    """A warning for the later one of every such pair that is read."""
-    for one, other in _pairs(streams):
-        roles = "what judges is what was fitted" if one.role != other.role else "its rows count twice"
+    """A warning for the later one of every such pair that is read, in the order of their roles."""
+    for one, other in _pairs(sorted(streams, key=lambda stream: ROLES.index(stream.role))):
+        judging = (
+            "what judges is what was fitted" if one.role == "identify" else "what tests is what validates"
+        )
+        roles = judging if one.role != other.role else "its rows count twice"
         yield Check(
             "same_rows",
             (),

@@ -207,7 +207,18 @@ def test_payload_by_two_sets_of_runs(tmp_path):
     k = result.columns.parameters.index("ML")
     assert abs(result.estimate.chi[k] / truth["ML"] - 1) < 0.01
     assert any(note.startswith("ML identified as") for note in result.notes)
+    assert not [check for check in result.checks if check.check == "payload_mass"]
     assert inside(result, truth)
+    for told in (4600.0, 2.1):  # grams, or torques of another scale
+        result = run(tmp_path, entries, model="B", payload_mass={"L": told})
+        (check,) = [check for check in result.checks if check.check == "payload_mass"]
+        factor = f"{result.full.chi[k] / told:.3g}"
+        assert check.message.startswith(f"the payload L weighs {told:g} kg as told, and 4.6")
+        assert f"{factor} times what they are" in check.message
+    exchanged = [{"file": "free.parquet", "payload": "L"}, {"file": "loaded.parquet"}]
+    result = run(tmp_path, exchanged, model="B", payload_mass={"L": 4.6})
+    (check,) = [check for check in result.checks if check.check == "payload_mass"]
+    assert "comes out as -4.6" in check.message and "carries less in free than in the others" in check.message
     # a second label has ten parameters of its own
     entries[1]["payload"] = "P"
     result = run(tmp_path, [*entries, {"file": "again.parquet", "payload": "Q"}], model="B")

@@ -178,6 +178,16 @@ def test_a_signal_that_is_new_every_two_rows_is_held(pattern):
     assert periods(columns, excerpt) == held
 
 
+def test_the_rate_of_a_held_signal_is_that_of_its_time():
+    """Of a UR10e's current of 10 Hz in rows of 10 and 12 ms it was told that it is recorded at 11.1 Hz."""
+    t = np.cumsum(np.random.default_rng(2).choice([0.010, 0.012], p=[0.7, 0.3], size=4000))
+    excerpt = Excerpt()
+    first = np.searchsorted(t, np.floor(t * 10) / 10)
+    excerpt.take((np.arange(len(t)), t, np.column_stack([np.sin(t), np.cos(2.1 * t)[first]])))
+    columns = Columns("run", ("q1", "tau_m1"), np.array([0, 0]), ("1",), {}, ("tau_m1",), np.array([False]))
+    assert periods(columns, excerpt) == {1: (pytest.approx(0.1, rel=0.01), 9)}
+
+
 @pytest.mark.parametrize("rate", [0.03, 0.06, 0.1])
 def test_even_motion_in_steps_is_not_held(rate):
     """Of a joint that turns at a constant rate, in steps of half a degree at 50 Hz, it was told that it is
