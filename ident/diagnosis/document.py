@@ -35,6 +35,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "model": diagnosis.model,
         "joints": joints_of(before.columns.model),
         "alpha": diagnosis.alpha,
+        "uses": {stream.label: stream.role for stream in before.recordings},
         "judged": _judged(diagnosis),
         "findings": [_finding(f, diagnosis) for f in diagnosis.findings],
         "unexplained": [_unexplained(u) for u in diagnosis.unexplained],

@@ -24,7 +24,7 @@ from ident.report.fit_report import remarks
 from ident.report.page import Block, Cell, Column, Fact, Panel, Plot, ReportPage, Section, Table, Trace
 from ident.report.unexplained_words import unexplained_sentence
 from ident.report.verdict_words import left_in_words, told, verdict
-from ident.report.wording import number, percent, readable_unit
+from ident.report.wording import number, percent, readable_unit, shares_rows
 
 BINS = 60
 FIRST = 3  # sentences above the fold; each finding has its own in its section
@@ -34,6 +34,10 @@ ROLES = {
     "test": "Test runs were used neither for the fit nor to choose what is kept.",
     "validate": "Validate runs were not fitted; they decided what is kept.",
     "identify": "No run was kept apart; runs or stretches left out in turn decided what is kept.",
+}
+SHARED = {
+    "test": "Rows of test runs were used before, to fit or to choose: their errors show no more.",
+    "validate": "Rows of validate runs were fitted, too, and decided what is kept: look at other runs.",
 }
 
 
@@ -174,7 +178,11 @@ def error_section(document: Mapping[str, Any]) -> Section:
             cells.append(Cell(percent(last), last if last is not None else "", _tone(first, last)))
         cells += [Cell(percent(its.get(channel)), its.get(channel, ""), "faint") for its in (floor, white)]
         rows.append(tuple(cells))
-    text = f"At the full filtered rate, on the same rows before and after. {ROLES[held_out(document)]}"
+    role = held_out(document)
+    shared = shares_rows(document, document.get("uses") or {}, role)
+    text = (
+        f"At the full filtered rate, on the same rows before and after. {(SHARED if shared else ROLES)[role]}"
+    )
     tables = (Table("", tuple(columns), tuple(rows)), *_explained(document))
     return Section("Error before and after", tables, text=text)
 

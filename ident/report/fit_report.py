@@ -18,6 +18,7 @@ from ident.report.wording import (
     percent,
     readable_rule,
     readable_unit,
+    shares_rows,
     with_deviation,
     worse_elsewhere,
 )
@@ -116,9 +117,7 @@ def remarks(document: Mapping[str, Any]) -> tuple[Remark, ...]:
 def role_words(document: Mapping[str, Any], role: str) -> str:
     """What its runs are, as far as the checks found that their rows are theirs alone."""
     uses = {run["name"]: run["use"] for run in document.get("recordings") or ()}
-    checks = document.get("checks") or ()
-    shared = any(c["check"] == "same_rows" and uses.get(c["recording"]) == role for c in checks)
-    return SHARED[role] if shared and role in SHARED else ROLES[role]
+    return SHARED[role] if shares_rows(document, uses, role) else ROLES[role]
 
 
 def _told(document: Mapping[str, Any], warning: str) -> bool:

@@ -114,6 +114,12 @@ def joined(words: list[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}" if words else ""
 
 
+def shares_rows(document: Mapping[str, Any], uses: Mapping[str, str], role: str) -> bool:
+    """Whether checks found rows of a role's runs that are those of a role before it; uses: of recordings."""
+    checks = document.get("checks") or ()
+    return any(c["check"] == "same_rows" and uses.get(c["recording"]) == role != "identify" for c in checks)
+
+
 def worse_elsewhere(errors: Mapping[str, Mapping[str, float | None]]) -> list[str]:
     """A sentence for each role whose runs have a much larger error than those that were fitted."""
     out = []

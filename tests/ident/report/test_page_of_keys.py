@@ -41,9 +41,9 @@ def paths(value, at=""):
 
 
 def general(path):
-    """With * for names of channels and parameters, and no further than the page goes."""
+    """With * for names of channels, recordings and parameters, and no further than the page goes."""
     path = re.sub(r"\.parameters\..+", ".parameters.*", path)
-    path = re.sub(r"^(explainable|noise_floor_percent|white_noise_percent|sigma)\.[^.]+", r"\1.*", path)
+    path = re.sub(r"^(explainable|noise_floor_percent|white_noise_percent|sigma|uses)\.[^.]+", r"\1.*", path)
     path = re.sub(r"((?:relative|full_rate)_error\w*)\..+", r"\1.*", path)
     return re.sub(r"^(error_percent\w*\.(before|after))\..+", r"\1", path)
 

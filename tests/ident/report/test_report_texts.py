@@ -378,6 +378,16 @@ def test_a_diagnosis_page_can_be_acted_on_with_and_without_a_picture():
                   "93.7 %</td>",
                   "Test runs were used neither for the fit nor to choose"):  # fmt: skip
         assert words in html, words
+    said = {
+        "outcome": "warned",
+        "message": "used to fit and to test",
+        "remedy": "",
+        "signals": [],
+        "rows": None,
+    }
+    twice = {"uses": {"again": "test"}, "checks": [said | {"check": "same_rows", "recording": "again"}]}
+    html = render(diagnosis_page(DIAGNOSIS | twice, "title")).replace("\u00a0", " ")
+    assert "Rows of test runs were used before" in html and "used neither" not in html
     curve = page.sections[1].blocks[0].panels[0].traces[1]
     assert curve.kind == "line" and np.all(np.diff(curve.x) >= 0)  # a function of the rate
     np.testing.assert_allclose(curve.y, np.tanh(5 * curve.x), atol=0.1)
