@@ -77,10 +77,15 @@ def reconsidered(
 
 def foretells_worse(trial: State, state: State, tau: float) -> bool:
     """Whether what was taken, or exchanged, foretells the judged rows worse, settled, by the limit than what
-    was there. (Of an AIRBOT at 50 Hz a gain of five in the place of a hysteresis, which said as much as it
-    was, ended at 3e7 beside the rest, and a delay gave way to another hysteresis beside that.)"""
-    before, after = (whitened_squares(state, its, state.rows.judged) for its in (state, trial))
-    return after - before > 2 * tau
+    was there, in the noise of either. (Of an AIRBOT at 50 Hz a gain of five in the place of a hysteresis,
+    which said as much as it was, ended at 3e7 beside the rest, and a delay gave way to another hysteresis
+    beside that. A ripple of a rokae's second joint, which the noise of the model without it had swallowed,
+    lost 82 nats there, by a turn-over taken again, and took 9.2 % of the torque to 3.8.)"""
+    noises = (
+        (whitened_squares(noise, its, state.rows.judged) for its in (state, trial))
+        for noise in (state, trial)
+    )
+    return all(after - before > 2 * tau for before, after in noises)
 
 
 def _another_load(state: State, number: int, library: Library, tau: float, alpha: float) -> Event | None:

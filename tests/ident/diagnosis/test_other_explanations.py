@@ -63,6 +63,17 @@ def test_what_foretells_worse_once_it_is_settled_stands_in_no_place(monkeypatch,
     assert (after, step.term) == ((trial, other) if taken else (state, term))
 
 
+@pytest.mark.parametrize(("own", "worse"), [(60.0, False), (120.0, True)])
+def test_worse_is_worse_in_the_noise_of_either(monkeypatch, own, worse):
+    """Noise that had swallowed what was found holds against it what is taken again beside it: of a rokae's
+    ripple 82 nats."""
+    state, trial = (Made(name=name, rows=Made(judged=None)) for name in ("state", "trial"))
+    left = {("state", "state"): 100.0, ("state", "trial"): 264.0, ("trial", "state"): 100.0}
+    left["trial", "trial"] = own
+    monkeypatch.setattr(weighed_again, "whitened_squares", lambda noise, its, on: left[noise.name, its.name])
+    assert weighed_again.foretells_worse(trial, state, 8.0) is worse
+
+
 @pytest.mark.parametrize(("ends", "taken"), [("oo", "a"), ("xo", "b"), ("xx", None)])
 def test_what_passed_and_foretells_worse_once_it_is_settled_is_not_taken(monkeypatch, ends, taken):
     """The next best is; nothing where none is left."""
