@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from modelgen.effects.place import Model
 
 
+UNITS = {"kg": 1.0, "g": 1e-3, "pounds": 0.45359237}  # that a mass is told in
 FAR = 3.0  # standard deviations of parameters that have to agree: of one cable half are beyond by noise
 
 
@@ -203,13 +204,17 @@ def payloads_in_doubt(study: Study, full: Estimate, std: np.ndarray) -> list[Che
             )
             out.append(Check("payload_mass", (), said, f"check which recordings are made with {label}"))
         elif told is not None and abs(value - told) > FAR * its:
+            causes = ["a payload that hangs on other recordings than is told"]
+            if value > 0:
+                unit = min(UNITS, key=lambda name: abs(np.log(told * UNITS[name] / value)))
+                causes = ([f"a mass in {unit}"] if unit != "kg" else []) + causes
+                causes.append(f"torques (drive gains) that are {value / told:.3g} times what they are")
             said = (
-                f"the payload {label} weighs {told:g} kg as told, and {shown} as the torques show it: a mass "
-                "in another unit, a payload that hangs on other recordings than is told"
+                f"the payload {label} weighs {told:g} kg as told, and {shown} as the torques show it: "
+                + ", or ".join(causes)
             )
-            scale = f", or torques (drive gains) that are {value / told:.3g} times what they are"
             remedy = "check payload_mass, payload and the torques' scale"
-            out.append(Check("payload_mass", (), said + (scale if value > 0 else ""), remedy))
+            out.append(Check("payload_mass", (), said, remedy))
     return out
 
 

@@ -209,12 +209,13 @@ def test_payload_by_two_sets_of_runs(tmp_path):
     assert any(note.startswith("ML identified as") for note in result.notes)
     assert not [check for check in result.checks if check.check == "payload_mass"]
     assert inside(result, truth)
-    for told in (4600.0, 2.1):  # grams, or torques of another scale
+    for told, unit in ((4600.0, "a mass in g,"), (10.14, "a mass in pounds,"), (4.1, "")):
         result = run(tmp_path, entries, model="B", payload_mass={"L": told})
         (check,) = [check for check in result.checks if check.check == "payload_mass"]
         factor = f"{result.full.chi[k] / told:.3g}"
         assert check.message.startswith(f"the payload L weighs {told:g} kg as told, and 4.6")
         assert f"{factor} times what they are" in check.message
+        assert unit in check.message and bool(unit) == ("a mass in" in check.message)
     exchanged = [{"file": "free.parquet", "payload": "L"}, {"file": "loaded.parquet"}]
     result = run(tmp_path, exchanged, model="B", payload_mass={"L": 4.6})
     (check,) = [check for check in result.checks if check.check == "payload_mass"]
