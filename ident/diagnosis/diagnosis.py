@@ -82,6 +82,7 @@ class Diagnosis:
     assumed: tuple[Check, ...] = ()  # of several causes the first, undone: all else is told with that
     unanswered: tuple[Check, ...] = ()  # what was found explains less than half of these
     undone: FitResult | None = None
+    repeats: tuple[str, ...] = ()  # findings that are one thing which repeats with a position, in a sentence
 
     @property
     def robot(self) -> str:
@@ -157,7 +158,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         {name: min(its, floor.get(name, its)) for name, its in white.items()},
         explainable(outcome),
         alpha,
-        (*multiples(findings, alpha), *sized_by_judged(outcome.last, last), *turning_over(its.study, last)),
+        (*sized_by_judged(outcome.last, last), *turning_over(its.study, last)),
         outcome,
         smallest_visible(outcome.last, library, outcome.tau, alpha, closed),
         () if findings or unexplained else tuple(hint_of(step, outcome) for step in outcome.hints),
@@ -165,6 +166,7 @@ def _told(study: Study, its: Working, traced: Traced, library: Library, alpha: f
         taken,
         doubts,
         None if its.base is its.before else its.base,
+        tuple(multiples(findings, alpha)),
     )
 
 

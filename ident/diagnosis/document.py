@@ -38,6 +38,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Any]:
         "uses": {stream.label: stream.role for stream in before.recordings},
         "judged": _judged(diagnosis),
         "findings": [_finding(f, diagnosis) for f in diagnosis.findings],
+        "repeats": list(diagnosis.repeats),
         "unexplained": [_unexplained(u) for u in diagnosis.unexplained],
         "hints": [_hint(h) for h in diagnosis.hints],
         "explainable": {name: dict(values) for name, values in diagnosis.explainable.items()},

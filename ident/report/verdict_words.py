@@ -45,6 +45,7 @@ def verdict(document: Mapping[str, Any]) -> str:
         sentences.append(f"The model lacks {_named(sure)}.")
     if partly:
         sentences.append(f"What is left is partly explained by {_named(partly)}.")
+    sentences += [f"{text[0].upper()}{text[1:]}." for text in document.get("repeats", ())]
     if unexplained := document["unexplained"]:
         places = joined(list(dict.fromkeys(f"{place(u['joints'])} ({u['channel']})" for u in unexplained)))
         opening = "Structure is left that" if sentences else "There is structure in the residual that"

@@ -137,6 +137,9 @@ def test_a_diagnosis_names_what_is_missing_and_what_nobody_knows():
     assert "no known effect explains" in said and "lacks" not in said
     assert diagnosis_verdict(unknown | {"unexplained": 2 * unknown["unexplained"]}) == said
     weak = DIAGNOSIS["findings"][0] | {"grade": "partly"}
+    one = "joint 4: one thing that repeats every 0.238 rad and is no wave"
+    said = diagnosis_verdict(DIAGNOSIS | {"findings": [weak], "unexplained": [], "repeats": [one]})
+    assert said.endswith(" Joint 4: one thing that repeats every 0.238 rad and is no wave.")
     said = diagnosis_verdict(DIAGNOSIS | {"findings": [weak], "unexplained": []})
     assert said == "What is left is partly explained by stribeck friction on joint 4."
     checked = DIAGNOSIS["findings"][0] | {"effect": "torque_sign", "evidence": {"log_e": None}}
