@@ -35,7 +35,7 @@ class Definition:
     nonlinear: tuple[NonlinearParameter, ...] = ()  # shape parameters
     reported: tuple[Quantity, ...] = ()  # empty: linear and nonlinear parameters as they are
     inverse: Mapping[str, sp.Expr] = {}  # linear/nonlinear from the reported names
-    agreement: str = ""  # in what its values have to agree, where `beyond` asks it
+    agreement: str = "its values have to go together"  # in what, where `beyond` asks it
     contains: tuple[str, ...] = ()  # simpler effects that it is, or nearly, at special values
     one_quantity: Mapping[str, str] = {}  # a linear parameter and the shape that measures the same
     context: tuple[str, ...] = ()  # numbers of the model that `reported` uses, see `context_of`

@@ -20,12 +20,11 @@ def metres_per_radian(place: Place, motions: Sequence[Motion] = ()) -> float:
     slides = place.prismatic if place.source is None else bool(place.source_prismatic)
     if j is None or not slides:
         return 1.0
-    known = place.travel if place.source is None else place.source_travel
-    if known is not None:
-        return known / REVOLUTE_TRAVEL
-    span = [(m.q[:, j].min(), m.q[:, j].max()) for m in motions if len(m.t)]
-    travel = max(h for _, h in span) - min(low for low, _ in span) if span else USUAL_SLIDE
-    return max(travel, 1e-3) / REVOLUTE_TRAVEL
+    travel = place.travel if place.source is None else place.source_travel
+    if travel is None:
+        span = [(m.q[:, j].min(), m.q[:, j].max()) for m in motions if len(m.t)]
+        travel = max(h for _, h in span) - min(low for low, _ in span) if span else USUAL_SLIDE
+    return max(travel, 1e-3) / REVOLUTE_TRAVEL  # one that rests has gone nowhere
 
 
 def sign_of_sum(motion: Motion, j: int, source: int) -> np.ndarray:

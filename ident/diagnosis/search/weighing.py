@@ -206,13 +206,14 @@ def is_physical(state: State, m: Metric, r: Refined, e: Evidence, tau: float) ->
     tau nats."""
     names = r.term.effect.parameters_of(r.term.place)
     values = {**r.term.theta, **dict(zip(names, e.sizes))}
-    if r.at_bound or r.term.effect.physical(values, state.model) is not None:
+    if r.at_bound:
         return False
     if r.term.effect.changes_model and abs(e.sizes[-1] - 1.0) > WHOLE:
         return False  # its last column is the change as it is: all of it or none
-    asked = bool(e.gain > tau and e.left > 1e-5)
-    if not asked or len(names) == 1:
-        return asked
+    if not (e.gain > tau and e.left > 1e-5):
+        return False
+    if len(names) == 1:
+        return r.term.effect.physical(values, state.model) is None
     return r.term.effect.against(values, spread(m, r.columns), r.term.place, state.model) < tau
 
 

@@ -34,8 +34,7 @@ class TorqueRipple(Effect):
 
     def bounds(self, place: Place) -> dict[str, tuple[float, float]]:
         """From the joint's own travel: a wave and a half over it, to the finest lead or tooth."""
-        low, high = wavenumber_bounds(place)
-        return {"wavenumber": (low, high)}
+        return {"wavenumber": wavenumber_bounds(place)}
 
     def starts(
         self,

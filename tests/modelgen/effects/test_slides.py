@@ -63,3 +63,12 @@ def test_a_ball_screws_ripple_is_found():
     found = [s["wavenumber"] for s in ripple.starts(slide_of(ripple), [m], [residual])]
     assert min(abs(w - wave) for w in found) < 2 * np.pi / np.ptp(m.q[:, 1])
     assert ripple.bounds(slide_of(ripple))["wavenumber"][1] == pytest.approx(np.pi * 1000)
+
+
+@pytest.mark.parametrize("name", sorted(catalogue()))
+def test_a_slide_that_rests_has_bounds_all_the_same(name):
+    """Bounds of waves a metre were divided by the travel, which is zero there."""
+    place = slide_of(effect(name))
+    if place is not None:
+        resting = replace(place, travel=0.0, source_travel=0.0)
+        assert all(0 <= abs(low) <= abs(high) < np.inf for low, high in effect(name).bounds(resting).values())
